@@ -19,8 +19,8 @@ from ridgebayes.checks.cross_validation import (
 from ridgebayes.checks.folds import Fold, crps_of_draws
 from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import ComputationError
-from ridgebayes.inference.chains import Chains
 from ridgebayes.inference import left_out
+from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget

@@ -1,6 +1,5 @@
 """Scores of several forms on what is left out: those of each cross-validation, side by side."""
 
-import pandas as pd
 import pytest
 
 import ridgebayes as rb

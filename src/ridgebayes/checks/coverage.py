@@ -22,21 +22,8 @@ from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable
 
 PROBS = (0.5, 0.8, 0.9, 0.95, 0.99)
-COVERAGE_COLUMNS = [
-    "form",
-    "noise",
-    "prob",
-    "n",
-    "covered",
-    "share",
-    "share_se",
-    "mean_width",
-    "share_extrapolated",
-    "n_texture",
-    "n_unconverged",
-    "n_failed",
-    "failed",
-]
+COVERAGE_COLUMNS = ["form", "noise", "prob", "n", "covered", "share", "share_se", "mean_width"]
+COVERAGE_COLUMNS += ["share_extrapolated", "n_texture", "n_unconverged", "n_failed", "failed"]
 # Of a fold: its predicted rows and whether its fit converged, or why it failed.
 _Result = tuple[pd.DataFrame, bool] | str
 # Of each predicted row and probability.

@@ -25,17 +25,8 @@ from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.table.table import ContactTable
 
 FOLD_COLUMNS = ["fold", "n_row", "log_score", "log_score_se", "method", "status"]
-LEFT_OUT_COLUMNS = [
-    "form",
-    "noise",
-    "leave",
-    "n_fold",
-    "log_score",
-    "log_score_se",
-    "mean_crps",
-    "stacking_weight",
-    "failed",
-]
+LEFT_OUT_COLUMNS = ["form", "noise", "leave", "n_fold", "log_score", "log_score_se", "mean_crps"]
+LEFT_OUT_COLUMNS += ["stacking_weight", "failed"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,23 +18,9 @@ from ridgebayes.scene.effects import Plan, full_profile
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, Texture
 
-CHECK_COLUMNS = [
-    "scene",
-    "a_over_R",
-    "b_over_R",
-    "depth_over_R",
-    "corner_over_R",
-    "offset",
-    "nu",
-    "p_over_E",
-    "relative",
-    "effect",
-    "number",
-    "estimate",
-    "simulated",
-    "true_change",
-    "honest",
-]
+_PLACE = ["a_over_R", "b_over_R", "depth_over_R", "corner_over_R", "offset", "nu", "p_over_E"]
+_FOUND = ["effect", "number", "estimate", "simulated", "true_change", "honest"]
+CHECK_COLUMNS = ["scene", *_PLACE, "relative", *_FOUND]
 TOO_LARGE = 10.0  # times the truth: an estimate that is more says nothing
 # Of what is under a hundredth of the wanted accuracy the exact size does not matter.
 _NEGLIGIBLE = 0.01

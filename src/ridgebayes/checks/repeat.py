@@ -77,7 +77,7 @@ def repeat_posterior(posterior: Posterior) -> Repeat:
 
 
 def is_cheap(posterior: Posterior) -> bool:
-    """Return whether a repeat takes seconds: few parameters, and densities that are no estimates."""
+    """Return whether a repeat takes seconds: few parameters, densities that are no estimates."""
     target = ModelTarget(posterior.model)
     return target.is_exact and posterior.model.n_parameter <= _MOST_PARAMETERS
 

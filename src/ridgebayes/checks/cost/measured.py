@@ -20,20 +20,8 @@ from ridgebayes.inference.posterior import Posterior, posterior_of
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.inference.target import ModelTarget
 
-COST_COLUMNS = (
-    "task",
-    "method",
-    "setting",
-    "quantity",
-    "error",
-    "reference",
-    "wall_s",
-    "cpu_s",
-    "cpu_s_spread",
-    "peak_MiB",
-    "repeats",
-    "status",
-)
+COST_COLUMNS = ("task", "method", "setting", "quantity", "error", "reference")
+COST_COLUMNS += ("wall_s", "cpu_s", "cpu_s_spread", "peak_MiB", "repeats", "status")
 SHORT_COLUMNS = ("task", "method", "error", "cpu_s")  # of the version in a run's report
 LEVELS = (0.1, 0.01, 0.001)
 _SLOW = 2.0  # seconds: what takes longer is not repeated
