@@ -27,14 +27,8 @@ COVERAGE_COLUMNS += ["share_extrapolated", "n_texture", "n_unconverged", "n_fail
 # Of a fold: its predicted rows and whether its fit converged, or why it failed.
 _Result = tuple[pd.DataFrame, bool] | str
 # Of each predicted row and probability.
-_ROW_COLUMNS = {
-    "fold": int,
-    "prob": float,
-    "texture": int,
-    "covered": bool,
-    "width": float,
-    "extrapolation": bool,
-}
+_ROW_COLUMNS = {"fold": int, "prob": float, "texture": int}
+_ROW_COLUMNS |= {"covered": bool, "width": float, "extrapolation": bool}
 _NO_ROWS = pd.DataFrame(columns=list(_ROW_COLUMNS)).astype(_ROW_COLUMNS)
 
 
