@@ -81,9 +81,7 @@ def factor_row(
     }
 
 
-def bayes_factor_table(
-    evidence: pd.DataFrame, forms: Sequence[str], noise: Noise
-) -> pd.DataFrame:
+def bayes_factor_table(evidence: pd.DataFrame, forms: Sequence[str], noise: Noise) -> pd.DataFrame:
     """Return the Bayes factor of each pair of forms under an error model."""
     mine = evidence[evidence["used"] & (evidence["noise"] == noise.name)]
     used = {row["form"]: row for row in mine.to_dict("records")}

@@ -292,9 +292,7 @@ def _check(task: _Check) -> tuple[tuple[Posterior, LogEvidence], float]:
     return (checked, bridge), time.process_time() - began
 
 
-def _averaged(
-    posteriors: Mapping[str, Posterior], selected: str, weighed: WeighedPairs
-) -> Fit:
+def _averaged(posteriors: Mapping[str, Posterior], selected: str, weighed: WeighedPairs) -> Fit:
     """Return a fit with the posteriors that its predictions are averaged over."""
     printed = posteriors[selected]
     return Fit.of(printed, weighed.weights(printed.form.name), posteriors)

@@ -26,7 +26,6 @@ if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
 
 
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Predictive, Tabular):
     """Fits of several forms to one table, and their comparison.

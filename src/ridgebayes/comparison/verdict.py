@@ -131,9 +131,7 @@ def verdict_of(
         over=over,
         min_prior_probability=_min_prior_probability(*ranked.values()),
         error_model=printed.name,
-        error_model_weights={
-            str(name): float(w) for name, w in weights.items() if w > MIN_WEIGHT
-        },
+        error_model_weights={str(name): float(w) for name, w in weights.items() if w > MIN_WEIGHT},
         why=open_ or _why(grade, ln_bf, low, min(factors, key=lambda k: factors[k], default="")),
     )
 

@@ -288,9 +288,7 @@ def weigh_pairs(
     pairs = {
         pair.key: pair
         for form, noise in itertools.product(forms, noises)
-        for pair in [
-            Pair(data, form, noise, priors_of(priors, form, noise), seed, accuracy.effort)
-        ]
+        for pair in [Pair(data, form, noise, priors_of(priors, form, noise), seed, accuracy.effort)]
     }
     if progress is not None:
         progress(f"{len(pairs)} evidences")

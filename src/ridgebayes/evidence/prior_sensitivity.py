@@ -37,7 +37,7 @@ MAX_REWEIGHTED_K = 0.5
 # In ln evidence below a form's best pair under a change: e^-5 of the form's evidence decides
 # nothing. Weights that miss a new mode are too low by less than this, mostly.
 _MIN_GAP, _MISSED = 5.0, 3.0
-_EFFORT = Effort(n_round=2, n_per_round=384, n_draw=256, n_point=16)
+_EFFORT = Effort(n_round=2, n_per_round=256, n_draw=96, n_point=8)
 _LATENT_DRAWS = 256  # whose likelihoods are computed again
 
 
@@ -65,9 +65,7 @@ class _Scaled:
         return f"prior sensitivity of {self.pair.form.name}, {self.pair.noise.name}"
 
 
-def prior_sensitivity(
-    weighed: WeighedPairs, *, executor: Executor | None = None
-) -> pd.DataFrame:
+def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None) -> pd.DataFrame:
     """Return log evidences as each prior's scale is multiplied, error models summed out.
 
     Parameters
@@ -92,7 +90,11 @@ def prior_sensitivity(
         if drawn is not None:
             tasks.append(_Scaled(weighed.pairs[key], drawn))
     looks = dict(
-        zip((task.pair.key for task in tasks), in_parallel(_reweighted, tasks, executor), strict=True)
+        zip(
+            (task.pair.key for task in tasks),
+            in_parallel(_reweighted, tasks, executor),
+            strict=True,
+        )
     )
     values = {
         (key, change): float(used[key]) + difference
@@ -142,7 +144,9 @@ def _open_pairs(
         if form not in near:
             continue
         for change, (_, k) in look.items():
-            others = [values.get(((form, other), change), float(v)) for other, v in used[form].items()]
+            others = [
+                values.get(((form, other), change), float(v)) for other, v in used[form].items()
+            ]
             value = values[(form, noise), change]
             if k > MAX_REWEIGHTED_K and value + _MISSED > max(others) - _MIN_GAP:
                 found.append(((form, noise), change))
@@ -214,9 +218,7 @@ def _changed(pair: Pair, start: Mixture | None, change: _Change) -> Pair:
     if prior == NUGGET:
         return replace(pair, noise=replace(pair.noise, nugget=factor * pair.noise.nugget))
     model = Model(pair.data, pair.form, pair.noise, pair.priors)
-    scaled = {
-        name: model.priors[name].stretched(factor) for name in _scaled_priors(model)[prior]
-    }
+    scaled = {name: model.priors[name].stretched(factor) for name in _scaled_priors(model)[prior]}
     for name, new in scaled.items():
         if start is not None and name in model.outer_names[model.n_outer_coefficient :]:
             place = model.outer_names.index(name)

@@ -20,8 +20,8 @@ from scipy import optimize
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.inference.latent import LatentIntegral, Prepared
-from ridgebayes.model.noise import SMOOTH
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
+from ridgebayes.model.noise import SMOOTH
 
 _LEAST_SCALE = 1e-9  # of residuals, relative: below it loads agree to rounding
 _ROBUST_SCALE = 1.4826  # of the median absolute residual: the standard deviation of a normal
@@ -47,7 +47,7 @@ class Conditional(NamedTuple):
 
     @property
     def log_jacobian(self) -> FloatArray:
-        """log |du/dq|, shape (n_draw,)."""
+        """Log |du/dq|, shape (n_draw,)."""
         value: FloatArray = -np.log(np.diagonal(self.factor, axis1=-2, axis2=-1)).sum(axis=-1)
         return value
 
@@ -92,7 +92,9 @@ class Chart:
         """Return u_hat and R for each draw of the error model's parameters."""
         k = len(self.reference)
         if not k:
-            return Conditional(np.empty((len(prepared.eta), 0)), np.empty((len(prepared.eta), 0, 0)))
+            return Conditional(
+                np.empty((len(prepared.eta), 0)), np.empty((len(prepared.eta), 0, 0))
+            )
         products = self.integral.products(self.columns, prepared)
         information, pull = products[:, :k, :k], products[:, :k, k]
         factor = cholesky_or_nan(information + np.eye(k))

@@ -28,7 +28,7 @@ from ridgebayes.inference.target import Evaluated, Target, joined
 from ridgebayes.runtime.randomness import stream
 
 N_REPEAT = 4
-BLOCK = 128  # draws: files keep whole blocks of them
+BLOCK = 32  # draws: files keep whole blocks of them
 MAX_SE = 0.05  # of a ln evidence: a Bayes factor to 7 %
 MAX_HALF_GAP = 0.1  # of ln evidences by all and by half of the points
 _DEFENSIVE, _DEFENSIVE_FIRST = 0.05, 0.3  # share of the prior in proposals, and in the first one
@@ -52,7 +52,7 @@ class Effort:
     n_round, n_per_round : int
         Rounds of adaptation at most, and draws of each.
     n_draw : int
-        Draws of each of the four sets, a multiple of 128; four times as many where densities are
+        Draws of each of the four sets, a multiple of 32; four times as many where densities are
         exact.
     n_point : int
         Points for the offsets of rows that are not normal, for each draw; a multiple of eight.
@@ -61,15 +61,13 @@ class Effort:
     n_round: int = 4
     n_per_round: int = 512
     n_draw: int = 256
-    n_point: int = 32
+    n_point: int = 16
 
     @property
     def doubled(self) -> "Effort":
         """Twice the draws and points."""
         n_per_round, n_draw, n_point = self.n_per_round, self.n_draw, self.n_point
-        return replace(
-            self, n_per_round=2 * n_per_round, n_draw=2 * n_draw, n_point=2 * n_point
-        )
+        return replace(self, n_per_round=2 * n_per_round, n_draw=2 * n_draw, n_point=2 * n_point)
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,9 +268,7 @@ def _split(start: Mixture, rng: np.random.Generator) -> Mixture:
     )
 
 
-def log_weights(
-    draws: Evaluated, proposals: Sequence[Mixture]
-) -> tuple[FloatArray, FloatArray]:
+def log_weights(draws: Evaluated, proposals: Sequence[Mixture]) -> tuple[FloatArray, FloatArray]:
     """Return log weights, by all points and by half of them.
 
     Weights are of density over the mixture of the proposals, which made equal numbers of draws.

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from ridgebayes._types import FloatArray
+from ridgebayes.inference.sites import Sites
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.model import Model
 from ridgebayes.model.offsets import Design, Root
@@ -30,17 +31,11 @@ _NUMBERS_AT_ONCE = 2**20  # numbers in the largest array of a batch, 8 MB
 # Points are logistic: a closed form, and tails as those of a Student distribution of nine degrees
 # of freedom. Of this scale the peak is the standard normal's, nearly.
 _POINT_SCALE = 0.65
-# How much wider than the normal at the mode points lie, per 1 / (1 + df): the curvature there is
-# that of rows at their centres, beyond which Student rows let offsets go further.
-_WIDER = 0.6
 _EDGE = 1e-12  # least probability beyond a point
 _INNER_POINTS = 8  # of textures' scores, for each point of the other scores
 _INFORMED = 1.02  # pivot of M from which rows say anything of a score, whose prior is normal
-_NEWTON_STEPS = 40
-# Nats that a step gains, below which it is the last: points need the mode roughly only, differences
-# of Laplace's approximation need it to their rounding.
-_NEAR_MODE, _AT_MODE = 0.03, 1e-6
-_HALVINGS = 5  # of a Newton step that does not raise the inner log density
+# Passes in which sites settle. Student rows' variances take longer than intervals.
+_PASSES, _PASSES_STUDENT = 2, 5
 
 
 class Estimate(NamedTuple):
@@ -84,14 +79,12 @@ class Precision:
     corner: FloatArray
 
     @classmethod
-    def of(
-        cls, design: Design, root: Root, weight: FloatArray, crossed: FloatArray | None = None
-    ) -> "Precision":
+    def of(cls, design: Design, root: Root, weight: FloatArray) -> "Precision":
         """Factorise; NaN for draws whose matrix is not positive definite to rounding.
 
         The cost grows with the textures and with the cube of the other levels.
         """
-        first, border, corner = design.gram(weight, crossed)
+        first, border, corner = design.gram(weight)
         border, corner = root.inside(border, corner)
         diagonal = np.sqrt(1 + root.first**2 * first)
         border = border / diagonal[..., None, :]
@@ -132,6 +125,23 @@ class Precision:
         """Return M^-1 x of one column, (..., n)."""
         both = self.back(*self.half(first[..., None], rest[..., None]))
         return both[0][..., 0], both[1][..., 0]
+
+    def predictor_variance(self, design: Design) -> FloatArray:
+        """Return the variance of each predictor's offset given the rows, shape (n_draw, n)."""
+        root, n_draw = self.root, len(self.diagonal)
+        variance = np.zeros((n_draw, design.n))
+        rest = np.zeros((n_draw, design.n_rest, design.n))
+        for levels in design.rest:
+            if root.is_dense:
+                rest += np.swapaxes(root.rest, -1, -2)[:, :, levels]
+            else:
+                rest[:, levels, np.arange(design.n)] += root.rest[:, levels]
+        if design.first is not None:
+            own = (root.first / self.diagonal)[:, design.first]
+            variance += own**2
+            rest -= self.border[:, :, design.first] * own[:, None, :]
+        variance += (solve_lower(self.corner, rest) ** 2).sum(axis=-2)
+        return variance
 
 
 class LatentIntegral:
@@ -258,9 +268,12 @@ class LatentIntegral:
             return self._estimated(u, np.random.default_rng(0), 4, prepared).log_density
         with np.errstate(all="ignore"):
             log_rates, eta, possible = self._parts(u)
-            error, scale, df = self._errors(log_rates, eta)
-            mode = self._inner_mode(error, scale, df, prepared.root, eta, _AT_MODE)
-            value = mode.log_density - mode.precision.log_volume + self.model.log_outer_prior(u)
+            batch = _Batch(*self._errors(log_rates, eta), prepared.root, eta)
+            normal = self._approximated(batch)
+            left = batch.error - normal.offset
+            value = self.rows.log_density(left, batch.scale, self.tail, batch.df).sum(axis=-1)
+            value -= 0.5 * ((normal.first**2).sum(axis=-1) + (normal.rest**2).sum(axis=-1))
+            value += self.model.log_outer_prior(u) - normal.precision.log_volume
         return np.where(possible & np.isfinite(value), value, -np.inf)
 
     def draw(self, u: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -337,8 +350,9 @@ class LatentIntegral:
         with np.errstate(all="ignore"):
             if self._groups is not None:
                 columns, design = columns[self._groups.row], self._group_design
-                weight, precision = self._groups.n / self._group_variance(prepared.eta), (
-                    prepared.precision
+                weight, precision = (
+                    self._groups.n / self._group_variance(prepared.eta),
+                    (prepared.precision),
                 )
             else:
                 design, n = self.design, len(columns)
@@ -433,18 +447,7 @@ class LatentIntegral:
             precision = Precision.of(design, root, weight)
             mean = precision.solve(*root.transposed_times(*design.gather(weight * error)))
             left = weight * (error - design.spread(*root.times(*mean)))
-            variance, r = np.zeros(error.shape), design.n_rest
-            rest = np.zeros((len(u), r, design.n))
-            for levels in design.rest:
-                if root.is_dense:
-                    rest += np.swapaxes(root.rest, -1, -2)[:, :, levels]
-                else:
-                    rest[:, levels, np.arange(design.n)] += root.rest[:, levels]
-            if design.first is not None:
-                own = (root.first / precision.diagonal)[:, design.first]
-                variance += own**2
-                rest -= precision.border[:, :, design.first] * own[:, None, :]
-            variance += (solve_lower(precision.corner, rest) ** 2).sum(axis=-2)
+            variance = precision.predictor_variance(design)
             diagonal = weight - weight**2 * variance
             value = 0.5 * (np.log(diagonal) - _LOG_2PI - left**2 / diagonal)
         return np.where(possible[:, None], value, -np.inf)
@@ -452,107 +455,36 @@ class LatentIntegral:
     def _offset(self, root: Root, first: FloatArray, rest: FloatArray) -> FloatArray:
         return self.design.spread(*root.times(first, rest))
 
-    def _inner_log_density(
-        self, error: FloatArray, scale: FloatArray, df: FloatArray | None, state: "_State"
-    ) -> FloatArray:
-        rows = self.rows.log_density(error - state.offset, scale, self.tail, df).sum(axis=-1)
-        value = rows - 0.5 * ((state.first**2).sum(axis=-1) + (state.rest**2).sum(axis=-1))
-        return np.where(np.isnan(value), -np.inf, value)
+    def _approximated(self, batch: "_Batch") -> "_Normal":
+        """Return the scores' normal approximation: rows stand for normals of their own."""
+        sites = Sites.begun(
+            self.rows, batch.error, batch.scale, self.tail, batch.df, self._far(batch)
+        )
+        for _ in range(_PASSES if batch.df is None else _PASSES_STUDENT):
+            given = self._given(sites, batch.root)
+            variance = given.precision.predictor_variance(self.design)
+            sites = sites.renewed(given.offset, variance)
+        return self._given(sites, batch.root)
 
-    def _inner_mode(
-        self,
-        error: FloatArray,
-        scale: FloatArray,
-        df: FloatArray | None,
-        root: Root,
-        eta: FloatArray,
-        tolerance: float,
-    ) -> "_Mode":
-        """Return the mode of the scores by Newton's method, all draws at once."""
-        state = self._started(error, root, eta)
-        value = self._inner_log_density(error, scale, df, state)
-        active = np.arange(len(error))
-        for _ in range(_NEWTON_STEPS):
-            own = (
-                error[active],
-                scale[active],
-                None if df is None else df[active],
-                _some(root, active),
-            )
-            before = state.some(active)
-            after, gain = self._stepped(*own, before, value[active])
-            state.put(active, after)
-            value[active] += gain
-            active = active[gain > tolerance]
-            if not len(active):
-                break
-        expansion = self.rows.expansion(error - state.offset, scale, self.tail, df)
-        precision = Precision.of(self.design, root, expansion.precision, expansion.crossed)
-        return _Mode(state, value, precision)
+    def _far(self, batch: "_Batch") -> FloatArray:
+        return self.model.offsets.prior_variance(batch.eta)
 
-    def _started(
-        self,
-        error: FloatArray,
-        root: Root,
-        eta: FloatArray,
-    ) -> "_State":
-        """Return scores to begin with: rows far beyond all that offsets explain count little."""
-        n = len(self.rows.upper)
-        to_middle = np.where(np.isfinite(self.rows.upper), self.rows.centre[0] - self.rows.upper, 0)
-        residual = np.where(np.isfinite(error[:, :n]), error[:, :n] + to_middle, 0.0)
-        weight = self._working_weights(residual, eta)
-        residual = np.concatenate([residual, np.zeros((len(eta), self.design.n - n))], axis=-1)
-        precision = Precision.of(self.design, root, weight)
-        pull = root.transposed_times(*self.design.gather(weight * residual))
+    def _given(self, sites: "Sites", root: Root) -> "_Normal":
+        precision = Precision.of(self.design, root, sites.weight)
+        pull = root.transposed_times(*self.design.gather(sites.weight * sites.mean))
         first, rest = precision.solve(*pull)
-        return _State(first, rest, self._offset(root, first, rest))
-
-    def _stepped(
-        self,
-        error: FloatArray,
-        scale: FloatArray,
-        df: FloatArray | None,
-        root: Root,
-        state: "_State",
-        value: FloatArray,
-    ) -> tuple["_State", FloatArray]:
-        """Return the scores after one damped Newton step, and what the log density gains."""
-        expansion = self.rows.expansion(error - state.offset, scale, self.tail, df)
-        precision = Precision.of(self.design, root, expansion.precision, expansion.crossed)
-        gradient = root.transposed_times(*self.design.gather(expansion.gradient))
-        step = precision.solve(gradient[0] - state.first, gradient[1] - state.rest)
-        length = np.ones((len(error), 1))
-        for _ in range(_HALVINGS):
-            first, rest = state.first + length * step[0], state.rest + length * step[1]
-            new = _State(first, rest, self._offset(root, first, rest))
-            gain = self._inner_log_density(error, scale, df, new) - value
-            worse = ~(gain >= 0)
-            if not worse.any():
-                break
-            length[worse] *= 0.25
-        kept = ~(gain >= 0)
-        gain = np.where(kept, 0.0, gain)
-        new.put(np.flatnonzero(kept), state.some(np.flatnonzero(kept)))
-        return new, gain
+        return _Normal(first, rest, self._offset(root, first, rest), precision)
 
     def _by_points(
         self, log_rates: FloatArray, prepared: "Prepared", rng: np.random.Generator, n_point: int
     ) -> Estimate:
-        """Return estimates of the log-likelihood from points around the inner mode."""
-        eta, root, n_first = prepared.eta, prepared.root, self.design.n_first
-        error, scale, df = self._errors(log_rates, eta)
-        state = self._inner_mode(error, scale, df, root, eta, _NEAR_MODE).state
-        expansion = self.rows.expansion(
-            error - state.offset, scale, self.tail, df, for_points=True
-        )
-        narrower = 1.0 if df is None else (1 + _WIDER / (1 + df)) ** -2
-        precision = Precision.of(
-            self.design, root, narrower * expansion.precision, narrower * expansion.crossed
-        )
-        batch = _Batch(error, scale, df, root, state, precision)
+        """Return estimates of the log-likelihood from points around a normal approximation."""
+        n_first = self.design.n_first
+        batch = _Batch(*self._errors(log_rates, prepared.eta), prepared.root, prepared.eta)
+        normal = self._approximated(batch)
         n_outer, n_inner = self._n_points(n_point)
-        rest, log_weight = self._rest_points(batch, rng, n_outer)
-        first, log_first = self._first_points(batch, rest, rng, n_inner)
+        rest, log_weight = self._rest_points(normal, rng, n_outer)
+        first, log_first = self._first_points(batch, normal, rest, rng, n_inner)
         if n_first:
             # Given the rest the integral is a product of one over each texture's score.
             log_weight = log_weight + _log_mean(log_first).sum(axis=-1)
@@ -567,13 +499,12 @@ class LatentIntegral:
         return Estimate(log_weight[0], from_half, scores)
 
     def _rest_points(
-        self, batch: "_Batch", rng: np.random.Generator, n: int
+        self, normal: "_Normal", rng: np.random.Generator, n: int
     ) -> tuple[FloatArray, FloatArray]:
         """Return points of the rest's scores, (n, n_draw, n_rest), and log prior over density."""
-        corner, n_rest = batch.precision.corner, self.design.n_rest
+        corner, n_rest = normal.precision.corner, self.design.n_rest
         if not n_rest:
-            empty = np.empty((1, len(batch.error), 0))
-            return empty, np.zeros((1, len(batch.error)))
+            return normal.rest[None], np.zeros((1, len(normal.rest)))
         pivots = np.diagonal(corner, axis1=-2, axis2=-1)
         informed = (pivots > _INFORMED)[..., None]
         # A Richtmyer sequence, shifted at random for each draw: any one point is uniform.
@@ -581,20 +512,27 @@ class LatentIntegral:
         u = np.clip(u % 1.0, _EDGE, 1 - _EDGE)
         t = np.where(informed, _logistic(u), ndtri(u))
         log_t = np.where(informed, _log_logistic(t), -0.5 * (t * t + _LOG_2PI)).sum(axis=-2)
-        rest = batch.state.rest[..., None] + solve_lower(corner, t, transposed=True)
+        rest = normal.rest[..., None] + solve_lower(corner, t, transposed=True)
         log_density = log_t + np.log(pivots).sum(axis=-1)[:, None]
         log_prior = -0.5 * (rest**2 + _LOG_2PI).sum(axis=-2)
         return np.moveaxis(rest, -1, 0), (log_prior - log_density).T
 
     def _first_points(
-        self, batch: "_Batch", rest: FloatArray, rng: np.random.Generator, n: int
+        self,
+        batch: "_Batch",
+        normal: "_Normal",
+        rest: FloatArray,
+        rng: np.random.Generator,
+        n: int,
     ) -> tuple[FloatArray, FloatArray]:
         """Return points of the textures' scores given points of the rest, and log weights.
 
         Parameters
         ----------
         batch : _Batch
-            Rows, and the normal approximation of the scores.
+            Rows.
+        normal : _Normal
+            Normal approximation of the scores.
         rest : ndarray of float, shape (n_outer, n_draw, n_rest)
             Points of the rest.
         rng : numpy.random.Generator
@@ -608,18 +546,15 @@ class LatentIntegral:
             Rows' density times prior over the points' density. Without textures one point of no
             scores, and the log density of all rows, shape (1, n_outer, n_draw).
         """
-        state, precision, root = batch.state, batch.precision, batch.root
-        offset = self.design.spread(*root.times(np.zeros((*rest.shape[:-1], 0)), rest)) if (
-            not self.design.n_first
-        ) else self.design.spread(
-            *root.times(np.zeros((*rest.shape[:-1], self.design.n_first)), rest)
-        )
+        precision, root = normal.precision, batch.root
+        nothing = np.zeros((*rest.shape[:-1], self.design.n_first))
+        offset = self.design.spread(*root.times(nothing, rest))
         error = batch.error - offset
         if not self.design.n_first:
             log_rows = self.rows.log_density(error, batch.scale, self.tail, batch.df)
             return np.empty((1, *rest.shape[:-1], 0)), log_rows.sum(axis=-1)[None]
-        moved = np.einsum("pdr,drf->pdf", rest - state.rest, precision.border)
-        centre = state.first - moved / precision.diagonal
+        moved = np.einsum("pdr,drf->pdf", rest - normal.rest, precision.border)
+        centre = normal.first - moved / precision.diagonal
         by_rows = self.tail.parameter_names != () and bool(self.rows.exact.all())
         n_at_rows = n // 4 if by_rows else 0
         # Strata of equal probability, since the integral is one-dimensional and smooth: twice, so
@@ -655,11 +590,14 @@ class LatentIntegral:
         mean of the rows' own densities.
         """
         u = rng.random((n, *error.shape[:-1], len(self._begins)))
-        pick = (np.arange(n)[:, None, None, None] + u) / n * self._n_in_texture
+        stratum = np.arange(n) // 2 if n > 1 else np.zeros(1)  # each twice, as of other points
+        pick = (stratum[:, None, None, None] + u) / (stratum[-1] + 1) * self._n_in_texture
         row = self._by_texture[self._begins + np.minimum(pick.astype(int), self._n_in_texture - 1)]
         scale = np.broadcast_to(batch.scale, (*error.shape[1:-1], len(self.rows.upper)))
         own = np.take_along_axis(np.broadcast_to(scale, row.shape[:-1] + scale.shape[-1:]), row, -1)
-        here = np.take_along_axis(np.broadcast_to(error, row.shape[:-1] + error.shape[-1:]), row, -1)
+        here = np.take_along_axis(
+            np.broadcast_to(error, row.shape[:-1] + error.shape[-1:]), row, -1
+        )
         t = self.tail.rvs(rng, batch.df, row.shape)
         return np.nan_to_num((here - own * t) / batch.root.first, posinf=1e30, neginf=-1e30)
 
@@ -682,45 +620,23 @@ class Prepared(NamedTuple):
     precision: Precision | None
 
 
-@dataclass(eq=False)
-class _State:
-    """Scores of many draws, and the offsets that they make."""
-
-    first: FloatArray
-    rest: FloatArray
-    offset: FloatArray
-
-    def some(self, index: np.ndarray) -> "_State":
-        return _State(self.first[index], self.rest[index], self.offset[index])
-
-    def put(self, index: np.ndarray, other: "_State") -> None:
-        self.first[index], self.rest[index] = other.first, other.rest
-        self.offset[index] = other.offset
-
-
 class _Batch(NamedTuple):
-    """Rows of many draws, and the normal approximation of the scores."""
+    """Rows of many draws."""
 
     error: FloatArray
     scale: FloatArray
     df: FloatArray | None
     root: Root
-    state: _State
+    eta: FloatArray
+
+
+class _Normal(NamedTuple):
+    """Normal approximation of the scores: means, the offsets that they make, and precision."""
+
+    first: FloatArray
+    rest: FloatArray
+    offset: FloatArray
     precision: Precision
-
-
-class _Mode(NamedTuple):
-    """Scores at the inner mode, the log density there, and the precision of a normal there."""
-
-    state: _State
-    log_density: FloatArray
-    precision: Precision
-
-
-def _some(root: Root, index: np.ndarray) -> Root:
-    if len(index) == len(root.rest):
-        return root
-    return Root(root.first[index], root.rest[index], root.is_dense)
 
 
 def _primes(n: int) -> FloatArray:

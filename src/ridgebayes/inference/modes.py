@@ -50,7 +50,7 @@ def find_modes(log_density: Density, starts: FloatArray) -> list[FoundMode]:
     """
     values = log_density(starts)
     order = np.argsort(-np.where(np.isfinite(values), values, -np.inf), kind="stable")
-    best = order[: _N_SEARCHED]
+    best = order[:_N_SEARCHED]
     best = best[np.isfinite(values[best])]
     if not len(best):
         return []
@@ -123,8 +123,13 @@ def _gradients(log_density: Density, x: FloatArray) -> FloatArray:
 def _approximated(log_density: Density, x: FloatArray, value: float) -> FoundMode:
     d, size = len(x), 0.02
     eye = size * np.eye(d)
-    corners = [a * eye[i] + b * eye[j] for a in (1, -1) for b in (1, -1)
-               for i in range(d) for j in range(d)]
+    corners = [
+        a * eye[i] + b * eye[j]
+        for a in (1, -1)
+        for b in (1, -1)
+        for i in range(d)
+        for j in range(d)
+    ]
     found = log_density(x + np.array(corners)).reshape(2, 2, d, d)
     found = np.where(np.isfinite(found), found, value - 1.0)
     hessian = (found[0, 0] - found[0, 1] - found[1, 0] + found[1, 1]) / (4 * size**2)

@@ -133,7 +133,6 @@ class Mixture:
             mixture.factors[kept],
         )
 
-
     def _common_shapes(
         self, coordinates: FloatArray, log_jacobian: FloatArray, weights: FloatArray
     ) -> FloatArray:

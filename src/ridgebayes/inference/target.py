@@ -64,9 +64,7 @@ class Target(Protocol):
         """Return the draws at coordinates q (n, d) of their charts (n,)."""
         ...
 
-    def evaluate_scores(
-        self, u: FloatArray, rng: np.random.Generator, n_point: int
-    ) -> Evaluated:
+    def evaluate_scores(self, u: FloatArray, rng: np.random.Generator, n_point: int) -> Evaluated:
         """Return the draws at normal scores (n, d)."""
         ...
 
@@ -113,9 +111,7 @@ class ModelTarget:
         parts = [self._evaluate(charts[i : i + n], q[i : i + n], rng, n_point) for i in starts]
         return joined(parts)
 
-    def evaluate_scores(
-        self, u: FloatArray, rng: np.random.Generator, n_point: int
-    ) -> Evaluated:
+    def evaluate_scores(self, u: FloatArray, rng: np.random.Generator, n_point: int) -> Evaluated:
         """Return the draws at normal scores."""
         n = self.integral.n_at_once(n_point)
         return joined(
@@ -195,9 +191,7 @@ class PlainTarget:
         """Return the draws at coordinates q."""
         return self.evaluate_scores(q, rng, n_point)
 
-    def evaluate_scores(
-        self, u: FloatArray, rng: np.random.Generator, n_point: int
-    ) -> Evaluated:
+    def evaluate_scores(self, u: FloatArray, rng: np.random.Generator, n_point: int) -> Evaluated:
         """Return the draws at normal scores."""
         value = self._log_density(u)
         return Evaluated(u, value, value, np.empty((len(u), 0)), u[None], np.zeros((1, len(u))))

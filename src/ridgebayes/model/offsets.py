@@ -34,8 +34,6 @@ class Design:
         Levels in the rest, counted over all its factors; -1 where a predictor has none.
     n_rest : int
         Levels of the rest.
-    pairs : (ndarray of int, ndarray of int), optional
-        Predictors that stand in one row's density together: the two ends of counts.
     """
 
     def __init__(
@@ -44,7 +42,6 @@ class Design:
         n_first: int,
         rest: IntArray,
         n_rest: int,
-        pairs: tuple[IntArray, IntArray] | None = None,
     ) -> None:
         self.first, self.n_first = first, n_first
         self.rest, self.n_rest = rest, n_rest
@@ -54,37 +51,32 @@ class Design:
         # Z' x by sparse products: rows are many, levels few.
         self._to_first = None if first is None else _selector(first, columns, n_first)
         self._to_rest = _selector(rest[factor, column], column, n_rest, self.n)
-        # Elements of W: its diagonal, then both orders of the two ends of counts.
-        ends = (columns[:0], columns[:0]) if pairs is None else pairs
-        self._one = np.concatenate([columns, ends[0], ends[1]])
-        self._other = np.concatenate([columns, ends[1], ends[0]])
-        self._is_diagonal = len(rest) == 1 and not len(ends[0])
-        self._first, self._border, self._corner = self._products()
+        self._is_diagonal = len(rest) == 1
+        self._border, self._corner = self._products()
 
-    def _products(self) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
-        """Return the maps from elements of W to the blocks of Z' W Z."""
-        n_element, element = len(self._one), np.arange(len(self._one))
+    def _products(self) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Return the maps from the diagonal of W to border and corner of Z' W Z."""
+        column = np.arange(self.n)
         corner_at, corner_of, border_at, border_of = [], [], [], []
-        for mine in self.rest[:, self._one]:
-            for its in self.rest[:, self._other]:
+        for mine in self.rest:
+            for its in self.rest:
                 has = (mine >= 0) & (its >= 0)
                 corner_at.append(mine[has] * self.n_rest + its[has])
-                corner_of.append(element[has])
+                corner_of.append(column[has])
             if self.first is not None:
                 has = mine >= 0
-                border_at.append(mine[has] * self.n_first + self.first[self._other][has])
-                border_of.append(element[has])
-        corner = _selector(_joined(corner_at), _joined(corner_of), self.n_rest**2, n_element)
+                border_at.append(mine[has] * self.n_first + self.first[has])
+                border_of.append(column[has])
+        corner = _selector(_joined(corner_at), _joined(corner_of), self.n_rest**2, self.n)
         size = self.n_rest * self.n_first
-        border = _selector(_joined(border_at), _joined(border_of), size, n_element)
-        # Both ends of a count are of one texture, so that the first block stays diagonal.
-        level = element[:0] if self.first is None else self.first[self._one]
-        first = _selector(level, element[: len(level)], self.n_first, n_element)
-        return first, border, corner
+        border = _selector(_joined(border_at), _joined(border_of), size, self.n)
+        return border, corner
 
     def gather(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return Z' x, from (..., n) to (..., n_first) and (..., n_rest)."""
-        first = np.empty((*x.shape[:-1], 0)) if self._to_first is None else _times(self._to_first, x)
+        first = (
+            np.empty((*x.shape[:-1], 0)) if self._to_first is None else _times(self._to_first, x)
+        )
         return first, _times(self._to_rest, x)
 
     def spread(self, first: FloatArray, rest: FloatArray) -> FloatArray:
@@ -99,17 +91,13 @@ class Design:
                 value[..., levels >= 0] += rest[..., levels[levels >= 0]]
         return value
 
-    def gram(
-        self, weight: FloatArray, crossed: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def gram(self, weight: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return Z' W Z: the first block's diagonal, the border, the corner.
 
         Parameters
         ----------
         weight : ndarray of float, shape (..., n)
             Diagonal of W.
-        crossed : ndarray of float, shape (..., n_pair), optional
-            Elements of W between the two ends of counts.
 
         Returns
         -------
@@ -121,14 +109,10 @@ class Design:
             Rest: diagonal where a predictor has one level there, too.
         """
         lead, r = weight.shape[:-1], self.n_rest
-        if crossed is not None:
-            weight = np.concatenate([weight, crossed, crossed], axis=-1)
-        elif len(self._one) > self.n:
-            weight = np.concatenate([weight, np.zeros((*lead, len(self._one) - self.n))], axis=-1)
-        first = _times(self._first, weight)
+        first, rest = self.gather(weight)
         border = _times(self._border, weight).reshape(*lead, r, self.n_first)
         if self._is_diagonal:
-            return first, border, _times(self._to_rest, weight)
+            return first, border, rest
         return first, border, _times(self._corner, weight).reshape(*lead, r, r)
 
 
@@ -156,7 +140,9 @@ class Root:
             return self.first * first, self.rest * rest
         return self.first * first, (self.rest @ rest[..., None])[..., 0]
 
-    def transposed_times(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def transposed_times(
+        self, first: FloatArray, rest: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return L' x."""
         if not self.is_dense:
             return self.first * first, self.rest * rest
@@ -172,8 +158,11 @@ class Root:
             inside = self.rest[..., None] * corner * self.rest[..., None, :]
             return self.rest[..., None] * border, inside
         turned = np.swapaxes(self.rest, -1, -2)
-        right = corner[..., None] * self.rest if is_diagonal else corner @ self.rest
-        return turned @ border, turned @ right
+        if not is_diagonal:
+            return turned @ border, turned @ (corner @ self.rest)
+        half = np.sqrt(corner)[..., None] * self.rest
+        # NumPy computes a matrix times its own transpose with half the work.
+        return turned @ border, np.swapaxes(half, -1, -2) @ half
 
 
 class Offsets:
@@ -245,8 +234,7 @@ class Offsets:
         self.n_first = len(data.textures) if has_first else 0
         self.n_level = self.n_first + self.n_rest
         rest = np.array(levels, dtype=np.int64).reshape(len(levels), len(Q))
-        ends = (counts, len(data) + np.arange(len(counts))) if len(counts) else None
-        self.design = Design(texture if has_first else None, self.n_first, rest, self.n_rest, ends)
+        self.design = Design(texture if has_first else None, self.n_first, rest, self.n_rest)
 
     def own(self) -> "Offsets":
         """Return the error model's offsets alone, without the power law's log K."""
@@ -389,7 +377,12 @@ class Offsets:
         return mean, variance
 
     def _smooth_at(
-        self, texture: Texture, Q: IntArray, eta: FloatArray, inverse: FloatArray, weights: FloatArray
+        self,
+        texture: Texture,
+        Q: IntArray,
+        eta: FloatArray,
+        inverse: FloatArray,
+        weights: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         variance = self.tau("step", eta)[:, None] ** 2
         at = _coordinates(Q, np.full(len(Q), texture[0] / (texture[0] + texture[1])))

@@ -9,7 +9,6 @@ lower ends follow those of the rows.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,29 +21,6 @@ from ridgebayes.model.tails import Tail
 # Relative standard error that a load has at least where rows share offsets: the tolerance of
 # half-plane loads. Rows that agree to rounding would leave sigma without a lower bound.
 LEAST_REL_SE = 1e-8
-# Share of the majorising weight that a curvature has to reach for a Newton step (Student errors
-# have none beyond the root of df), and least share for points around a mode.
-_LEAST_CURVATURE, _LEAST_PRECISION = 0.3, 0.25
-# Inside a wide interval the density is flat: points get this share of a uniform error's precision.
-_UNIFORM_PRECISION = 0.7
-
-
-class Expansion(NamedTuple):
-    """Second-order expansion of the rows' log density in the offsets.
-
-    Parameters
-    ----------
-    gradient : ndarray of float, shape (..., n_predictor)
-        Derivative by each predictor's offset.
-    precision : ndarray of float, shape (..., n_predictor)
-        Minus the second derivatives, or positive values in their place.
-    crossed : ndarray of float, shape (..., n_count)
-        Minus the mixed second derivatives of the two ends of counts.
-    """
-
-    gradient: FloatArray
-    precision: FloatArray
-    crossed: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,13 +163,13 @@ class Rows:
             own = np.broadcast_to(scale, value.shape)[..., self.exact]
             z = error[..., :n][..., self.exact] / own
             value[..., self.exact] = tail.log_density(z, df) - np.log(own)
-        value[..., self._intervals] = self._interval(error, scale, tail, df)[0]
+        value[..., self._intervals] = self._log_probability(error, scale, tail, df)
         return value
 
-    def _interval(
+    def _log_probability(
         self, error: FloatArray, scale: FloatArray, tail: Tail, df: FloatArray | None
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return log probabilities of intervals, and their lower and upper ends in scales."""
+    ) -> FloatArray:
+        """Return log probabilities of brackets and counts, shape (..., n_interval)."""
         rows, windows = self._intervals, self._is_window
         scale = np.broadcast_to(scale, (*error.shape[:-1], len(self.upper)))[..., rows]
         high = error[..., rows]
@@ -208,96 +184,7 @@ class Rows:
             # minimum over n where offsets turn two loads round.
             width[..., windows] = np.maximum(apart, 0)
             low = np.minimum(low, high)
-        low, high, width = low / scale, high / scale, width / scale
-        return tail.log_probability(low, high, df, width), low, high
-
-    def expansion(
-        self,
-        error: FloatArray,
-        scale: FloatArray,
-        tail: Tail,
-        df: FloatArray | None,
-        *,
-        for_points: bool = False,
-    ) -> Expansion:
-        """Return gradient and precision of the log density in the offsets.
-
-        Parameters
-        ----------
-        error, scale, tail, df
-            As for `log_density`.
-        for_points : bool, optional
-            Return precisions for points around a mode, wide enough for the tails of weights to be
-            light, in place of those for a Newton step.
-        """
-        n = len(self.upper)
-        scale = np.broadcast_to(scale, (*error.shape[:-1], n))
-        gradient, precision = np.zeros(error.shape), np.zeros(error.shape)
-        crossed = np.zeros((*error.shape[:-1], len(self.counts)))
-        if self.exact.any():
-            here = np.flatnonzero(self.exact)
-            own = scale[..., here]
-            z = error[..., here] / own
-            weight, curvature = tail.weight(z, df), tail.curvature(z, df)
-            if for_points:
-                curvature = np.maximum(curvature, _LEAST_PRECISION * weight)
-            else:
-                curvature = np.where(curvature > _LEAST_CURVATURE * weight, curvature, weight)
-            gradient[..., here] = tail.score(z, df) / own
-            precision[..., here] = curvature / own**2
-        if len(self._intervals):
-            self._expand_intervals(
-                (gradient, precision, crossed), error, scale, tail, df, for_points=for_points
-            )
-        return Expansion(gradient, precision, crossed)
-
-    def _expand_intervals(
-        self,
-        out: tuple[FloatArray, FloatArray, FloatArray],
-        error: FloatArray,
-        scale: FloatArray,
-        tail: Tail,
-        df: FloatArray | None,
-        *,
-        for_points: bool,
-    ) -> None:
-        """Write the expansions of brackets and counts into arrays of all predictors."""
-        gradient, precision, crossed = out
-        rows, windows, n = self._intervals, self._is_window, len(self.upper)
-        log_p, low, high = self._interval(error, scale, tail, df)
-        own = scale[..., rows]
-
-        def at_end(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-            """Return density over probability at an end, and the same times the score there."""
-            ratio = np.nan_to_num(np.exp(tail.log_density(z, df) - log_p), posinf=0.0)
-            with np.errstate(invalid="ignore"):
-                return ratio, np.where(np.isfinite(z), ratio * tail.score(z, df), 0.0)
-
-        with np.errstate(all="ignore"):
-            a, a_score = at_end(high)
-            b, b_score = at_end(low)
-            at_high, at_low, mixed = a_score + a * a, b * b - b_score, -a * b
-            outside = np.where(low > 0, low, np.where(high < 0, high, 0.0))
-            weight = tail.weight(outside, df)
-            # Student errors: outside the interval the log density is not concave.
-            is_flat = (at_high + at_low + 2 * mixed < _LEAST_CURVATURE * weight) & (outside != 0)
-            is_flat &= tail.parameter_names != ()
-            at_high = np.where(is_flat, np.where(high < 0, weight, 0.0), at_high)
-            at_low = np.where(is_flat, np.where(low > 0, weight, 0.0), at_low)
-            mixed = np.where(is_flat, 0.0, mixed)
-            if for_points:
-                floor = _UNIFORM_PRECISION / (1 + (high - low) ** 2 / 12)
-                short = np.maximum(floor - (at_high + at_low + 2 * mixed), 0) / 4
-                at_high, at_low, mixed = at_high + short, at_low + short, mixed + short
-        one = ~windows
-        square = own**2
-        gradient[..., rows[one]] = ((b - a) / own)[..., one]
-        precision[..., rows[one]] = ((at_high + at_low + 2 * mixed) / square)[..., one]
-        gradient[..., rows[windows]] = (-a / own)[..., windows]
-        gradient[..., n:] = (b / own)[..., windows]
-        precision[..., rows[windows]] = (at_high / square)[..., windows]
-        precision[..., n:] = (at_low / square)[..., windows]
-        crossed[...] = (mixed / square)[..., windows]
+        return tail.log_probability(low / scale, high / scale, df, width / scale)
 
 
 @dataclass(frozen=True, eq=False)

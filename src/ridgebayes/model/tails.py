@@ -20,6 +20,7 @@ from ridgebayes._types import FloatArray
 
 _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 _LEGENDRE = tuple(zip(*np.polynomial.legendre.leggauss(16), strict=True))
+_FEW_LEGENDRE = tuple(zip(*np.polynomial.legendre.leggauss(6), strict=True))
 _LAGUERRE = tuple(zip(*np.polynomial.laguerre.laggauss(24), strict=True))
 # Half an interval times the rate its log density changes at: up to here the nodes give 1e-13 of P.
 _PANEL = 2.5
@@ -27,7 +28,7 @@ _PANEL = 2.5
 # power first, gives it to rounding; before, Laguerre's nodes give 1e-13 from this df log cosh v on.
 _OUTER = 2.0
 _SERIES = tuple((k, math.comb(2 * k, k) / 4**k) for k in range(13, -1, -1))
-_FAR = 3.0
+_FAR = 600.0  # exponent of the lower tail, from where it underflows
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,8 @@ class Tail(ABC):
 
     name: ClassVar[str]
     parameter_names: ClassVar[tuple[str, ...]]
+    _widest_panel: ClassVar[float] = _PANEL
+    _legendre: ClassVar[tuple[tuple[float, float], ...]] = _LEGENDRE
 
     @abstractmethod
     def log_density(self, z: Any, df: Any) -> FloatArray:
@@ -74,7 +77,7 @@ class Tail(ABC):
             low, high, width, *fixed = np.broadcast_arrays(low, high, width, *self._fixed(df))
             log_peak, slope, half, rate = self._panel(low, high, width, *fixed)
             # Not the opposite comparison: infinite ends have no middle, and are not narrow.
-            narrow = half * rate <= _PANEL
+            narrow = half * rate <= self._widest_panel
             value = np.empty(narrow.shape)
             for here, way, arrays in (
                 (narrow, self._quadrature, (log_peak, slope, half, *fixed)),
@@ -96,16 +99,8 @@ class Tail(ABC):
         """Return draws of the shape `size`, against which `df` broadcasts."""
 
     @abstractmethod
-    def score(self, z: Any, df: Any) -> FloatArray:
-        """Return minus the derivative of the log density."""
-
-    @abstractmethod
-    def curvature(self, z: Any, df: Any) -> FloatArray:
-        """Return minus the second derivative of the log density."""
-
-    @abstractmethod
     def weight(self, z: Any, df: Any) -> FloatArray:
-        """Return ``score(z) / z``: curvature of the parabola at `z` that the density stays above."""
+        """Return minus the derivative of the log density over `z`: 1 of normal errors."""
 
     @abstractmethod
     def _fixed(self, df: Any) -> tuple[FloatArray, ...]:
@@ -138,7 +133,7 @@ class Tail(ABC):
         """Return the log probability of narrow intervals."""
         total = np.zeros(half.shape)
         # Node by node: an axis of nodes would take 16 times the memory and be slower for it.
-        for node, weight in _LEGENDRE:
+        for node, weight in self._legendre:
             total += weight * np.exp(self._log_change(node * half, slope, *fixed))
         return log_peak + np.log(half * total)
 
@@ -167,6 +162,9 @@ class NormalTail(Tail):
 
     name: ClassVar[str] = "normal"
     parameter_names: ClassVar[tuple[str, ...]] = ()
+    # The difference of two tails is cheap, and loses no digit from here on.
+    _widest_panel: ClassVar[float] = 0.5
+    _legendre: ClassVar[tuple[tuple[float, float], ...]] = _FEW_LEGENDRE
 
     def log_density(self, z: Any, df: Any) -> FloatArray:
         with np.errstate(over="ignore"):
@@ -175,12 +173,6 @@ class NormalTail(Tail):
 
     def rvs(self, rng: np.random.Generator, df: Any, size: Any) -> FloatArray:
         return np.asarray(rng.standard_normal(size))
-
-    def score(self, z: Any, df: Any) -> FloatArray:
-        return np.asarray(z, float)
-
-    def curvature(self, z: Any, df: Any) -> FloatArray:
-        return np.ones(np.shape(z))
 
     def weight(self, z: Any, df: Any) -> FloatArray:
         return np.ones(np.shape(z))
@@ -233,14 +225,6 @@ class StudentTail(Tail):
     def rvs(self, rng: np.random.Generator, df: Any, size: Any) -> FloatArray:
         return np.asarray(rng.standard_t(df, size))
 
-    def score(self, z: Any, df: Any) -> FloatArray:
-        return np.asarray(z * self.weight(z, df))
-
-    def curvature(self, z: Any, df: Any) -> FloatArray:
-        square = np.square(np.asarray(z, float))
-        value: FloatArray = (df + 1) * (df - square) / np.square(df + square)
-        return value
-
     def weight(self, z: Any, df: Any) -> FloatArray:
         value: FloatArray = (df + 1) / (df + np.square(np.asarray(z, float)))
         return value
@@ -282,8 +266,8 @@ class StudentTail(Tail):
                   J = \int_0^\infty e^{-s} (1 - e^{-l - 2 s / df})^{-1/2} ds.
 
         Far out in v, where the tail is a power law, expanding the root gives J as a sum of
-        (1/2)_k / k! e^{-l k} / (1 + 2 k / df). Elsewhere J is by Gauss-Laguerre quadrature where A
-        is large, and where it is not, F is one half less the probability between z and 0.
+        (1/2)_k / k! e^{-l k} / (1 + 2 k / df). Elsewhere J is by Gauss-Laguerre quadrature where F
+        would underflow, and where it would not, F is half an incomplete beta function.
         """
         df, log_peak = fixed
         u = z / np.sqrt(df)
@@ -299,9 +283,8 @@ class StudentTail(Tail):
             total += weight / np.sqrt(-np.expm1(-log_kernel[far] - 2 * node / df[far]))
         log_integral[far] = np.log(total)
         value = np.asarray(log_peak - 0.5 * np.log(df) - exponent + log_integral)
-        here = [array[near] for array in fixed]
-        log_peak, slope, half, _ = self._panel(z[near], np.zeros(()), -z[near], *here)
-        value[near] = np.log(0.5 - np.exp(self._quadrature(log_peak, slope, half, *here)))
+        share = special.betainc(0.5 * df[near], 0.5, np.exp(-log_kernel[near]))
+        value[near] = np.log(0.5 * share)
         return value
 
 
