@@ -161,8 +161,7 @@ def loads_table(
     @cache
     def predicted(one: Posterior, kind: str) -> LoadDistribution:
         share = few * share_of[id(one)]
-        load = predict_load(one, a, b, q, nu=nu, kind=kind, share=share)
-        return load
+        return predict_load(one, a, b, q, nu=nu, kind=kind, share=share)
 
     for kind in kinds:
         known = frame["rel_se"].to_numpy() * (kind == "simulation")
@@ -191,10 +190,9 @@ def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
 def _bands_of(
     task: tuple[Posterior, float], kinds: Sequence[str], where: dict[str, Any]
 ) -> dict[str, QDistribution]:
-    """Predict, and let go of what was worked out for it: of all fits that would be gigabytes."""
+    """Return a posterior's distributions of Q, by kind of band."""
     posterior, share = task
-    found = {kind: predict_q(posterior, kind=kind, share=share, **where) for kind in kinds}
-    return found
+    return {kind: predict_q(posterior, kind=kind, share=share, **where) for kind in kinds}
 
 
 _Mixture = list[tuple[Posterior, float]]

@@ -13,10 +13,15 @@ import pandas as pd
 
 from ridgebayes._types import Rng
 from ridgebayes.comparison.bayes_factors import bayes_factor_table, summed_bayes_factors
-from ridgebayes.comparison.comparison import NEGLIGIBLE, Comparison
+from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.pairs import Pair, WeighedPairs, selected_error_model, weigh_pairs
+from ridgebayes.evidence.pairs import (
+    NEGLIGIBLE,
+    Pair,
+    WeighedPairs,
+    weigh_pairs,
+)
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
@@ -171,7 +176,7 @@ def compare_with(
             progress=execution.progress,
             accuracy=execution.accuracy,
         )
-        selected = selected_error_model(weighed.evidence)
+        selected = weighed.selected()
     with stage("posteriors"):
         posteriors = weighed.posteriors(names, selected.name, execution.accuracy.n_kept, executor)
     found = {key: [one.evidence] for key, one in weighed.weighed.items()}
@@ -183,9 +188,9 @@ def compare_with(
     for key in [key for key in found if key[0] in failures]:
         del found[key]
     checked = _walked(execution, weighed, posteriors, selected, table.calibration.digest())
-    for name, (posterior, evidence) in checked.items():
+    for name, (posterior, bridge) in checked.items():
         posteriors[name][selected.name] = posterior
-        found[name, selected.name].append(evidence)
+        found[name, selected.name].append(bridge)
     evidence = evidence_table(found)
     fits = {
         name: _averaged(own, selected.name, weighed)

@@ -15,6 +15,7 @@ doi:10.1111/j.1467-9469.2011.00756.x; Vehtari et al. (2024), Journal of Machine 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -236,7 +237,7 @@ def _modes(target: Target, rng: np.random.Generator) -> Mixture:
         starts = _SPREAD_OF_STARTS * rng.standard_normal((N_START, d))
         starts[:, :k] = 0.0  # the centre of the coefficients given all else
         starts[: N_START // 4, :k] = rng.standard_normal((N_START // 4, k))
-        modes = find_modes(lambda q, chart=chart: target.approximate(chart, q), starts)
+        modes = find_modes(partial(target.approximate, chart), starts)
         found += [(chart, mode) for mode in modes]
     if not found:
         raise ComputationError(
