@@ -1,4 +1,4 @@
-"""Expensive things that many tests look at and none changes: tables, fits, approximations."""
+"""Expensive things that many tests look at and none changes: tables, fits."""
 
 import functools
 import gc
@@ -16,7 +16,6 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.commands import cli
 from ridgebayes.model.forms import FORMS, form_named
-from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
 from ridgebayes.table.datafiles import CALCULIX_FE, data_path
 from tests.once import made_once as made_once
@@ -160,12 +159,6 @@ def fits(paper, tmp_path_factory):
 def fe_fits(fe_table, tmp_path_factory):
     """A calibrated fit of each form on the finite-element rows, by name."""
     return fits_of(fe_table, tmp_path_factory)
-
-
-@pytest.fixture(scope="session")
-def fe_models(fe_table):
-    data = Observations.from_table(fe_table)
-    return Lazy(lambda name: Model(data, form_named(name)))
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,16 @@ from ridgebayes.errors import InputError
 from ridgebayes.inference import arviz_groups
 from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.diagnostics import arviz_object, leave_one_out
-from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
+from ridgebayes.inference.posterior import posterior_of
+from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.quiet import import_arviz
+from tests import oracles
 
 GROUPS = {
     "posterior",
@@ -32,10 +35,14 @@ GROUPS = {
 IS_NEW = not version("arviz").startswith("0.")
 
 
+def posterior(table, form, noise=None, n_draw=256):
+    model = Model(Observations.from_table(table), form, noise)
+    return posterior_of(model, importance_sample(ModelTarget(model), Effort(n_draw=n_draw), 1), 1)
+
+
 @pytest.fixture(scope="module")
 def drawn(paper):
-    model = Model(Observations.from_table(paper), Hybrid())
-    return importance_posterior(model, seed=1)[0]
+    return posterior(paper, Hybrid(), n_draw=640)
 
 
 @pytest.fixture(scope="module")
@@ -136,26 +143,15 @@ def test_predictive_groups__are_of_the_prior_and_of_the_rows(fits):
     assert kept.shape == (4, 125)
 
 
-def test_predictive_groups__are_left_out_where_they_would_be_large(fits, monkeypatch):
-    monkeypatch.setattr(arviz_groups, "LARGEST_PREDICTIVE", 500 * 41 - 1)
-    assert set(all_groups(fits["modified"])) == GROUPS - {
-        "prior_predictive",
-        "posterior_predictive",
-    }
-
-
-@pytest.fixture(scope="module")
-def smooth(paper):
-    model = Model(Observations.from_table(paper), Hybrid(), Noise("step-smooth"))
-    return importance_posterior(model, seed=1, n_draw=256, n_round=1, n_per_round=400)[0]
-
-
-def test_joint_log_likelihood__is_that_of_all_rows(smooth, monkeypatch):
-    joint = all_groups(smooth)["sample_stats"]["log_likelihood_joint"].to_numpy().ravel()
-    np.testing.assert_allclose(joint, smooth.model.log_likelihood(smooth.draws), rtol=1e-9)
-    assert set(all_groups(smooth)) >= GROUPS
-    monkeypatch.setattr(arviz_groups, "_LARGEST_FACTORS", 1)
-    assert "prior" not in all_groups(smooth)
+def test_joint_log_likelihood__is_that_of_all_rows(paper):
+    smooth = posterior(paper, Hybrid(), Noise("step-smooth"))
+    groups = all_groups(smooth)
+    joint = groups["sample_stats"]["log_likelihood_joint"].to_numpy().ravel()
+    np.testing.assert_allclose(joint, smooth.log_likelihood_of_rows, rtol=1e-12)
+    for u, value in zip(smooth.coordinates[:5, smooth.model.outer], joint, strict=False):
+        dense = oracles.normal_log_density(smooth.model, u) - oracles.log_prior(u)
+        assert value == pytest.approx(dense, rel=1e-6)  # rounding: condition 1e8
+    assert set(groups) >= GROUPS
 
 
 def test_predictive_groups__are_left_out_where_no_prior_draw_has_a_load(paper, monkeypatch):
@@ -164,8 +160,7 @@ def test_predictive_groups__are_left_out_where_no_prior_draw_has_a_load(paper, m
     def none(*_):
         raise ComputationError("none has")
 
-    model = Model(Observations.from_table(paper), Modified())
-    fit, _ = importance_posterior(model, seed=1, n_draw=128, n_round=1, n_per_round=200)
+    fit = posterior(paper, Modified(), n_draw=128)
     assert all_groups(fit)["posterior"].attrs["inference_library"] == "ridgebayes"
     monkeypatch.setattr(arviz_groups, "prior_draws", none)
     assert set(all_groups(fit)) == GROUPS - {"prior", "prior_predictive", "posterior_predictive"}
@@ -183,12 +178,3 @@ def test_date__is_that_of_the_environment_and_the_bytes_are_the_same(fits, tmp_p
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
     with pytest.raises(InputError, match="SOURCE_DATE_EPOCH: expected whole seconds since 1970"):
         arviz_object(all_groups(fit))
-
-
-def test_write_netcdf__of_what_is_not_for_arviz_is_read_as_the_whole(drawn, tmp_path):
-    write_netcdf(drawn, tmp_path / "a.nc", complete=False)
-    write_netcdf(drawn, tmp_path / "b.nc")
-    parts = [read_netcdf(tmp_path / name) for name in ("a.nc", "b.nc")]
-    assert parts[0].draws.tobytes() == parts[1].draws.tobytes() == drawn.draws.tobytes()
-    found = import_arviz().from_netcdf(tmp_path / "a.nc")
-    assert "prior" not in (found.children if IS_NEW else found.groups())

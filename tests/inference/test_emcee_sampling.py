@@ -1,17 +1,45 @@
+"""Walks against importance sampling and known densities, and the rule that ends them."""
+
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
+import ridgebayes as rb
 from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.evidence.bridge import bridge_evidence
 from ridgebayes.inference import emcee_sampling
-from ridgebayes.inference.chains import SampleSettings, walkers_for
+from ridgebayes.inference.chains import SampleSettings
+from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import effective_sample_size, failed_diagnostics, summarise
-from ridgebayes.inference.emcee_sampling import sample
+from ridgebayes.inference.emcee_sampling import walk
+from ridgebayes.inference.importance import Effort, importance_sample
+from ridgebayes.inference.posterior import posterior_of, walked_posterior
+from ridgebayes.inference.proposal import Mixture
+from ridgebayes.inference.target import ModelTarget, PlainTarget
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
 
 NAMES = ("x", "y", "z")
+FACTOR = np.array([[0.02, 0, 0], [-0.3, 0.1, 0], [1.0, -2.0, 5.0]])
+MEAN = np.array([1.35, 0.02, -40.0])
 SHORT = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
+
+
+def proposal(centre, factor):
+    return Mixture(np.ones(1), np.zeros(1, int), np.array(centre)[None], np.array(factor)[None])
+
+
+def normal(u):
+    z = np.linalg.solve(FACTOR, (u - MEAN).T)
+    return -0.5 * (z * z).sum(axis=0)
+
+
+def walked(settings=SHORT, *, seed=7, **options):
+    target = PlainTarget("normal", NAMES, normal)
+    return walk(target, proposal(MEAN, FACTOR), seed=seed, settings=settings, **options)
 
 
 def worst_z(draws, mean, square):
@@ -23,246 +51,176 @@ def worst_z(draws, mean, square):
     return worst
 
 
-FACTOR = np.array([[0.02, 0, 0], [-0.3, 0.1, 0], [1.0, -2.0, 5.0]])
-MEAN = np.array([1.35, 0.02, -40.0])
-
-
-def normal(u):
-    z = np.linalg.solve(FACTOR, (u - MEAN).T)
-    return -0.5 * (z * z).sum(axis=0)
+@pytest.mark.slow
+@pytest.mark.parametrize("moves", ["mixture", "differential evolution", "stretch"])
+def test_walk__reproduces_means_and_spreads_of_a_normal(moves):
+    # The proposal is off by a fifth in width and half an sd in place.
+    off = proposal(MEAN + 0.5 * FACTOR[:, 0], 1.2 * FACTOR)
+    settings = SampleSettings(n_walker=32, moves=moves, tau_change=0.1)
+    found = walk(PlainTarget("normal", NAMES, normal), off, seed=3, settings=settings)
+    assert found.chains.convergence_failures == ()
+    assert worst_z(found.chains.u, MEAN, (FACTOR**2).sum(axis=1)) < 4  # the largest of six
+    np.testing.assert_array_equal(found.coordinates, found.chains.u)
+    assert not found.log_jacobian.any()
+    value = normal(found.chains.u.reshape(-1, 3))
+    np.testing.assert_allclose(found.chains.log_density.ravel(), value, rtol=1e-9, atol=1e-9)
+    assert np.all((found.chains.acceptance > 0.1) & (found.chains.acceptance < 1))
 
 
 @pytest.mark.slow
-def test_sample__reproduces_means_and_spreads_of_a_normal(affine):
-    # The approximation is off by a fifth in width and half an sd in place.
-    chains = sample(normal, affine(MEAN + 0.5 * FACTOR[:, 0], 1.2 * FACTOR), seed=3, names=NAMES)
-    assert chains.convergence_failures == ()
-    square = (FACTOR**2).sum(axis=1)
-    assert worst_z(chains.u, MEAN, square) < 4  # Monte Carlo: the largest of six
-    np.testing.assert_allclose(
-        chains.log_density.ravel(), normal(chains.u.reshape(-1, 3)), rtol=1e-9, atol=1e-9
-    )  # algebra: the density is the one in u, without the coordinates' Jacobian
-    assert np.all((chains.acceptance > 0.3) & (chains.acceptance < 1))
+@pytest.mark.parametrize("noise", ["iid", "texture", "texture:student"])
+def test_walk__and_bridge_agree_with_importance_draws(observed, noise):
+    """Under Student errors with offsets each walker keeps an estimate of its density."""
+    rng = np.random.default_rng(1)
+    texture, Q = np.repeat(np.arange(3), 3), np.tile([4, 6, 8], 3)
+    load = 2 * np.log((Q / 2 - 1) * 0.042 / 1.38) + 0.03 * rng.standard_normal(9)
+    model = Model(observed(texture, Q, load), rb.Modified(), Noise.named(noise))
+    target = ModelTarget(model)
+    drawn = importance_sample(target, Effort(n_draw=1_024), 1)
+    found = walk(target, drawn.proposal, seed=2, settings=SampleSettings(n_tau=200))
+    value = bridge_evidence(target, found, rng=np.random.default_rng(3))
+    assert value.method == "bridge"
+    assert value.ok
+    assert found.chains.convergence_failures == ()
+    se = np.hypot(value.se, drawn.evidence.se)
+    assert se < 0.04
+    assert abs(value.value - drawn.evidence.value) < 4 * se
+    ours = walked_posterior(model, found, 2, value)
+    other = posterior_of(model, drawn, 1)
+    assert (ours.sampler, other.sampler) == ("emcee", "importance")
+    assert ours.converged
+    a, b = (np.log(one.draws) for one in (ours, other))
+    # Monte Carlo: effective numbers are above 2,000 of each, those of walks a fifth of all.
+    z = (a.mean(axis=0) - b.mean(axis=0)) / (b.std(axis=0) * np.sqrt(2 / 2_000))
+    assert np.abs(z).max() < 4
+    np.testing.assert_allclose(a.std(axis=0) / b.std(axis=0), 1, atol=0.1)
 
 
-def funnel(u):
-    """u2 ~ normal(-3, 0.3) as log sigma; u0, u1 ~ normal(0, sigma)."""
-    sigma = np.exp(u[:, 2])
-    return (
-        -0.5 * ((u[:, 2] + 3) / 0.3) ** 2
-        - 0.5 * (u[:, :2] / sigma[:, None]) ** 2 @ np.ones(2)
-        - 2 * u[:, 2]
+def test_walk__same_seed_same_bytes_other_seed_others_and_more_ensembles_the_same_first():
+    one, two, other = (walked(seed=seed) for seed in (7, 7, 8))
+    assert one.chains.u.tobytes() == two.chains.u.tobytes()
+    assert not np.any(one.chains.u == other.chains.u)
+    six = walked(replace(SHORT, n_ensemble=6))
+    np.testing.assert_array_equal(six.chains.u[:4], one.chains.u)
+    assert not np.any(six.chains.u[4] == six.chains.u[5])
+
+
+@pytest.mark.parametrize("noise", ["iid", "texture:student"])
+def test_walk__that_is_resumed_takes_the_same_steps(observed, tmp_path, noise):
+    model = Model(
+        observed([0, 0, 1], [4, 6, 4], [-7.0, -5.6, -6.9]), rb.Modified(), Noise.named(noise)
     )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("straightened", [0.0, 0.5, 1.0])
-def test_sample__reproduces_means_and_spreads_of_a_funnel(straightened, affine):
-    class Coordinates(affine):
-        """Coefficients widen with this power of sigma; the Jacobian has to make up for it."""
-
-        def unwhiten(self, z):
-            u, _ = super().unwhiten(z)
-            log_scale = straightened * (u[..., 2] + 3)
-            u[..., :2] *= np.exp(log_scale)[..., None]
-            return u, 2 * log_scale
-
-    start = Coordinates([0, 0, -3.0], np.diag([np.exp(-3), np.exp(-3), 0.3]))
-    chains = sample(funnel, start, seed=4, names=NAMES)
-    assert chains.convergence_failures == ()
-    square = np.array([np.exp(-6 + 2 * 0.09)] * 2 + [0.09])  # E[sigma^2] of a log-normal
-    assert worst_z(chains.u, np.array([0, 0, -3.0]), square) < 4  # Monte Carlo: largest of six
-
-
-def test_sample__reproduces_the_posterior_that_quadrature_gives(fits, laplaces):
-    # Modified: two parameters on a grid of posterior sds, the trapezoidal rule.
-    fit, laplace = fits["modified"], laplaces["modified"]
-    axis = np.linspace(-9, 9, 181)
-    z = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    u, log_jacobian = laplace.unwhiten(z)
-    log_weight = fit.model.log_density(u) + log_jacobian
-    weight = np.exp(log_weight - log_weight.max())
-    weight /= weight.sum()
-    theta = fit.model.to_theta(u)
-    mean = weight @ theta
-    draws = fit.model.to_theta(fit.chains.u)
-    assert worst_z(draws, mean, weight @ (theta - mean) ** 2) < 4  # Monte Carlo: largest of four
-
-
-@pytest.mark.slow
-def test_sample__same_seed_same_bytes_other_seed_others(affine):
-    runs = [
-        sample(normal, affine(MEAN, FACTOR), seed=seed, names=NAMES, settings=SHORT)
-        for seed in (7, 7, 8)
-    ]
-    assert runs[0].u.tobytes() == runs[1].u.tobytes()
-    assert runs[0].log_density.tobytes() == runs[1].log_density.tobytes()
-    assert not np.any(runs[0].u == runs[2].u)
-
-
-def test_sample__more_ensembles_leave_the_first_ones_as_they_were(affine):
-    more = SampleSettings(n_ensemble=6, n_walker=32, n_burn=20, n_step_max=100)
-    four, six = (
-        sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
-        for settings in (SHORT, more)
+    target, d = ModelTarget(model), len(model.outer_names)
+    start = proposal(np.zeros(d), np.eye(d))
+    options = {"seed": 4, "n_point": 8}
+    long, short = (replace(SHORT, n_walker=16, n_tau=500, n_step_max=n) for n in (130, 110))
+    whole = walk(target, start, settings=long, **options)
+    checkpoint = Checkpoint(tmp_path / "chain.h5", {"seed": "4"})
+    part = walk(target, start, settings=short, checkpoint=checkpoint, **options)
+    assert part.chains.n_step == 110
+    # From the file alone: another proposal than the one kept changes nothing.
+    again = walk(
+        target, proposal(np.ones(d), np.eye(d)), settings=long, checkpoint=checkpoint, **options
     )
-    np.testing.assert_array_equal(six.u[:4], four.u)
-    assert not np.any(six.u[4] == six.u[5])
+    for name in ("coordinates", "log_jacobian", "scores"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
+    np.testing.assert_array_equal(again.chains.u, whole.chains.u)
+    np.testing.assert_array_equal(again.chains.acceptance, whole.chains.acceptance)
 
 
-def test_sample__leaves_the_global_random_state_alone(affine):
-    before = np.random.get_state()[1].tolist()  # noqa: NPY002
-    sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=SHORT)
-    assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
-
-
-def test_sample__says_what_a_chain_that_is_too_short_lacks(affine):
-    settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=500)
-    chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
+def test_walk__says_what_a_chain_that_is_too_short_lacks():
+    chains = walked(replace(SHORT, n_tau=500)).chains
     assert chains.n_step == 100
     assert len(chains.convergence_failures) == len(NAMES) + 1
     for name, text in zip((*NAMES, "log posterior"), chains.convergence_failures, strict=True):
         assert text.startswith(f"{name}: 100 steps are not 500 tau (")
-
-
-def test_sample__ends_a_walk_at_its_time_limit_and_says_so_in_one_line(affine):
-    settings = replace(SHORT, n_step_max=10_000, n_tau=500, time_limit=1e-9)
-    chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
-    assert chains.n_step == 100  # a block, whatever the limit
-    (text,) = chains.convergence_failures
-    start = "time limit of 1e-09 s: stopped after 100 steps; x: 100 steps are not 500 tau ("
-    assert text.startswith(start)
-    enough = replace(SHORT, n_step_max=200, n_tau=1, tau_change=1.0, time_limit=600.0)
-    chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=enough)
-    assert chains.convergence_failures == ()
-
-
-def test_settings__under_another_time_limit_are_the_same_walk():
-    assert str(SampleSettings(time_limit=5.0)) == str(SampleSettings())
-
-
-def test_sample__says_that_tau_has_not_settled(affine):
-    settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=1)
-    chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
     # There is only one check, so every tau has changed, from infinity.
+    chains = walked(replace(SHORT, n_tau=1)).chains
     assert [text.split(" (")[0] for text in chains.convergence_failures] == [
         f"{name}: tau was checked only once" for name in (*NAMES, "log posterior")
     ]
 
 
-def test_sample__says_from_what_to_what_tau_changed(affine):
+def test_walk__says_from_what_to_what_tau_changed():
     settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=150, n_tau=25, tau_change=1e-9)
-    chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
+    chains = walked(settings).chains
     pattern = r"(x|y|z|log posterior): tau still changes \((\d\.\d+) to (\d\.\d+)\)"
     found = [re.fullmatch(pattern, text) for text in chains.convergence_failures]
     assert [match[1] for match in found] == [*NAMES, "log posterior"]
     # Printed digits: four of each.
     assert [float(match[3]) for match in found] == pytest.approx(chains.tau.tolist(), rel=1e-3)
     for enough in (replace(settings, tau_change=1.0), replace(settings, n_tau=10)):
-        chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=enough)
-        assert chains.convergence_failures == ()
+        assert walked(enough).chains.convergence_failures == ()
 
 
-def test_sample__ends_a_walk_whose_draws_would_fill_the_memory(affine, monkeypatch):
-    monkeypatch.setattr(emcee_sampling, "_KEPT_MAX", 4 * 32 * 4 * 130)  # numbers of 130 steps
-    settings = replace(SHORT, n_step_max=10_000, n_tau=500)
-    chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
+def test_walk__ends_at_its_time_limit_and_says_so_in_one_line():
+    settings = replace(SHORT, n_step_max=10_000, n_tau=500, time_limit=1e-9)
+    chains = walked(settings).chains
+    assert chains.n_step == 100  # a block, whatever the limit
+    (text,) = chains.convergence_failures
+    start = "time limit of 1e-09 s: stopped after 100 steps; x: 100 steps are not 500 tau ("
+    assert text.startswith(start)
+    assert str(SampleSettings(time_limit=5.0)) == str(SampleSettings())  # the same walk
+
+
+def test_walk__ends_before_its_draws_would_fill_the_memory(monkeypatch):
+    d, n_extra = 3, 5
+    monkeypatch.setattr(emcee_sampling, "_KEPT_MAX", 4 * 32 * (d + 1 + n_extra) * 130)
+    chains = walked(replace(SHORT, n_step_max=10_000, n_tau=500)).chains
     assert chains.n_step == 130
     assert "130 steps are not 500 tau" in chains.convergence_failures[0]
 
 
-def test_sample__a_walk_far_too_short_is_checked_seldom(affine):
+def test_walk__goes_on_until_the_rule_is_met_and_is_checked_seldom_where_far_too_short():
+    lines = []
+    chains = walked(SampleSettings(n_walker=32, tau_change=0.1), progress=lines.append).chains
+    assert chains.convergence_failures == ()
+    assert np.all(chains.n_step > 50 * chains.tau)
+    assert lines[-1].startswith(f"{chains.n_step} steps x 4 ensembles, tau ")
     lengths = []
     settings = replace(SHORT, n_step_max=2_000, n_tau=800)
-    sample(
-        normal,
-        affine(MEAN, FACTOR),
-        seed=7,
-        names=NAMES,
-        settings=settings,
-        progress=lambda text: lengths.append(int(text.split()[0])),
-    )
+    walked(settings, progress=lambda text: lengths.append(int(text.split()[0])))
     assert lengths[:5] == [100, 150, 225, 337, 505]
 
 
-def test_sample__goes_on_until_the_rule_is_met(affine):
-    lines = []
-    chains = sample(
-        normal,
-        affine(MEAN, FACTOR),
-        seed=7,
-        names=NAMES,
-        settings=SampleSettings(n_walker=32),
-        progress=lines.append,
-    )
-    assert chains.convergence_failures == ()
-    assert np.all(chains.n_step > 50 * chains.tau)
-    assert len(lines) >= 2
-    assert lines[-1].startswith(f"{chains.n_step} steps x 4 ensembles, tau ")
-
-
-def test_sample__takes_four_walkers_per_parameter_where_that_is_more(affine):
-    settings = SampleSettings(n_walker=4, n_burn=5, n_step_max=100)
-    chains = sample(normal, affine(MEAN, FACTOR), seed=7, names=NAMES, settings=settings)
-    assert chains.u.shape == (4, 100, 12, 3)
-
-
 @pytest.mark.slow
-def test_sample__walkers_stuck_apart_are_caught(affine):
+def test_walk__walkers_stuck_apart_are_caught():
     # Two needles 3 sds apart: a walker that starts at one never sees the other, and each ensemble
     # has its own shares of the two.
     def needles(u):
         apart = np.stack([(u[:, 0] - 1.5) / 1e-4, (u[:, 0] + 1.5) / 1e-4])
         return np.logaddexp(*(-0.5 * np.minimum(apart**2, 1e12)))
 
-    chains = sample(
-        needles,
-        affine([0.0], [[1.0]]),
-        seed=1,
-        names=("x",),
-        settings=SampleSettings(n_walker=8, n_burn=400, n_step_max=600),
-    )
+    settings = SampleSettings(n_walker=8, n_burn=400, n_step_max=600)
+    target = PlainTarget("needles", ("x",), needles)
+    chains = walk(target, proposal([0.0], [[1.0]]), seed=1, settings=settings).chains
     assert {-1, 1} == set(np.sign(chains.u).ravel())  # both are inhabited
-    convergence_failures = chains.convergence_failures + failed_diagnostics(
-        summarise(chains.u, ("x",))
-    )
-    assert any(text.startswith("x: R-hat") for text in convergence_failures)
+    failures = failed_diagnostics(summarise(chains.u, ("x",)))
+    assert any(text.startswith("x: R-hat") for text in failures)
 
 
-def test_sample__starts_where_the_density_is_positive(affine):
+def test_walk__starts_where_the_density_is_positive_and_refuses_one_that_is_nowhere():
     def half_line(u):
-        return np.where(u[:, 0] > 0, -u[:, 0], -np.inf)
+        return np.where(u[:, 0] > 0, stats.expon.logpdf(u[:, 0]), -np.inf)
 
-    chains = sample(half_line, affine([0.1], [[1.0]]), seed=1, names=("x",), settings=SHORT)
-    assert np.all(chains.u > 0)
+    def target(log_density):
+        return PlainTarget("line", ("x",), log_density)
 
-
-def test_sample__refuses_a_density_that_is_nowhere_positive(affine):
-    def nowhere(u):
-        return np.full(len(u), -np.inf)
-
-    with pytest.raises(ComputationError, match="expected draws of positive density, got none of"):
-        sample(nowhere, affine([0.0], [[1.0]]), seed=1, names=("x",), settings=SHORT)
-
-
-def test_sample_settings__refuse_too_few_ensembles_and_odd_walkers():
-    with pytest.raises(InputError, match="n_ensemble: expected at least 4, got 3"):
-        SampleSettings(n_ensemble=3)
-    for bad in (2, 33):
-        with pytest.raises(InputError, match=f"n_walker: expected even and at least 4, got {bad}"):
-            SampleSettings(n_walker=bad)
-
-
-@pytest.mark.slow
-def test_sample__starts_more_walkers_than_a_round_of_adaptation_has_draws(affine):
-    settings = replace(SHORT, n_walker=1_024)
-    chains = sample(normal, affine(MEAN, FACTOR), seed=1, names=NAMES, settings=settings)
-    assert chains.u.shape[2] == 1_024
+    start = proposal([0.1], [[1.0]])
+    assert np.all(walk(target(half_line), start, seed=1, settings=SHORT).chains.u > 0)
+    with pytest.raises(ComputationError, match="line: expected starting points of positive"):
+        walk(target(lambda u: np.full(len(u), -np.inf)), start, seed=1, settings=SHORT)
 
 
 @pytest.mark.parametrize(
-    ("n_texture", "is_iid_gaussian", "expected"),
-    [(9, True, 512), (9, False, 64), (500, True, 64), (5_000, True, 32), (5_000, False, 32)],
+    ("given", "rule"),
+    [
+        ({"n_ensemble": 3}, "n_ensemble: expected at least 4, got 3"),
+        ({"n_walker": 2}, "n_walker: expected even and at least 4, got 2"),
+        ({"n_walker": 33}, "n_walker: expected even and at least 4, got 33"),
+        ({"moves": "snooker"}, "moves: expected mixture, independence, .*, got 'snooker'"),
+    ],
 )
-def test_walkers_for__takes_many_where_densities_are_cheap(n_texture, is_iid_gaussian, expected):
-    assert walkers_for(n_texture, is_iid_gaussian) == expected
+def test_sample_settings__refuse(given, rule):
+    with pytest.raises(InputError, match=rule):
+        SampleSettings(**given)

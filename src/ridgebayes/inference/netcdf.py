@@ -164,7 +164,7 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) ->
             f"{path}: not a readable NetCDF file ({one_line_message(error)})"
         ) from None
     if "ridgebayes_version" not in attrs:
-        raise InputError(f"{path}: not a ridgebayes file")
+        raise InputError(f"{path}: expected written by ridgebayes, got no ridgebayes_version")
     try:
         return fit_of(Stored(attrs, groups))
     except Exception as error:

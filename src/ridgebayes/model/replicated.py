@@ -85,8 +85,8 @@ def is_possible(model: Model, theta: FloatArray) -> BoolArray:
     possible = np.isfinite(model.log_rates(theta)).all(axis=-1)
     offsets = model.offsets.own()
     if offsets.n_smooth:
-        ones = np.ones((*theta.shape[:-1], offsets.n_level))
-        offset = _offsets(offsets, theta[..., model.n_coefficient :], ones)
+        ones = np.ones((1, *theta.shape[:-1], offsets.n_level))
+        offset = _offsets(offsets, theta[..., model.n_coefficient :], ones)[0]
         possible = possible & np.isfinite(offset).all(axis=-1)
     return np.asarray(possible)
 

@@ -174,7 +174,8 @@ class Rows:
         scale = np.broadcast_to(scale, (*error.shape[:-1], len(self.upper)))[..., rows]
         high = error[..., rows]
         width = np.broadcast_to(self.upper[rows] - self.lower[rows], high.shape)
-        low = high - width
+        with np.errstate(invalid="ignore"):  # a count of 2 has infinite ends
+            low = high - width
         if windows.any():
             low = low.copy()
             low[..., windows] = error[..., len(self.upper) :]

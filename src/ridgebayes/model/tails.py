@@ -20,7 +20,7 @@ from ridgebayes._types import FloatArray
 
 _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 _LEGENDRE = tuple(zip(*np.polynomial.legendre.leggauss(16), strict=True))
-_FEW_LEGENDRE = tuple(zip(*np.polynomial.legendre.leggauss(6), strict=True))
+_FEW_LEGENDRE = tuple(zip(*np.polynomial.legendre.leggauss(7), strict=True))
 _LAGUERRE = tuple(zip(*np.polynomial.laguerre.laggauss(24), strict=True))
 # Half an interval times the rate its log density changes at: up to here the nodes give 1e-13 of P.
 _PANEL = 2.5
@@ -267,7 +267,7 @@ class StudentTail(Tail):
 
         Far out in v, where the tail is a power law, expanding the root gives J as a sum of
         (1/2)_k / k! e^{-l k} / (1 + 2 k / df). Elsewhere J is by Gauss-Laguerre quadrature where F
-        would underflow, and where it would not, F is half an incomplete beta function.
+        would underflow, and where it would not, SciPy's own has all digits.
         """
         df, log_peak = fixed
         u = z / np.sqrt(df)
@@ -283,8 +283,7 @@ class StudentTail(Tail):
             total += weight / np.sqrt(-np.expm1(-log_kernel[far] - 2 * node / df[far]))
         log_integral[far] = np.log(total)
         value = np.asarray(log_peak - 0.5 * np.log(df) - exponent + log_integral)
-        share = special.betainc(0.5 * df[near], 0.5, np.exp(-log_kernel[near]))
-        value[near] = np.log(0.5 * share)
+        value[near] = np.log(special.stdtr(df[near], z[near]))
         return value
 
 
