@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from copy import copy
 from functools import cache, partial
 from typing import Any
 
@@ -190,8 +191,8 @@ def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
 def _bands_of(
     task: tuple[Posterior, float], kinds: Sequence[str], where: dict[str, Any]
 ) -> dict[str, QDistribution]:
-    """Return a posterior's distributions of Q, by kind of band."""
-    posterior, share = task
+    """Predict, and let go of what was worked out for it: of all fits that would be gigabytes."""
+    posterior, share = copy(task[0]), task[1]  # the offsets it works out go with the copy
     return {kind: predict_q(posterior, kind=kind, share=share, **where) for kind in kinds}
 
 

@@ -20,6 +20,7 @@ from ridgebayes.evidence.pairs import (
     NEGLIGIBLE,
     Pair,
     WeighedPairs,
+    error_model_weights,
     weigh_pairs,
 )
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
@@ -193,7 +194,7 @@ def compare_with(
         found[name, selected.name].append(bridge)
     evidence = evidence_table(found)
     fits = {
-        name: _averaged(own, selected.name, weighed)
+        name: Fit.of(own[selected.name], error_model_weights(evidence, name), own)
         for name, own in posteriors.items()
         if name not in failures
     }
@@ -295,12 +296,6 @@ def _check(task: _Check) -> tuple[tuple[Posterior, LogEvidence], float]:
     if execution.scores:  # and for the fit's file, which is written elsewhere
         checked = checked.with_log_likelihood()
     return (checked, bridge), time.process_time() - began
-
-
-def _averaged(posteriors: Mapping[str, Posterior], selected: str, weighed: WeighedPairs) -> Fit:
-    """Return a fit with the posteriors that its predictions are averaged over."""
-    printed = posteriors[selected]
-    return Fit.of(printed, weighed.weights(printed.form.name), posteriors)
 
 
 def chain_file(form: str) -> str:

@@ -21,6 +21,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import ComputationError
+from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.modes import N_START, find_modes
 from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_k
@@ -97,6 +98,20 @@ class Drawn:
     evidence: LogEvidence
     share: float
     proposal: Mixture
+
+    @property
+    def chains(self) -> Chains:
+        """The draws as chains: a set is one, and a block of draws a step."""
+        n_repeat, n, d = self.u.shape
+        shape = (n_repeat, n // BLOCK, BLOCK)
+        failures = () if self.evidence.ok else (self.evidence.status,)
+        return Chains(
+            self.u.reshape(*shape, d),
+            self.log_density.reshape(shape),
+            np.full(n_repeat, self.share),
+            np.ones(d + 1),
+            failures,
+        )
 
 
 def importance_sample(
