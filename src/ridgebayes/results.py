@@ -15,7 +15,7 @@ from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.distributions.grammar import priors_to_json
 from ridgebayes.errors import InputError
 from ridgebayes.evidence.bridge import bridge_evidence
-from ridgebayes.evidence.pairs import Pair, selected_error_model, weigh_pairs
+from ridgebayes.evidence.pairs import Pair, weigh_pairs
 from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.chains import N_WALKER_CHEAP, ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
@@ -344,7 +344,7 @@ def calibrate(
     }
     by_owner = resolve_priors(split, [form], noises, data)
     weighed = weigh_pairs(data, [form], noises, priors=by_owner, seed=seed, progress=progress)
-    selected = selected_error_model(weighed.evidence)
+    selected = weighed.selected()
     posteriors = weighed.posteriors([form.name], selected.name, STANDARD.n_kept)[form.name]
     posterior = posteriors[selected.name]
     if settings is not None:

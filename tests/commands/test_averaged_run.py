@@ -11,10 +11,10 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.run import run_job
-from ridgebayes.commands.run_files import read_run, write_comparison, write_run_json
+from ridgebayes.commands.run_files import read_run
 from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.error_models import WeighedErrorModels, weigh_error_models
+from ridgebayes.evidence.pairs import WeighedPairs, weigh_pairs
 from ridgebayes.model.noise import Noise
 from ridgebayes.report.figures.gallery import Gallery
 
@@ -44,15 +44,15 @@ def ahead(name):
     """Weigh error models, and let one lead in every form."""
 
     def weigh(data, forms, noises, **known):
-        found = dict(weigh_error_models(data, forms, noises, **known).candidates)
+        found = weigh_pairs(data, forms, noises, **known)
+        weighed = dict(found.weighed)
         for form in forms:
-            values = [one.evidence.value for (own, _), one in found.items() if own == form.name]
-            one = found[form.name, name]
+            values = [one.evidence.value for (own, _), one in weighed.items() if own == form.name]
+            one = weighed[form.name, name]
             raised = replace(one.evidence, value=np.nanmax(values) + AHEAD, status="ok")
-            # Draws that lack convergence would be made again, with their own evidence.
-            drawn = replace(one.posterior, convergence_failures=())
-            found[form.name, name] = replace(one, evidence=raised, posterior=drawn)
-        return WeighedErrorModels(found)
+            drawn = replace(one.drawn, evidence=raised)
+            weighed[form.name, name] = replace(one, evidence=raised, drawn=drawn)
+        return WeighedPairs(found.pairs, weighed)
 
     return weigh
 
@@ -64,7 +64,7 @@ def led_by(name, monkeypatch, others):
         return name
     weighed = [Noise.named(one) for one in dict.fromkeys([name, *others])]
     monkeypatch.setattr(f"{COMPARE}.error_models_for", lambda noise, n_series: weighed)
-    monkeypatch.setattr(f"{COMPARE}.weigh_error_models", ahead(name))
+    monkeypatch.setattr(f"{COMPARE}.weigh_pairs", ahead(name))
     return "auto"
 
 
@@ -76,13 +76,6 @@ def run(table, name, monkeypatch, folder, others=("iid", "texture")):
     table.write(folder / "mine.csv")
     request = FitRequest(folder / "mine.csv", FORMS, noise, seed=2, accuracy="quick")
     return run_job(folder / "run", request, workers=1)
-
-
-def written(comparison, folder):
-    folder.mkdir()
-    write_comparison(comparison, folder)
-    write_run_json(folder, comparison, command="run", seed=2, options={}, stages=[])
-    return folder
 
 
 def content(folder):
@@ -184,47 +177,8 @@ def test_verdict__of_forms_that_predict_the_same_is_undecided_and_says_why(
 def folder(table, tmp_path_factory):
     made = tmp_path_factory.mktemp("a")
     with pytest.MonkeyPatch.context() as patch:
-        live = run(table, "texture", patch, made, others=("iid", "step"))
-    # One Student error model that is left to its twin.
-    fit = live.fits["modified"]
-    weights = {name: 0.9 * weight for name, weight in fit.error_model_weights.items()}
-    student = {"texture:student": 0.1}
-    fit = replace(
-        fit, error_model_weights=weights | student, others={**fit.others, "texture:student": fit}
-    )
-    row = live.evidence.query("form == 'modified' and noise == 'texture' and used")
-    value = row["log_evidence"] + np.log(student["texture:student"] / weights["texture"])
-    extra = row.assign(noise="texture:student", log_evidence=value)
-    evidence = pd.concat([live.evidence, extra], ignore_index=True)
-    fits = {**live.fits, "modified": fit}
-    return written(replace(live, fits=fits, evidence=evidence), made / "b")
-
-
-def test_run_json__says_what_a_student_error_model_is_left_to(folder):
-    fits = {(one["form"], one["noise"]): one for one in content(folder)["fits"]}
-    student = fits["modified", "texture:student"]
-    assert student["left_to"] == "texture"
-    rows = pd.read_csv(folder / "evidence.csv").query("form == 'modified' and used")
-    value = rows.set_index("noise")["log_evidence"]
-    lead = value["texture:student"] - value["texture"]
-    assert lead < -1
-    assert student["why"] == (
-        f"left to texture: ln evidence {lead:+.1f} relative to it, so its weight is under 0.37 of "
-        "the other's"
-    )
-    assert fits["modified", "texture"]["left_to"] is None
-    assert not (folder / "posteriors/modified--texture-student.nc").exists()
-
-
-def test_read_run__what_is_left_to_a_twin_adds_its_weight_there(folder):
-    fit = read_run(folder).fits["modified"]
-    weights = fit.error_model_weights
-    assert weights["texture:student"] == pytest.approx(0.1, rel=0.02)
-    together = weights["texture"] + weights["texture:student"]
-    shares = [weight for posterior, weight in fit.averaged if posterior is fit]
-    assert shares == [pytest.approx(together, rel=1e-14)]
-    assert sum(weight for _, weight in fit.averaged) == pytest.approx(1, rel=1e-14)
-    assert "texture:student" not in fit.posteriors
+        run(table, "texture", patch, made, others=("iid", "step"))
+    return made / "run"
 
 
 def test_summary__has_rows_of_every_posterior(folder):

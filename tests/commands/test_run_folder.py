@@ -26,8 +26,8 @@ from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, bayes_fact
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import loo_table
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence import LogEvidence
 from ridgebayes.evidence.tables import evidence_table
+from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.noise import Noise
 
 STAGES = [{"name": "calibrate classic", "wall_s": 1.5, "cpu_s": 1.25}]
@@ -62,7 +62,7 @@ def comparison(paper, fits):
         Noise(),
         chosen,
         evidence,
-        bayes_factor_table(evidence, list(chosen), Noise(), None),
+        bayes_factor_table(evidence, list(chosen), Noise()),
         loo_table(chosen),
         sensitivity,
         {"hybrid": "hybrid: no interior mode"},

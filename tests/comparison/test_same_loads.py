@@ -80,8 +80,8 @@ def fit(data, form, score=0.0, priors=None):
     """Return a posterior of one draw, at scores of the prior."""
     own = {"d": Normal(0.0, 0.05)} if form.name == "sum" else None
     model = Model(data, form, priors=priors or own)
-    u = np.full((1, 1, 1, model.n_coordinate), score)
-    ones = np.ones(model.n_coordinate + 1)
+    u = np.full((1, 1, 1, model.n_parameter), score)
+    ones = np.ones(model.n_parameter + 1)
     chains = Chains(u, np.zeros(u.shape[:-1]), np.ones(1), ones, ())
     return Posterior(model, chains, pd.DataFrame(), (), 0)
 

@@ -10,9 +10,9 @@ import pytest
 
 from ridgebayes.comparison.bayes_factors import summed_bayes_factors
 from ridgebayes.comparison.verdict import GRADES, verdict_of
-from ridgebayes.evidence import LogEvidence
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import evidence_table
+from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.noise import Noise
 
 NO_SENSITIVITY = pd.DataFrame(columns=SENSITIVITY_COLUMNS)

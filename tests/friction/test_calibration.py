@@ -33,7 +33,7 @@ def made(n_subject=6, seed=1):
 def fitted():
     frame = made().assign(role=["calibration"] * 22 + ["held-out"] * 2)
     model = rb.FrictionModel(kappa=0, area_factor=0.8, beta=0.24)
-    return rb.calibrate_friction(frame, None, model, rng=1, settings=SETTINGS)
+    return rb.calibrate_friction(frame, None, model, rng=1)
 
 
 def test_log_likelihood__is_that_of_the_dense_covariance():
@@ -83,17 +83,20 @@ def test_calibrate__finds_a_known_truth(fitted):
 
 
 @pytest.mark.slow
-def test_calibrate__evidence_is_that_of_quadrature():
+@pytest.mark.parametrize(("method", "settings"), [("importance", None), ("bridge", SETTINGS)])
+def test_calibrate__evidence_is_that_of_quadrature(method, settings):
     """One unknown parameter: the integral over its score on a grid."""
     model = rb.FrictionModel(0.09, 0, 0.8, 0.24, 0, 0.2, 0.1, 0.0, "halfnormal(0.1)")
     frame = made()
-    fit = rb.calibrate_friction(frame, None, model, rng=2, settings=SETTINGS)
+    fit = rb.calibrate_friction(frame, None, model, rng=2, settings=settings)
     width = 1.381976597885342 * np.sqrt(frame["p_over_E"].to_numpy())
     contact = np.stack([width / frame["p_over_E"], width, 0 * width], axis=1)
     table = rb.read_friction_table(frame).frame
     density = FrictionDensity(model, FrictionRows.of(table, contact, np.zeros((24, 3, 0))))
     u = np.linspace(-6, 4, 2_001)
     exact = np.log(np.exp(density.log_density(u[:, None])).sum() * (u[1] - u[0]))
+    assert fit.evidence.method == method
+    assert fit.converged
     assert abs(fit.evidence.value - exact) < max(3 * fit.evidence.se, 1e-3)
     mean = np.average(
         0.1 * stats.halfnorm.ppf(stats.norm.cdf(u)), weights=np.exp(density.log_density(u[:, None]))
@@ -123,7 +126,7 @@ def test_calibrate__on_ridges_draws_their_contact_and_predicts_a_scene(fits):
     """Two textures from a posterior of counts; the band of a scene narrows."""
     frame = made(4).assign(a_over_R=0.022, b_over_R=0.02)
     frame.loc[::2, ["a_over_R", "b_over_R"]] = 0.012, 0.03
-    fit = rb.calibrate_friction(frame, fits["hybrid"], rng=1, settings=SETTINGS)
+    fit = rb.calibrate_friction(frame, fits["hybrid"], rng=1)
     scene = rb.Scene.of([(0.022, 0.02)])
     drawn = rb.friction_inputs(fits["hybrid"], scene, [0.006], n=400, rng=1, edges=True)
     before, after = rb.FrictionModel().predict(drawn), fit.predict(drawn)

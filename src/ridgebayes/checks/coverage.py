@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import Rng
-from ridgebayes.checks.folds import EFFORT, Fold, clustered_se, folds_of, row_loads
+from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
 from ridgebayes.comparison.compare import DEFAULT_FORMS
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.posterior import Posterior
@@ -22,32 +22,13 @@ from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable
 
 PROBS = (0.5, 0.8, 0.9, 0.95, 0.99)
-COVERAGE_COLUMNS = [
-    "form",
-    "noise",
-    "prob",
-    "n",
-    "covered",
-    "share",
-    "share_se",
-    "mean_width",
-    "share_extrapolated",
-    "n_texture",
-    "n_unconverged",
-    "n_failed",
-    "failed",
-]
+COVERAGE_COLUMNS = ["form", "noise", "prob", "n", "covered", "share", "share_se", "mean_width"]
+COVERAGE_COLUMNS += ["share_extrapolated", "n_texture", "n_unconverged", "n_failed", "failed"]
 # Of a fold: its predicted rows and whether its fit converged, or why it failed.
 _Result = tuple[pd.DataFrame, bool] | str
 # Of each predicted row and probability.
-_ROW_COLUMNS = {
-    "fold": int,
-    "prob": float,
-    "texture": int,
-    "covered": bool,
-    "width": float,
-    "extrapolation": bool,
-}
+_ROW_COLUMNS = {"fold": int, "prob": float, "texture": int}
+_ROW_COLUMNS |= {"covered": bool, "width": float, "extrapolation": bool}
 _NO_ROWS = pd.DataFrame(columns=list(_ROW_COLUMNS)).astype(_ROW_COLUMNS)
 
 
@@ -73,7 +54,7 @@ def coverage(
         predicted.
     forms : sequence of Form or Fit, optional
         Classic, power law, Modified and Hybrid if not given. A fit to all rows under the same
-        priors saves most refits under its error models.
+        priors saves drawing from its posteriors again.
     noises : sequence of str or Noise, optional
         Error models; all if not given.
     probs : sequence of float, optional
@@ -106,41 +87,45 @@ def coverage(
 
     Notes
     -----
-    *Cost.* One fit for all probabilities: 1 to 10 CPU seconds by error model, times textures; a
-    tenth of that where a fit is given.
+    *Cost.* Up to a CPU second for each fold.
     """
-    names = []
     for one in forms:
-        form = one.form if isinstance(one, Fit) else one
-        refuse_circular(table, form)
-        names.append(form.name)
+        refuse_circular(table, one.form if isinstance(one, Fit) else one)
     data, seed = Observations.from_table(table), seed_of(rng)
-    groups = [
-        (name, noise, folds_of(data, form, noise, seed=seed, effort=EFFORT, priors=priors))
-        for name, form in zip(names, forms, strict=True)
-        for noise in map(as_noise, Noise.every() if noises is None else noises)
-    ]
     if not data.is_exact.any():  # brackets and counts do not tell the load that a band would hold
         return pd.DataFrame(columns=COVERAGE_COLUMNS)
-    tasks = [(fold, tuple(probs)) for _, _, folds in groups for fold in folds]
+    every = [as_noise(noise) for noise in (Noise.every() if noises is None else noises)]
+    models = [(data, form, noise, seed, priors) for form in forms for noise in every]
+    groups = list(map_ordered(_folds, models, executor, name=lambda one: f"draws of {one[2].name}"))
+    tasks = [(fold, tuple(probs)) for folds in groups for fold in folds]
     found = map_ordered(_predict_fold, tasks, executor, name=lambda task: task[0].full_name)
     rows = []
-    for name, noise, folds in groups:
-        with nullcontext() if progress is None else progress(f"{name}, {noise.name}"):
+    for folds in groups:
+        model = folds[0].known.model
+        name, noise = model.form.name, model.noise.name
+        with nullcontext() if progress is None else progress(f"{name}, {noise}"):
             results = [(fold.name, next(found)) for fold in folds]
-        rows += count_covered(name, noise.name, probs, results)
+        rows += count_covered(name, noise, probs, results)
     return pd.DataFrame(rows, columns=COVERAGE_COLUMNS)
 
 
+def _folds(
+    task: tuple[Observations, Form | Fit, Noise, int, ResolvedPriors | None],
+) -> list[Fold]:
+    """Draw a posterior given all rows, and return its folds."""
+    data, form, noise, seed, priors = task
+    return folds_of(data, form, noise, seed=seed, priors=priors)
+
+
 def _predict_fold(task: tuple[Fold, tuple[float, ...]]) -> _Result:
-    """Fit a fold and predict its exact rows; the reason where that fails."""
+    """Predict a fold from the others; the reason where that fails."""
     fold, probs = task
-    found = fold.weighted()
     try:
-        fit = fold.refit()[0] if found is None else found.posterior
+        fit = fold.found().posterior(fold.seed)
     except ComputationError as error:
         return str(error)
-    return covered_rows(fit, fold.data.take(fold.left & fold.data.is_exact), probs), fit.converged
+    rows = fold.rows
+    return covered_rows(fit, rows.take(rows.is_exact), probs), fit.converged
 
 
 def covered_rows(fit: Posterior, data: Observations, probs: Sequence[float]) -> pd.DataFrame:

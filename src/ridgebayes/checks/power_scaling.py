@@ -39,9 +39,8 @@ def power_scaling(fit: Posterior) -> pd.DataFrame:
     Notes
     -----
     Prior densities are those of the parameters themselves: a half-normal scale with its density to
-    the power alpha is one with a standard deviation smaller by sqrt(alpha). Shared offsets are
-    integrated out; where they are sampled, the likelihood is `Model.log_likelihood`'s
-    approximation.
+    the power alpha is one with a standard deviation smaller by sqrt(alpha). Shared offsets and log
+    K are integrated out of the likelihood, by an unbiased estimate where there is no closed form.
     The diagnoses are prompts to look, not verdicts: an informative prior that is meant also shows.
 
     References

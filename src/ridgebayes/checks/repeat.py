@@ -11,10 +11,10 @@ import pandas as pd
 from scipy.special import ndtr
 
 from ridgebayes.errors import ComputationError
-from ridgebayes.inference.laplace import fit_laplace
-from ridgebayes.inference.moves import Independence, weighted
-from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_k
-from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.importance import at_least, importance_sample
+from ridgebayes.inference.posterior import Posterior, posterior_of
+from ridgebayes.inference.presets import STANDARD
+from ridgebayes.inference.target import ModelTarget
 from ridgebayes.runtime.randomness import stream
 
 OUTER = 0.01  # share of a prior on either side beyond which a posterior mean is out of place
@@ -44,12 +44,12 @@ class Repeat:
 
 
 def repeat_posterior(posterior: Posterior) -> Repeat:
-    """Estimate a posterior's means again by importance sampling, with twice its kept draws.
+    """Draw from a posterior again, modes searched for anew, with twice its kept draws.
 
     Parameters
     ----------
     posterior : Posterior
-        What is checked; not one whose offsets are sampled.
+        What is checked.
 
     Returns
     -------
@@ -58,31 +58,28 @@ def repeat_posterior(posterior: Posterior) -> Repeat:
 
     Notes
     -----
-    The proposal is fitted to the kept draws: what they miss of the posterior shows in the tail of
-    the weights, not a mode far from all of them.
-
-    *Cost.* One density a draw.
+    *Cost.* One density a draw, and the search.
     """
     model, n_draw = posterior.model, 2 * len(posterior.draws)
-    names, means, sds = (posterior.summary[c].to_numpy() for c in ("parameter", "mean", "sd"))
-    rng = stream(posterior.seed, "repeat")
+    seed = int(stream(posterior.seed, "repeat").integers(2**63))
+    target, effort = ModelTarget(model, seed), STANDARD.effort
     try:
-        laplace = fit_laplace(model, near=means)
+        first = importance_sample(target, effort, seed)
+        drawn = at_least(first, target, n_draw, effort, seed + 1)
     except ComputationError as error:
         return Repeat(n_draw, "", float("nan"), str(error))
-    known, _ = laplace.whiten(posterior.coordinates)
-    proposal = Independence.fitted(known, laplace.n_curved, rng)
-    again = weighted(laplace.whitened(model.log_density), proposal, rng, n_draw)
-    theta = model.to_theta(laplace.unwhiten(again.z)[0])
-    moved = np.abs(np.average(theta, axis=0, weights=again.relative) - means) / sds
-    worst, shape = int(moved.argmax()), pareto_k(again.log_weight)
-    failed = f"importance weights: Pareto k {shape:.2f}, above {K_MAX}" if shape > K_MAX else ""
-    return Repeat(n_draw, names[worst], float(moved[worst]), failed)
+    own, again = posterior.summary, posterior_of(model, drawn, seed).summary
+    moved = (np.abs(again["mean"] - own["mean"]) / own["sd"]).to_numpy()
+    worst, evidence = int(moved.argmax()), first.evidence
+    failed = "" if evidence.ok else evidence.status
+    name = str(own["parameter"][worst])
+    return Repeat(drawn.log_density.size, name, float(moved[worst]), failed)
 
 
 def is_cheap(posterior: Posterior) -> bool:
-    """Return whether a repeat takes seconds: few parameters, and no offsets to be sampled over."""
-    return not posterior.model.is_latent and posterior.model.n_parameter <= _MOST_PARAMETERS
+    """Return whether a repeat takes seconds: few parameters, densities that are no estimates."""
+    target = ModelTarget(posterior.model)
+    return target.is_exact and posterior.model.n_parameter <= _MOST_PARAMETERS
 
 
 def against_priors(posterior: Posterior) -> pd.DataFrame:

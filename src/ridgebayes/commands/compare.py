@@ -57,7 +57,7 @@ def compare_job(
         options["form"] = ",".join(options.pop("forms"))
     with (
         new_folder(folder, force=force, resume=resume) as partial,
-        Progress(len(inputs.forms) + (4 if scores else 2)) as progress,
+        Progress(len(inputs.walked) + (4 if scores else 2)) as progress,
     ):
         comparison = inputs.compare(progress, partial, scores=scores)
         (write_comparison if scores else write_fits)(comparison, partial)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from ridgebayes.checks.cost.loads import load_settings
 from ridgebayes.checks.cost.measured import COST_COLUMNS, LEVELS, Setting, cheapest, measure, pareto
-from ridgebayes.checks.cost.posteriors import band_settings, evidence_settings, posterior_settings
+from ridgebayes.checks.cost.posteriors import posterior_settings
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_page
 from ridgebayes.commands.terminal import Answer, files_in
@@ -65,8 +65,6 @@ class CostRequest:
 _TASKS: dict[str, Callable[[CostRequest], list[Setting]]] = {
     "loads": lambda q: load_settings(q.table, q.texture, q.p_max, elements=q.elements),
     "posteriors": lambda q: posterior_settings(q.table, Hybrid(), seed=q.seed),
-    "evidences": lambda q: evidence_settings(q.table, Hybrid(), seed=q.seed),
-    "bands": lambda q: band_settings(q.table, Hybrid(), q.texture, seed=q.seed),
 }
 
 
@@ -93,7 +91,7 @@ def cost_job(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> pd.DataFrame:
-    """Measure what loads, posteriors, evidences and bands cost.
+    """Measure what loads, and posteriors with their evidences, cost.
 
     Parameters
     ----------
@@ -104,7 +102,7 @@ def cost_job(
     force : bool, optional
         Whether a folder of this command may be replaced.
     workers, scheduler : optional
-        As for `runtime.pool.executor_for`: who measures loads, posteriors, evidences, bands.
+        As for `runtime.pool.executor_for`: who measures loads and posteriors.
         What is measured side by side takes longer than alone.
 
     Returns

@@ -115,7 +115,7 @@ class FitRequest:
             noises, folder = error_models_for(noise, data.n_series), self.priors.parent
             priors = resolve_priors(content, forms, noises, data, where=where, folder=folder)
         accuracy, settings = Preset.named(self.accuracy), self.settings
-        if self.time_limit is not None:
+        if self.time_limit is not None and (settings or accuracy.walks):
             settings = replace(settings or accuracy.settings, time_limit=self.time_limit)
         return Inputs(table, forms, noise, accuracy, self.seed, settings, priors)
 
@@ -131,6 +131,11 @@ class Inputs:
     seed: int
     settings: SampleSettings | None
     priors: ResolvedPriors = field(default_factory=dict)
+
+    @property
+    def walked(self) -> Sequence[Form]:
+        """Forms that are walked unless they are negligible."""
+        return self.forms if self.settings or self.accuracy.walks else ()
 
     def compare(
         self,

@@ -4,7 +4,6 @@ import io
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import pandas as pd
@@ -22,8 +21,8 @@ from ridgebayes.commands.run_files import REFERENCE, write_comparison, write_run
 from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.comparison.bands import bands_table, loads_table
-from ridgebayes.comparison.comparison import NEGLIGIBLE, Comparison
-from ridgebayes.inference.posterior import Posterior
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.evidence.pairs import NEGLIGIBLE
 from ridgebayes.inference.presets import Preset
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.noise import Noise
@@ -71,8 +70,8 @@ def run_job(
     request : FitRequest
         What is fitted. Without a table the finite-element reference rows are compared as well, with
         every form. With accuracy quick only error models of normal tails are weighed, no textures
-        are left out, no finite elements compared, only figures of the answer are drawn, and 512
-        draws of each posterior kept.
+        are left out, no finite elements compared, nothing is walked, only figures of the answer are
+        drawn, and 1,024 draws of each form's posterior kept.
     force : bool, optional
         Whether an existing run folder may be replaced.
     resume : bool, optional
@@ -100,8 +99,9 @@ def run_job(
     if request.table is None and extras:
         rows = replace(reference_fe(), where=EMBEDDED_FE)
         reference_inputs = request.on(rows, [form_named(name) for name in FORMS])
-    # Eight of every run, three that a quick one leaves out, and where there are: start and rows.
-    n_stage = 8 + len(inputs.forms) + 3 * extras + bool(began) + bool(reference_inputs)
+    # Eight of every run, three that a quick one leaves out, and where there are: walks, start and
+    # rows.
+    n_stage = 8 + len(inputs.walked) + 3 * extras + bool(began) + bool(reference_inputs)
     n_worker = n_cpu() if workers is None and scheduler is None else workers
     with (
         new_folder(folder, force=force, resume=resume) as partial,
@@ -197,15 +197,10 @@ def _thinned(comparison: Comparison) -> Comparison:
     Of a form that the rows rule out, whose bands are in no average, an eighth.
     """
     n = Preset.named(comparison.accuracy).n_kept
-
-    @cache  # several error models may share one posterior
-    def thinned(one: Posterior, n: int) -> Posterior:
-        return one.thinned(n)
-
     fits, shares = {}, comparison.probabilities
     for name, fit in comparison.fits.items():
         own = n if shares.get(name, 1.0) >= NEGLIGIBLE else n // 8
-        others = {noise: thinned(one, own) for noise, one in fit.others.items()}
+        others = {noise: one.thinned(own) for noise, one in fit.others.items()}
         fits[name] = replace(fit.thinned(own), others=others)
     return replace(comparison, fits=fits)
 

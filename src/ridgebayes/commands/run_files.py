@@ -2,7 +2,6 @@
 
 import io
 import json
-import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -20,7 +19,7 @@ from ridgebayes.comparison.citations import citations
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.error_models import error_model_weights
+from ridgebayes.evidence.pairs import error_model_weights
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, used_evidence
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
@@ -66,9 +65,8 @@ def write_fits(comparison: Comparison, folder: Path, executor: Executor | None =
         alone = replace(fit, others={}, error_model_weights={})
         tasks.append((alone, folder / f"posterior-{name}.nc", complete))
         for noise, posterior in fit.others.items():
-            if noise == posterior.noise.name:
-                (folder / OTHERS).mkdir(exist_ok=True)
-                tasks.append((posterior, folder / other_file(name, noise), False))
+            (folder / OTHERS).mkdir(exist_ok=True)
+            tasks.append((posterior, folder / other_file(name, noise), False))
     for _ in map_ordered(_write_posterior, tasks, executor, name=lambda task: task[1].name):
         pass
     write_csv(summary_table(comparison.fits.values()), folder / "summary.csv")
@@ -164,37 +162,19 @@ def verdicts(comparison: Comparison) -> dict[str, Any]:
 def fits_list(comparison: Comparison) -> list[dict[str, Any]]:
     """Return form, noise, weight, sampler and state of every fit that predictions rest on."""
     pairs = used_evidence(comparison.evidence).set_index(["form", "noise"])
-    used, log_evidence = pairs["model_probability"], pairs["log_evidence"]
-    found = []
-    for form, fit in comparison.fits.items():
-        names = dict.fromkeys([fit.noise.name, *fit.error_model_weights])
-        for noise in names:
-            one = fit.others.get(noise, fit)
-            left_to = one.noise.name if one.noise.name != noise else None
-            lead = log_evidence.get((form, noise), -math.inf) - log_evidence.get(
-                (form, left_to), -math.inf
-            )
-            why = "; ".join(one.convergence_failures)
-            found.append(
-                {
-                    "form": form,
-                    "noise": noise,
-                    "weight": float(used.get((form, noise), 0.0)),
-                    "sampler": one.sampler,
-                    "converged": one.converged,
-                    "why": _left_to(left_to, lead) if left_to else why,
-                    "left_to": left_to,
-                }
-            )
-    return found
-
-
-def _left_to(twin: str, lead: float) -> str:
-    """Say why predictions under a Student tail are taken from its normal twin."""
-    told = f"left to {twin}: ln evidence {lead:+.1f} relative to it, "
-    if lead < -1:
-        return f"{told}so its weight is under 0.37 of the other's"
-    return f"{told}less than 1 apart, so predictions agree"
+    used = pairs["model_probability"]
+    return [
+        {
+            "form": form,
+            "noise": noise,
+            "weight": float(used.get((form, noise), 0.0)),
+            "sampler": one.sampler,
+            "converged": one.converged,
+            "why": "; ".join(one.convergence_failures),
+        }
+        for form, fit in comparison.fits.items()
+        for noise, one in fit.posteriors.items()
+    ]
 
 
 def _state(comparison: Comparison) -> dict[str, Any]:
@@ -280,13 +260,10 @@ def _read_fit(
     """Read the posterior of a form's printed error model, and of the others that carry weight."""
     printed = _read_posterior(folder / f"posterior-{form}.nc", form, noise)
     drawn = {noise: printed}
-    own = [one for one in listed if one["form"] == form]
-    for one in own:
-        if one["noise"] not in drawn and not one["left_to"]:
-            path = folder / other_file(form, one["noise"])
-            drawn[one["noise"]] = _read_posterior(path, form, one["noise"])
-    drawn |= {one["noise"]: drawn[one["left_to"]] for one in own if one["left_to"] in drawn}
-    return Fit.of(printed, error_model_weights(evidence, form, drawn), drawn)
+    for other in (one["noise"] for one in listed if one["form"] == form):
+        if other not in drawn:
+            drawn[other] = _read_posterior(folder / other_file(form, other), form, other)
+    return Fit.of(printed, error_model_weights(evidence, form), drawn)
 
 
 def _read_posterior(path: Path, form: str, noise: str) -> Posterior:
@@ -309,7 +286,7 @@ def _read_about(folder: Path) -> dict[str, Any]:
     try:
         named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
         named += [about["verdicts"]["failures"], about.setdefault("nugget", NUGGET)]
-        fits = [(one["form"], one["noise"], one["left_to"]) for one in about["fits"]]
+        fits = [(one["form"], one["noise"]) for one in about["fits"]]
     except KeyError as error:
         raise InputError(f"{path}: damaged, key {error} is missing; run again") from None
     except TypeError:
@@ -320,10 +297,10 @@ def _read_about(folder: Path) -> dict[str, Any]:
     ):
         raise _foreign(path)
     # Parts of files' names below, which must not lead elsewhere.
-    for name in [*about["forms"], *(form for form, _, _ in fits)]:
+    for name in [*about["forms"], *(form for form, _ in fits)]:
         if name not in FORMS:
             raise InputError(f"{path}: form {clipped(name)}; expected one of {', '.join(FORMS)}")
-    for noise in (noise for _, *both in fits for noise in both if noise is not None):
+    for _, noise in fits:
         Noise.named(str(noise))
     return about
 

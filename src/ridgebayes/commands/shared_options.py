@@ -58,9 +58,8 @@ class Shared:
     seed : int
         Random seed. The same seed gives the same numbers.
     time_limit : float, optional
-        Seconds that the MCMC of each form may take. When time is up, the draws so far are
-        written and the exit code is 1. Weighing error models and importance sampling have
-        no limit.
+        Seconds that emcee's walk of each form may take. When time is up, the walk counts as
+        not converged and the exit code is 1. Importance sampling has no limit.
     workers : int, optional
         Worker processes. Results do not depend on their number.
     """

@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from copy import copy
 from functools import cache, partial
 from typing import Any
 
@@ -161,8 +162,7 @@ def loads_table(
     @cache
     def predicted(one: Posterior, kind: str) -> LoadDistribution:
         share = few * share_of[id(one)]
-        load = predict_load(one, a, b, q, nu=nu, kind=kind, share=share)
-        return load
+        return predict_load(one, a, b, q, nu=nu, kind=kind, share=share)
 
     for kind in kinds:
         known = frame["rel_se"].to_numpy() * (kind == "simulation")
@@ -192,9 +192,8 @@ def _bands_of(
     task: tuple[Posterior, float], kinds: Sequence[str], where: dict[str, Any]
 ) -> dict[str, QDistribution]:
     """Predict, and let go of what was worked out for it: of all fits that would be gigabytes."""
-    posterior, share = task
-    found = {kind: predict_q(posterior, kind=kind, share=share, **where) for kind in kinds}
-    return found
+    posterior, share = copy(task[0]), task[1]  # the offsets it works out go with the copy
+    return {kind: predict_q(posterior, kind=kind, share=share, **where) for kind in kinds}
 
 
 _Mixture = list[tuple[Posterior, float]]

@@ -1,5 +1,7 @@
 """What to cite: the study, the methods that a result rests on, the packages that computed it."""
 
+from collections.abc import Mapping
+
 import pandas as pd
 
 from ridgebayes._types import __version__
@@ -22,19 +24,17 @@ _ALWAYS = (
     ("R-hat, effective sample size", "Vehtari et al. (2021)", "10.1214/20-BA1221"),
 )
 _OF_SAMPLERS = {
+    "importance": (("importance sampling", "Cappe et al. (2008)", "10.1007/s11222-008-9059-x"),),
     "emcee": (
         ("MCMC", "Foreman-Mackey et al. (2013), emcee", "10.1086/670067"),
         ("moves", "ter Braak & Vrugt (2008)", "10.1007/s11222-008-9104-9"),
     ),
-    "importance": (("importance sampling", "Cappe et al. (2008)", "10.1007/s11222-008-9059-x"),),
 }
 _OF_EVIDENCES = {
     "bridge": (
         ("bridge sampling", "Gronau et al. (2017)", "10.1016/j.jmp.2017.09.005"),
         ("its error", "Micaletto & Vehtari (2025)", "arXiv:2508.14487"),
     ),
-    "savage-dickey": (("Savage-Dickey ratio", "Dickey (1971)", "10.1214/aoms/1177693507"),),
-    "dynesty": (("nested sampling", "Speagle (2020), dynesty", "10.1093/mnras/staa278"),),
 }
 _OF_FACTORS = (
     ("words for Bayes factors", "Kass & Raftery (1995)", "10.1080/01621459.1995.10476572"),
@@ -67,15 +67,16 @@ def citations(result: Fit | Comparison) -> pd.DataFrame:
     >>> import ridgebayes as rb
     >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
     >>> list(rb.citations(cmp)["used"])[6:]
-    ['MCMC', 'moves', 'bridge sampling', 'its error', 'Savage-Dickey ratio',
+    ['importance sampling', 'MCMC', 'moves', 'bridge sampling', 'its error',
     'words for Bayes factors', 'leave-one-out scores', 'stacking']
     """
     fits = list(result.fits.values()) if isinstance(result, Comparison) else [result]
     samplers = {one.sampler for fit in fits for one in (fit, *fit.others.values())}
-    rows = [*_ALWAYS, *_chosen(_OF_SAMPLERS, samplers)]
+    methods = set(result.evidence["method"]) if isinstance(result, Comparison) else set()
+    if "bridge" in methods:  # from a walk to its evidence
+        samplers.add("emcee")
+    rows = [*_ALWAYS, *_chosen(_OF_SAMPLERS, samplers), *_chosen(_OF_EVIDENCES, methods)]
     if isinstance(result, Comparison):
-        methods = {*result.evidence["method"], *result.bayes_factors["method"]}
-        rows += _chosen(_OF_EVIDENCES, methods)
         rows += [*_OF_FACTORS] * (not result.bayes_factors.empty)
         rows += [*_OF_SCORES] * (not result.loo.empty)
         by_elements = result.table.frame["solver"].astype(str).str.startswith("cylinder")
@@ -84,7 +85,7 @@ def citations(result: Fit | Comparison) -> pd.DataFrame:
 
 
 def _chosen(
-    known: dict[str, tuple[tuple[str, str, str], ...]], names: set[str]
+    known: Mapping[str, tuple[tuple[str, str, str], ...]], names: set[str]
 ) -> list[tuple[str, str, str]]:
     """Return the rows of those names that there are, in the order of the lists above."""
     return [row for name, rows in known.items() if name in names for row in rows]

@@ -13,10 +13,16 @@ import pandas as pd
 
 from ridgebayes._types import Rng
 from ridgebayes.comparison.bayes_factors import bayes_factor_table, summed_bayes_factors
-from ridgebayes.comparison.comparison import NEGLIGIBLE, Comparison
+from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.pairs import Pair, WeighedPairs, selected_error_model, weigh_pairs
+from ridgebayes.evidence.pairs import (
+    NEGLIGIBLE,
+    Pair,
+    WeighedPairs,
+    error_model_weights,
+    weigh_pairs,
+)
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
@@ -171,7 +177,7 @@ def compare_with(
             progress=execution.progress,
             accuracy=execution.accuracy,
         )
-        selected = selected_error_model(weighed.evidence)
+        selected = weighed.selected()
     with stage("posteriors"):
         posteriors = weighed.posteriors(names, selected.name, execution.accuracy.n_kept, executor)
     found = {key: [one.evidence] for key, one in weighed.weighed.items()}
@@ -183,12 +189,12 @@ def compare_with(
     for key in [key for key in found if key[0] in failures]:
         del found[key]
     checked = _walked(execution, weighed, posteriors, selected, table.calibration.digest())
-    for name, (posterior, evidence) in checked.items():
+    for name, (posterior, bridge) in checked.items():
         posteriors[name][selected.name] = posterior
-        found[name, selected.name].append(evidence)
+        found[name, selected.name].append(bridge)
     evidence = evidence_table(found)
     fits = {
-        name: _averaged(own, selected.name, weighed)
+        name: Fit.of(own[selected.name], error_model_weights(evidence, name), own)
         for name, own in posteriors.items()
         if name not in failures
     }
@@ -290,12 +296,6 @@ def _check(task: _Check) -> tuple[tuple[Posterior, LogEvidence], float]:
     if execution.scores:  # and for the fit's file, which is written elsewhere
         checked = checked.with_log_likelihood()
     return (checked, bridge), time.process_time() - began
-
-
-def _averaged(posteriors: Mapping[str, Posterior], selected: str, weighed: WeighedPairs) -> Fit:
-    """Return a fit with the posteriors that its predictions are averaged over."""
-    printed = posteriors[selected]
-    return Fit.of(printed, weighed.weights(printed.form.name), posteriors)
 
 
 def chain_file(form: str) -> str:

@@ -38,7 +38,7 @@ def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
     pandas.DataFrame
         Columns form, method, ln_bf (= ln Z_form - ln Z_against), ln_bf_se (NaN where the method
         has none). First with the error models summed out, where several were weighed; the methods
-        are of the printed one. Savage-Dickey where the pair is Modified and Hybrid.
+        are of the printed one.
     """
     usable = comparison.own_evidence.query("status == 'ok'").drop_duplicates(["form", "method"])
     other = usable[usable["form"] == against].set_index("method")
@@ -55,8 +55,6 @@ def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
                     float(np.hypot(row["log_evidence_se"], theirs["log_evidence_se"])),
                 )
             )
-    own = comparison.own_bayes_factors
-    rows += _against(own[own["method"] == "savage-dickey"], against)
     return pd.DataFrame(rows, columns=["form", "method", "ln_bf", "ln_bf_se"])
 
 

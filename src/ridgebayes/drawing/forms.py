@@ -32,11 +32,7 @@ _SUMMED = "summed out"  # not of the printed error model, but of all
 _METHODS = {
     _SUMMED: "*",
     "bridge": "o",
-    "importance": "p",
-    "quadrature": "s",
-    "laplace": "^",
-    "savage-dickey": "D",
-    "dynesty": "v",
+    "importance": "s",
 }
 _PRIORS = {"c": "$c$ and $c_1$", "c2": "$c_2$", "K": "$K$", "sigma": r"$\sigma$"}
 _SMOOTH: dict[str, tuple[str, dict[str, Any]]] = {

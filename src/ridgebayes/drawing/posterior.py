@@ -1,9 +1,8 @@
-"""Figures of a posterior: its marginals, its traces, and checks of what it predicts."""
+"""Figures of a posterior: its marginals, and checks of what it predicts."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -103,67 +102,6 @@ def plot_corner(
 
 
 @styled()
-def plot_traces(form: str, summary: pd.DataFrame, theta: FloatArray, *, n_parameter: int) -> Figure:
-    """Draw each ensemble's mean over its walkers, step by step, for each parameter.
-
-    Parameters
-    ----------
-    form : str
-        Name of the form.
-    summary : pandas.DataFrame
-        A row for each parameter to show: columns parameter, mean, sd, r_hat, ess_bulk.
-    theta : ndarray of float, shape (n_ensemble, n_step, n_walker, n_shown), any unit
-        Walkers' places.
-    n_parameter : int
-        How many parameters the posterior has.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel a parameter, one line an ensemble; the grey band is where the means of that
-        many independent draws fall 19 times in 20.
-    """
-    n_ensemble, n_step, n_walker, n = theta.shape
-    powers = _powers(theta.reshape(-1, n)).tolist()
-    figure, panels = panel_grid(n, 1.6, 1.0, labels=("kept step", ""), sharex=True)
-    steps = np.arange(1, n_step + 1)
-    for i, (axes, power) in enumerate(zip(panels, powers, strict=True)):
-        row = summary.iloc[i]
-        mean, half = row["mean"] * 10.0**power, 1.96 * row["sd"] * 10.0**power / np.sqrt(n_walker)
-        axes.axhspan(
-            mean - half,
-            mean + half,
-            color="#000000",
-            alpha=0.12,
-            linewidth=0,
-            label=f"95 % of means of {n_walker} independent draws",
-        )
-        for k, ensemble in enumerate(theta[..., i] * 10.0**power):
-            axes.plot(
-                steps,
-                ensemble.mean(axis=1),
-                linewidth=1.0,
-                color=_ensemble_colour(k),
-                label=f"ensemble {k + 1}",
-            )
-        axes.set_title(
-            f"{_scaled(row['parameter'], power)}\n"
-            f"R-hat {row['r_hat']:.4f}, ESS {row['ess_bulk']:,.0f}",
-            fontsize=9,
-        )
-        axes.yaxis.set_major_locator(MaxNLocator(4))
-        axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
-    note = "" if n == n_parameter else f", {n} of {n_parameter}"
-    figure.suptitle(
-        f"{title_of(form)}: mean over the {n_walker} walkers of each of {n_ensemble} ensembles"
-        f"{note}",
-        fontsize=10,
-    )
-    shared_legend(figure, panels[0], n_column=3)
-    return figure
-
-
-@styled()
 def plot_posterior_checks(
     form: str, quantities: Mapping[str, tuple[FloatArray, FloatArray, float]]
 ) -> Figure:
@@ -232,7 +170,3 @@ def _label(name: str, power: int) -> str:
 
 def _scaled(name: str, power: int) -> str:
     return f"$10^{{{power}}}$\N{NO-BREAK SPACE}{symbol(name)}" if power else symbol(name)
-
-
-def _ensemble_colour(k: int) -> str:
-    return ("#0072B2", "#D55E00", "#009E73", "#B2478F", "#6B4E00", "#56B4E9")[k % 6]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -41,7 +41,6 @@ NEGLIGIBLE = 1e-4  # of a form's probability: it is not walked, and need not con
 MAX_GAP = 12.0  # in ln evidence below the best, from where an evidence decides nothing
 _FEWER_ESTIMATES = 4  # times fewer draws are kept of densities that are dear estimates
 _MOST_REFINED = 2  # times that draws and points are doubled
-_Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 
 
@@ -84,6 +83,11 @@ class Pair:
     def name(self) -> str:
         """Name for messages."""
         return f"evidence of {self.form.name}, {self.noise.name}"
+
+    @property
+    def cost(self) -> float:
+        """How long it takes next to other pairs; estimates take longer than exact densities."""
+        return len(self.noise.parameter_names) * (1.0 if self.noise.tail == "normal" else 4.0)
 
     @property
     def own_seed(self) -> int:
@@ -140,6 +144,22 @@ class WeighedPairs:
     def evidence(self) -> pd.DataFrame:
         """Columns of `evidence.csv`, a row for each pair."""
         return evidence_table({key: [one.evidence] for key, one in self.weighed.items()})
+
+    def selected(self) -> Noise:
+        """Return the error model that is printed.
+
+        Where no evidence can be used, that of the highest evidence with draws: its fit says what it
+        lacks.
+
+        Raises
+        ------
+        ComputationError
+            If no pair has draws.
+        """
+        drawn = {key: one.evidence.value for key, one in self.weighed.items() if one.drawn}
+        if used_evidence(self.evidence).empty and drawn:
+            return self.pairs[max(drawn, key=lambda key: drawn[key])].noise
+        return selected_error_model(self.evidence)
 
     def form_share(self, form: str) -> float:
         """Return a form's posterior probability, error models summed out."""
@@ -201,9 +221,8 @@ class _Completion:
         return f"posterior of {self.pair.form.name}, {self.pair.noise.name}"
 
     @property
-    def cost(self) -> int:
-        """What the order of tasks goes by."""
-        return self.n_draw * len(self.pair.noise.parameter_names)
+    def cost(self) -> float:
+        return self.n_draw * self.pair.cost
 
 
 def _completed(task: _Completion) -> Posterior:
@@ -316,6 +335,23 @@ def _counts(found: Mapping[tuple[str, str], Weighed], key: tuple[str, str]) -> b
     return bool(found[key].evidence.value > best - MAX_GAP)
 
 
+class Task(Protocol):
+    """What a worker is given."""
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        ...
+
+    @property
+    def cost(self) -> float:
+        """How long it takes, next to others."""
+        ...
+
+
+_Task = TypeVar("_Task", bound=Task)
+
+
 def in_parallel(
     function: Callable[[_Task], _Result], tasks: Sequence[_Task], executor: Executor | None
 ) -> list[_Result]:
@@ -323,18 +359,11 @@ def in_parallel(
 
     Begun last they would keep one worker busy while the others have nothing to do.
     """
-    order = sorted(range(len(tasks)), key=lambda i: _cost(tasks[i]), reverse=True)
+    order = sorted(range(len(tasks)), key=lambda i: tasks[i].cost, reverse=True)
     begun = [tasks[i] for i in order]
     results = map_ordered(function, begun, executor, name=lambda task: task.name)
     by_place = dict(zip(order, results, strict=True))
     return [by_place[i] for i in range(len(tasks))]
-
-
-def _cost(task: object) -> float:
-    if isinstance(task, Pair):
-        is_normal = task.noise.tail == "normal"
-        return len(task.noise.parameter_names) * (1 if is_normal else 4)
-    return float(getattr(task, "cost", 0))
 
 
 def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:

@@ -64,6 +64,10 @@ class _Scaled:
     def name(self) -> str:
         return f"prior sensitivity of {self.pair.form.name}, {self.pair.noise.name}"
 
+    @property
+    def cost(self) -> float:
+        return self.pair.cost
+
 
 def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None) -> pd.DataFrame:
     """Return log evidences as each prior's scale is multiplied, error models summed out.
@@ -237,4 +241,4 @@ def _moved(mixture: Mixture, place: int, old: Distribution, new: Distribution) -
     centres[:, place] = middle
     factors[:, place] *= ((high - low) / 0.2)[:, None]
     shapes = factors @ np.swapaxes(factors, 1, 2)
-    return replace(mixture, centres=centres, factors=np.linalg.cholesky(shapes))
+    return replace(mixture, centres=centres, factors=np.asarray(np.linalg.cholesky(shapes), float))

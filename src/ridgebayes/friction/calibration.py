@@ -30,7 +30,8 @@ from ridgebayes.inference.diagnostics import (
     summarise,
     values_text,
 )
-from ridgebayes.inference.emcee_sampling import sample
+from ridgebayes.inference.emcee_sampling import walk
+from ridgebayes.inference.importance import Effort, at_least, importance_sample
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.netcdf import Stored, chains_of, read_tree, write_groups
 from ridgebayes.results import Fit
@@ -38,6 +39,7 @@ from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.scene.scene import Scene
 
 _N_INPUT = 512  # draws of each texture's contact
+_MOST_REFINED = 2  # times that draws are doubled where importance weights fail a check
 _NEGLIGIBLE = 1e-3  # relative deviation of the contact below which a component is left out
 
 
@@ -56,7 +58,7 @@ class FrictionFit(Tabular):
     convergence_failures : tuple of str
         Rules of convergence that were not met; empty if it converged.
     evidence : LogEvidence
-        Natural log evidence of ln mu, by bridge sampling.
+        Natural log evidence of ln mu, by importance sampling; of a walk by bridge sampling.
     rows : pandas.DataFrame
         The table, held-out rows too, with mu_median, mu_lower and mu_upper: bands of 90 % for a
         measurement of that standard error on a new subject, session and rig.
@@ -244,7 +246,8 @@ def calibrate_friction(
     rng : int or numpy.random.Generator, optional
         Seed; the same seed gives the same draws.
     settings : SampleSettings, optional
-        Lengths and thresholds of MCMC.
+        Lengths and thresholds of a walk by emcee, whose draws and evidence are then the fit's;
+        those of importance sampling if not given.
     progress : callable, optional
         Called with a line of text now and then.
 
@@ -297,24 +300,26 @@ def sampled(
     settings: SampleSettings | None,
     progress: ProgressCallback | None = None,
 ) -> tuple[Chains, pd.DataFrame, LogEvidence]:
-    """Return chains of a density, the parameters' summary and the evidence."""
-    names = density.model.unknown
-    chains = sample(
-        density.log_density,
-        density.laplace,
-        seed=seed,
-        names=names,
-        settings=settings,
-        progress=progress,
-    )
+    """Return chains of a density, the parameters' summary and the evidence.
+
+    Chains and evidence are those of importance sampling; with settings, of a walk.
+    """
+    target, names, effort = density.target, density.model.unknown, Effort()
+    drawn = importance_sample(target, effort, seed)
+    for _ in range(_MOST_REFINED):
+        if drawn.evidence.ok:
+            break
+        effort = effort.doubled
+        drawn = importance_sample(target, effort, seed)
+    if settings is None:
+        drawn = at_least(drawn, target, N_KEPT, effort, seed)
+        chains, evidence = drawn.chains, drawn.evidence
+    else:
+        walked = walk(target, drawn.proposal, seed=seed, settings=settings, progress=progress)
+        rng = stream(seed, "friction", "bridge")
+        chains, evidence = walked.chains, bridge_evidence(target, walked, rng=rng)
     columns = [PARAMETERS.index(name) for name in names]
-    summary = summarise(density.model.theta(chains.u)[..., columns], names)
-    bridge = stream(seed, "friction", "bridge")
-    return (
-        chains,
-        summary,
-        bridge_evidence(density.log_density, chains, density.laplace, rng=bridge, draws_max=10_000),
-    )
+    return chains, summarise(density.model.theta(chains.u)[..., columns], names), evidence
 
 
 def rows_of(

@@ -1,24 +1,24 @@
-"""Draws from a posterior: its normal approximation, samplers, diagnostics, files.
+"""Draws from a posterior: the integral over offsets, samplers, diagnostics, files.
 
-`laplace` finds a mode (`mode_search`), in the `coordinates` that suit; `moves` fits proposals.
-Three ways lead to a `Posterior` (`posterior`): a walk (`emcee_sampling`; `chains` has what it is
-asked for and what it returns, `checkpoint` keeps it on disk), `importance_sampling` (always where
-offsets have no closed-form integral), and for the power law exact draws (`power_law_exact`);
-`sampling` picks the one that suits a model. `diagnostics` judges draws, `qmc_nodes` compresses
-them, `arviz_groups` names them as arviz does, `netcdf` writes them, `mixture` makes few numbers of
-them, a prior for other programs; `log_evidence` has the record of an evidence, `presets` the
-accuracies to choose from. The room knows `model` and `runtime`. What they compute, and why it
-suffices: docs/derivations/sampling.md.
+`latent` integrates offsets and log K out of a model: exactly for normal rows (`precision`), by
+`points` around `sites` for others. `target` is what samplers see of a posterior, in `charts`.
+`importance` draws from it, by `modes` and the mixture of `proposal`; `emcee_sampling` walks it, the
+second way (`chains` has what a walk is asked for and returns, `checkpoint` keeps it on disk). A
+`Posterior` (`posterior`) holds draws, `diagnostics` judges them, `arviz_groups` names them as arviz
+does, `netcdf` writes them, `mixture` makes few numbers of them, a prior for other programs.
+`log_evidence` has the record of an evidence, `presets` the accuracies to choose from. The room
+knows `model` and `runtime`. How it works: docs/derivations/sampling.md.
 
->>> from ridgebayes.inference.importance_sampling import importance_posterior
+>>> from ridgebayes.inference.importance import Effort, importance_sample
+>>> from ridgebayes.inference.posterior import posterior_of
+>>> from ridgebayes.inference.target import ModelTarget
 >>> from ridgebayes.model.forms import Modified
 >>> from ridgebayes.model.model import Model
 >>> from ridgebayes.model.observations import Observations
 >>> from ridgebayes.table.datafiles import paper_sweep
 >>> model = Model(Observations.from_table(paper_sweep()), Modified())
->>> posterior, evidence = importance_posterior(model, seed=1)
->>> posterior
-Posterior(modified, iid: c = 1.374 ± 0.0034, sigma = 0.03185 ± 0.0037; converged)
->>> posterior.draws.shape, round(float(evidence.value), 1)
-((10240, 2), 78.9)
+>>> drawn = importance_sample(ModelTarget(model), Effort(), seed=1)
+>>> posterior = posterior_of(model, drawn, seed=1)
+>>> posterior.draws.shape, round(drawn.evidence.value, 1)
+((4096, 2), 78.9)
 """

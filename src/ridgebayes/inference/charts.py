@@ -6,9 +6,9 @@ coefficients are normal with precision and mean
 
 .. math:: A = I + J' S^{-1} J = R R', \qquad \hat u = -A^{-1} J' S^{-1} (r - J u^*).
 
-A *chart* measures them as ``z = R'(u - u_hat)``: the smaller the errors, the better coefficients are
-known, and z does not shrink with them. A posterior with several modes in the coefficients has a
-chart about each.
+A *chart* measures them as ``z = R'(u - u_hat)``: the smaller the errors, the better coefficients
+are known, and z does not shrink with them. A posterior with several modes in the coefficients has
+a chart about each.
 """
 
 import math
@@ -19,10 +19,13 @@ import numpy as np
 from scipy import optimize
 
 from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.errors import ComputationError
 from ridgebayes.inference.latent import LatentIntegral, Prepared
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.noise import SMOOTH
 
+_ROUNDING = 1e-13  # of log loads, relative
+_TO_ROUNDING = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-15)  # where loads agree to rounding
 _LEAST_SCALE = 1e-9  # of residuals, relative: below it loads agree to rounding
 _ROBUST_SCALE = 1.4826  # of the median absolute residual: the standard deviation of a normal
 _CANDIDATES = 24  # subsets of rows that references of outlier models are looked for with
@@ -124,15 +127,44 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
         Of the model.
     rng : numpy.random.Generator
         Picks the subsets of rows that candidates are fitted to.
+
+    Raises
+    ------
+    InputError
+        If the gradient of a form of one's own is not that of its rates.
+    ComputationError
+        If the form reproduces all rows to rounding, so that sigma has no lower bound.
     """
     model, k = integral.model, integral.model.n_outer_coefficient
+    base = _least_squares(integral, np.zeros(k)) if k else np.zeros(0)
+    model.check_gradient(np.concatenate([base, np.zeros(model.n_outer - k)]))
+    _refuse_perfect_rows(integral, base)
     if not k:
-        return [Chart.about(integral, np.zeros(0))]
-    base = _least_squares(integral, np.zeros(k))
+        return [Chart.about(integral, base)]
     references = [base]
     if model.noise.tail != "normal" and not {"step", SMOOTH} & set(model.noise.factors):
         references += _groups(integral, base, rng)
     return [Chart.about(integral, reference) for reference in references]
+
+
+def _refuse_perfect_rows(integral: LatentIntegral, base: FloatArray) -> None:
+    """Raise ComputationError where more rows than coefficients agree with the form to rounding."""
+    model, rows = integral.model, integral.rows
+    if model.noise.factors or not rows.exact.all() or rows.rel_se.any():
+        return  # something else keeps sigma from 0
+    whole = np.concatenate([base, np.zeros(model.n_outer - len(base))])
+    log_rates = model.outer_log_rates(model.outer_theta(whole))
+    residual = rows.errors(log_rates)
+    n_free = len(residual) - len(base)
+    if model.has_slopes:
+        count = np.bincount(rows.texture)
+        residual = residual - (np.bincount(rows.texture, residual) / count)[rows.texture]
+        n_free = len(residual) - len(count)
+    if n_free > 0 and np.abs(residual).max() < _ROUNDING * max(np.abs(rows.upper).max(), 1.0):
+        raise ComputationError(
+            f"{model.form.name}: the form reproduces all rows to rounding, and sigma has no lower "
+            "bound; add rows or their `rel_se`, or leave the form out"
+        )
 
 
 def _least_squares(
@@ -155,7 +187,9 @@ def _least_squares(
     for _ in range(3):
         with np.errstate(all="ignore"):
             try:
-                u = optimize.least_squares(residual, u, jacobian, x_scale="jac", max_nfev=50).x
+                u = optimize.least_squares(
+                    residual, u, jacobian, x_scale="jac", max_nfev=50, **_TO_ROUNDING
+                ).x
             except ValueError:  # a reference without positive rates: the start serves as well
                 return u
             left = _linearised(integral, u)[1][every]
@@ -178,7 +212,8 @@ def _groups(
         for _ in range(4):  # the nearest rows and their own fit, until these settle
             step = np.linalg.lstsq(jacobian[rows], -residual[rows], rcond=None)[0]
             rows = np.argsort(np.abs(residual + jacobian @ step), kind="stable")[:n_near]
-        found.append((float(np.abs(residual + jacobian @ step)[rows].max()), step, rows))
+        size = float(np.abs(residual + jacobian @ step)[rows].max())
+        found.append((size, np.asarray(step, float), rows))
     largest = _ROBUST_SCALE * float(np.median(np.abs(residual)))
     steps = [np.zeros(k)]
     references = []

@@ -8,7 +8,7 @@ and later) xarray's `DataTree`.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -41,7 +41,7 @@ ESS_MIN = 400.0
 _R_HAT_DRAWS = 25_600  # of each ensemble: disagreement shows in them as in a million
 _WINDOW = 5.0  # tau: Sokal's constant
 _FEW_LAGS = 64  # lags that cost less one by one than all of them by Fourier transform
-BAD_SHARE = 0.2  # of the rows that may have such weights before their sum is not quoted
+MOST_REFITTED = 20  # rows of a fit: more would take a posterior each
 
 
 def arviz_object(groups: Mapping[str, "xr.Dataset"]) -> Any:
@@ -182,7 +182,8 @@ class Loo:
     pointwise : ndarray of float, shape (n_obs,)
         Each row's log predictive density.
     pareto_k : ndarray of float, shape (n_obs,)
-        Shape of each row's importance weights; above 0.7 the row's value is not to be trusted.
+        Shape of each row's importance weights, 0 of rows scored without them; above 0.7 the row's
+        value is not to be trusted.
     """
 
     elpd: float
@@ -198,14 +199,15 @@ class Loo:
 
     @property
     def status(self) -> str:
-        """``ok``, or why the sum is not to be quoted: too many of its rows are not trusted."""
-        n = len(self.pareto_k)
-        if self.n_bad_k <= BAD_SHARE * n:
+        """``ok``, or why the sum is not to be quoted: some of its rows are not trusted."""
+        if not self.n_bad_k:
             return "ok"
-        return f"{self.n_bad_k} of {n} rows have a Pareto k above {K_MAX}"
+        return f"{self.n_bad_k} of {len(self.pareto_k)} rows have a Pareto k above {K_MAX}"
 
 
-def leave_one_out(log_likelihood: FloatArray, reff: float) -> Loo:
+def leave_one_out(
+    log_likelihood: FloatArray, reff: float, refitted: Callable[[int], float] | None = None
+) -> Loo:
     """Score a fit by leaving out one row at a time.
 
     Parameters
@@ -214,6 +216,10 @@ def leave_one_out(log_likelihood: FloatArray, reff: float) -> Loo:
         Of each row at each draw.
     reff : float
         Effective over actual number of draws.
+    refitted : callable, optional
+        Returns the log predictive density of a row, by its number, from a posterior without it;
+        NaN if there is none. Asked of the rows whose Pareto k is above 0.7, if these are at most
+        20.
 
     Returns
     -------
@@ -228,10 +234,17 @@ def leave_one_out(log_likelihood: FloatArray, reff: float) -> Loo:
     smoothed = [pareto_smoothed(-row, min(reff, 1.0)) for row in rows]
     weighed = zip(smoothed, rows, strict=True)
     pointwise = np.array([logsumexp(log_weight + row) for (log_weight, _), row in weighed])
+    shapes = np.array([shape for _, shape in smoothed])
+    bad = np.flatnonzero(~(shapes <= K_MAX)).tolist()
+    if refitted is not None and len(bad) <= MOST_REFITTED:
+        for i in bad:
+            value = refitted(i)
+            if math.isfinite(value):
+                pointwise[i], shapes[i] = value, 0.0
     elpd, n = float(pointwise.sum()), len(rows)
     p = float((logsumexp(rows, axis=1) - math.log(rows.shape[1])).sum()) - elpd
     se = math.sqrt(n * pointwise.var(ddof=1)) if n > 1 else math.nan
-    return Loo(elpd, se, p, pointwise, np.array([shape for _, shape in smoothed]))
+    return Loo(elpd, se, p, pointwise, shapes)
 
 
 def stacking_weights(pointwise: FloatArray) -> FloatArray:

@@ -15,11 +15,13 @@ doi:10.1111/j.1467-9469.2011.00756.x; Vehtari et al. (2024), Journal of Machine 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import ComputationError
+from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.modes import N_START, find_modes
 from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_k
@@ -96,6 +98,20 @@ class Drawn:
     evidence: LogEvidence
     share: float
     proposal: Mixture
+
+    @property
+    def chains(self) -> Chains:
+        """The draws as chains: a set is one, and a block of draws a step."""
+        n_repeat, n, d = self.u.shape
+        shape = (n_repeat, n // BLOCK, BLOCK)
+        failures = () if self.evidence.ok else (self.evidence.status,)
+        return Chains(
+            self.u.reshape(*shape, d),
+            self.log_density.reshape(shape),
+            np.full(n_repeat, self.share),
+            np.ones(d + 1),
+            failures,
+        )
 
 
 def importance_sample(
@@ -236,7 +252,7 @@ def _modes(target: Target, rng: np.random.Generator) -> Mixture:
         starts = _SPREAD_OF_STARTS * rng.standard_normal((N_START, d))
         starts[:, :k] = 0.0  # the centre of the coefficients given all else
         starts[: N_START // 4, :k] = rng.standard_normal((N_START // 4, k))
-        modes = find_modes(lambda q, chart=chart: target.approximate(chart, q), starts)
+        modes = find_modes(partial(target.approximate, chart), starts)
         found += [(chart, mode) for mode in modes]
     if not found:
         raise ComputationError(

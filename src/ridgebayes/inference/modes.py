@@ -117,7 +117,8 @@ def _gradients(log_density: Density, x: FloatArray) -> FloatArray:
     n, d = x.shape
     ahead, behind = x[:, None] + _STEP * np.eye(d), x[:, None] - _STEP * np.eye(d)
     values = log_density(np.concatenate([ahead, behind]).reshape(-1, d)).reshape(2, n, d)
-    return np.nan_to_num((values[0] - values[1]) / (2 * _STEP), posinf=0.0, neginf=0.0)
+    slope: FloatArray = (values[0] - values[1]) / (2 * _STEP)
+    return np.asarray(np.nan_to_num(slope, posinf=0.0, neginf=0.0))
 
 
 def _approximated(log_density: Density, x: FloatArray, value: float) -> FoundMode:

@@ -12,7 +12,7 @@ from ridgebayes.contact.scaling import Texture
 from ridgebayes.inference.chains import N_KEPT, Chains
 from ridgebayes.inference.diagnostics import failed_diagnostics, summarise, values_text
 from ridgebayes.inference.emcee_sampling import Walked
-from ridgebayes.inference.importance import BLOCK, Drawn
+from ridgebayes.inference.importance import Drawn
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.forms import Form
@@ -66,6 +66,8 @@ class Posterior:
     >>> fit.at_draws(fit.coordinates[:10], seed=1).draws.shape
     (10, 3)
     >>> fit.shared_offsets(2) is None  # independent rows share none
+    True
+    >>> fit.log_likelihood_of_rows.shape == fit.draws.shape[:1]
     True
     """
 
@@ -253,16 +255,9 @@ def posterior_of(model: Model, drawn: Drawn, seed: int) -> Posterior:
     n_repeat, n, d = drawn.u.shape
     u, scores = drawn.u.reshape(-1, d), drawn.scores.reshape(n_repeat * n, drawn.scores.shape[-1])
     whole = completed(model, u, scores, stream(seed, "offsets"))
-    shape = (n_repeat, n // BLOCK, BLOCK)
-    ones = np.ones(whole.shape[1] + 1)
-    failures = () if drawn.evidence.ok else (drawn.evidence.status,)
-    chains = Chains(
-        whole.reshape(*shape, -1),
-        drawn.log_density.reshape(shape),
-        np.full(n_repeat, drawn.share),
-        ones,
-        failures,
-    )
+    chains = drawn.chains
+    whole = whole.reshape(*chains.log_density.shape, -1)
+    chains = replace(chains, u=whole, tau=np.ones(whole.shape[-1] + 1))
     return _posterior(model, chains, seed, "importance", drawn.evidence)
 
 

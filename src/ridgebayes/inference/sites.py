@@ -1,8 +1,8 @@
 """Normals that stand for rows whose densities are not normal, to draw points around.
 
-A Student row is a normal of unknown variance: its site has the mean precision given the residual. An
-interval's site is found by expectation propagation (Minka 2001), each end of a count by itself. Sites
-only decide where points lie; the points' weights hold the rows' own densities.
+A Student row is a normal of unknown variance: its site has the mean precision given the residual.
+An interval's site is found by expectation propagation (Minka 2001), each end of a count by itself.
+Sites only decide where points lie; the points' weights hold the rows' own densities.
 """
 
 import math

@@ -131,7 +131,7 @@ class ModelTarget:
                 u = np.choose(charts[:, None], [one.to_scores(q) for one in each])
             coordinates = np.stack([one.from_scores(u) for one in each])
             log_jacobian = np.stack([one.log_jacobian for one in each])
-            usable = np.isfinite(u).all(axis=1)
+            usable = np.asarray(np.isfinite(u).all(axis=1))
             within = np.where(usable[:, None], u, 0.0)
             found = self.integral.estimated(within, rng, n_point, prepared)
         log_density, from_half = (
@@ -150,7 +150,7 @@ class ModelTarget:
         with np.errstate(all="ignore"):
             conditional = self.charts[chart].conditional(prepared)
             u = conditional.to_scores(q)
-            usable = np.isfinite(u).all(axis=1)
+            usable = np.asarray(np.isfinite(u).all(axis=1))
             value = self.integral.approximate(np.where(usable[:, None], u, 0.0), prepared)
             value = value + conditional.log_jacobian
         return np.where(usable & np.isfinite(value), value, -np.inf)

@@ -127,40 +127,45 @@ def _pairs(factors: pd.DataFrame, caption: str) -> Table:
 
 
 def agreement_table(data: ReportData) -> Table:
-    """Return the evidence by every method and the distance between them in standard errors."""
+    """Return the evidence by every method, and what lies between them in joint standard errors."""
     evidence = data.comparison.own_evidence
-    others = [m for m in dict.fromkeys(evidence["method"]) if m != "bridge"]
-    check = "importance" if "importance" in others else "quadrature"
+    walked = "bridge" in set(evidence["method"])
     rows = []
     for name in data.ranked:
         part = evidence[evidence["form"] == name].to_dict("records")
         own = {row["method"]: row for row in part}
-        cells = [_evidence(own.get(method)) for method in ("bridge", *others)]
-        rows.append([form_name(name), *cells, _distance(own, check)])
-    return Table(
-        ["Form", "bridge", *others, f"bridge − {check}, in standard errors"],
-        rows,
-        "ln evidence by independent methods. Bridge: from the posterior's draws. Quadrature: "
-        "without draws. Importance: from draws of its own. Laplace: a first approximation, without "
-        "an error.",
-    )
+        cells = [_evidence(own.get("importance"))]
+        if walked:
+            cells += [_evidence(own.get("bridge")), _distance(own)]
+        rows.append([form_name(name), *cells])
+    header = ["Form", "importance"]
+    words = "ln evidence by independent methods. Importance: from draws of importance sampling. "
+    if walked:
+        header += ["bridge", "bridge − importance, in joint standard errors"]
+        words += (
+            "Bridge: from the draws of a walk by emcee. A difference above four counts as not "
+            "converged. Forms of negligible probability are not walked."
+        )
+    else:
+        words += "Forms were not walked."
+    return Table(header, rows, words)
 
 
 def _evidence(row: Mapping[Any, Any] | None, most: int = 4) -> str:
     if row is None:
         return ABSENT
-    if row["status"] != "ok":
+    if not math.isfinite(row["log_evidence"]):
         return str(row["status"])
-    has_error = row["log_evidence_se"] == row["log_evidence_se"]
-    return with_error(row["log_evidence"], row["log_evidence_se"], most if has_error else 1)
+    return with_error(row["log_evidence"], row["log_evidence_se"], most)
 
 
-def _distance(own: Mapping[str, Mapping[Any, Any]], check: str) -> str:
-    if not {"bridge", check} <= set(own):
+def _distance(own: Mapping[str, Mapping[Any, Any]]) -> str:
+    if not {"bridge", "importance"} <= set(own):
         return ABSENT
-    a, b = own["bridge"], own[check]
+    a, b = own["bridge"], own["importance"]
     error = _hypot(a["log_evidence_se"], b["log_evidence_se"])
-    return decimals((a["log_evidence"] - b["log_evidence"]) / error, 1) if error else ABSENT
+    apart = (a["log_evidence"] - b["log_evidence"]) / error if error else math.nan
+    return decimals(apart, 1) if math.isfinite(apart) else ABSENT
 
 
 def _hypot(*errors: float) -> float:
@@ -202,10 +207,9 @@ def error_models_section(data: ReportData) -> list[Block]:
                     ["Error model", *map(form_name, forms), "ln of the mean", "Probability"],
                     rows,
                     "ln evidence of every form under every error model, and the log of its mean "
-                    "over the forms. A form without a usable evidence counts as zero. Error models "
-                    "that were not chosen: importance sampling where near the best, otherwise "
-                    "Laplace's approximation, without an error estimate. Independent rows (iid): "
-                    "quadrature. Names are those of --noise.",
+                    "over the forms, by importance sampling. A form without a usable evidence "
+                    "counts as zero. Evidences far below the best have larger errors and decide "
+                    "nothing. Names are those of --noise.",
                     strong=(0,),
                 ),
                 Text(

@@ -150,9 +150,9 @@ def cost_section(data: ReportData) -> list[Block]:
     )
     if not wanted.extras:
         words += (
-            "A quick run weighs normal error models by Laplace's approximation and draws from the "
-            f"posteriors by importance sampling, of which {wanted.n_kept} draws are kept. It "
-            "leaves no textures out, compares no finite elements, and draws few figures. "
+            f"A quick run weighs normal error models alone, and keeps {wanted.n_kept:,} draws of "
+            "each form. It walks no form, leaves no textures out, compares no finite elements, "
+            "and draws few figures. "
         )
     if not len(costs):
         return [Text(words)]

@@ -1,13 +1,14 @@
 # ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
-"""Sections on the posteriors: coefficients, convergence, corner plots, traces, checks."""
+"""Sections on the posteriors: coefficients, convergence, corner plots, checks."""
 
 import numpy as np
 
 from ridgebayes.checks.power_scaling import THRESHOLD
 from ridgebayes.checks.repeat import OUTER
 from ridgebayes.checks.report_data import ReportData
+from ridgebayes.inference.pareto_smoothing import K_MAX
 from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
-from ridgebayes.report.figures.gallery import MOST_PARAMETERS, WALK
+from ridgebayes.report.figures.gallery import MOST_PARAMETERS
 from ridgebayes.report.wording import (
     ABSENT,
     decimals,
@@ -96,36 +97,31 @@ def convergence_section(data: ReportData) -> list[Block]:
     fits, rows = data.comparison.fits, []
     for name in data.ranked:
         summary, chains = fits[name].summary, fits[name].chains
-        walked, known = fits[name].sampler == WALK, np.all(np.isfinite(chains.tau))
         rows.append(
             [
                 form_name(name),
                 fits[name].sampler,
-                f"{chains.u.shape[0]} × {chains.u.shape[2]}" if walked else ABSENT,
-                decimals(float(np.max(chains.tau)), 2) if walked and known else ABSENT,
                 f"{summary['ess_bulk'].min():,.0f}",
                 f"{summary['ess_tail'].min():,.0f}",
                 decimals(summary["r_hat"].max(), 4),
-                f"{chains.acceptance.min():.2f} to {chains.acceptance.max():.2f}",
+                f"{chains.acceptance.min():.2f}",
                 "converged" if fits[name].converged else "did not converge",
             ]
         )
-    header = ("Form", "Drawn by", "Ensembles × walkers", "τ, steps", "Bulk ESS", "Tail ESS")
     return [
         Table(
-            [*header, "R-hat", "Acceptance", "State"],
+            ["Form", "Drawn by", "Bulk ESS", "Tail ESS", "R-hat", "Share", "State"],
             rows,
-            "The worst parameter of each form. τ: integrated autocorrelation time. ESS: effective "
-            "sample size. R-hat: across independently started ensembles, or independent proposals. "
-            "Acceptance: accepted share of MCMC steps; for importance sampling, effective draws "
-            "per draw.",
-            text=(0, 1, 8),
-            badge=8,
+            "The worst parameter of each form. ESS: effective sample size. R-hat: across four "
+            "independent sets of draws. Share: effective draws per draw.",
+            text=(0, 1, 6),
+            badge=6,
         ),
         Text(
-            "Converged means: over 50 τ steps for every parameter and the log posterior, τ stable "
-            "to 1 %, or importance weights with a Pareto k under 0.7; R-hat under 1.01, bulk and "
-            "tail ESS of at least 400.",
+            f"Converged means: importance weights with a Pareto k of at most {K_MAX:g}; R-hat "
+            "under 1.01, bulk and tail ESS of at least 400. Where a second way was taken, a walk "
+            "by emcee, also: over 50 integrated autocorrelation times of every parameter and the "
+            "log posterior; evidences of both ways within four joint standard errors.",
             "note",
         ),
         *(_not_converged(data, name) for name, fit in fits.items() if not fit.converged),
@@ -149,11 +145,11 @@ def repeat_section(data: ReportData) -> list[Block]:
         return []
     how = f"{form_name(data.shown)} was drawn again with twice the draws ({found.n_draw:,}), "
     if found.failed:
-        return [Text(f"{how}by importance sampling, which failed: {found.failed}.", "warning")]
+        return [Text(f"{how}which failed: {found.failed}.", "warning")]
     return [
         Text(
-            f"{how}another seed and another method, importance sampling. The mean that moved most "
-            f"is that of {parameter_name(found.parameter)}, by {decimals(found.moved, 2)} "
+            f"{how}another seed, and modes searched for anew. The mean that moved most is that of "
+            f"{parameter_name(found.parameter)}, by {decimals(found.moved, 2)} "
             "posterior standard deviations."
         )
     ]
@@ -203,15 +199,6 @@ def corner_section(data: ReportData) -> list[Block]:
         )
         pictures.append(Picture(f"corner-{name}", caption, narrow=n < 6))
     return pictures
-
-
-def trace_section(data: ReportData) -> list[Block]:
-    """Return the traces of every fit."""
-    words = (
-        "means of each ensemble. Lines within the grey band no longer depend on where they started."
-    )
-    # What does not apply, as of a form that importance sampling drew, is left out.
-    return [Picture(f"traces-{name}", f"{form_name(name)}: {words}") for name in data.ranked]
 
 
 def checks_section(data: ReportData) -> list[Block]:

@@ -156,7 +156,6 @@ def computation(data: ReportData) -> list[Block]:
         Folded("Sensitivity to prior and likelihood", posteriors.power_scaling_section(data)),
         Folded("Accuracy and run time", inputs.cost_section(data)),
         Folded("Posteriors", posteriors.corner_section(data)),
-        Folded("Traces", posteriors.trace_section(data)),
     ]
 
 

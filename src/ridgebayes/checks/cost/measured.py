@@ -1,5 +1,6 @@
 """One setting of one method, timed and compared; and which settings are worth their price."""
 
+import math
 import time
 import tracemalloc
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,30 +15,18 @@ from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import best_form
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.laplace import fit_laplace
-from ridgebayes.inference.posterior import Posterior, drawn_exactly
+from ridgebayes.inference.importance import importance_sample
+from ridgebayes.inference.posterior import Posterior, posterior_of
+from ridgebayes.inference.presets import QUICK
+from ridgebayes.inference.target import ModelTarget
 
-COST_COLUMNS = (
-    "task",
-    "method",
-    "setting",
-    "quantity",
-    "error",
-    "reference",
-    "wall_s",
-    "cpu_s",
-    "cpu_s_spread",
-    "peak_MiB",
-    "repeats",
-    "status",
-)
+_KNOWN = ("task", "method", "setting", "quantity", "error", "reference")
+_SPENT = ("wall_s", "cpu_s", "cpu_s_spread", "peak_MiB", "repeats", "status")
+COST_COLUMNS = _KNOWN + _SPENT
 SHORT_COLUMNS = ("task", "method", "error", "cpu_s")  # of the version in a run's report
 LEVELS = (0.1, 0.01, 0.001)
 _SLOW = 2.0  # seconds: what takes longer is not repeated
 _QUICK, _MANY = 0.01, 25  # seconds under which so many runs are timed, after one that is not
-_FEW, _ROUNDS = 128, {"n_round": 2, "n_per_round": 500}
-_MOST_COORDINATES = 40  # beyond, a second look takes minutes
 _T = TypeVar("_T")
 _Knob = TypeVar("_Knob")
 _Row = dict[str, float | int | str]
@@ -116,27 +105,28 @@ def measure(one: Setting, *, repeats: int = 3) -> list[_Row]:
         known = (one.task, one.method, one.setting, quantity, error, one.reference)
         return dict(zip(COST_COLUMNS, (*known, *spent, len(walls), status), strict=True))
 
+    def run() -> None:
+        nonlocal found
+        wall, cpu = time.perf_counter(), time.process_time()
+        found = one.compute()
+        walls.append(time.perf_counter() - wall)
+        cpus.append(time.process_time() - cpu)
+
+    peak = math.nan
     try:
-        left, warm = repeats, False
-        while left:
-            wall, cpu = time.perf_counter(), time.process_time()
-            found = one.compute()
-            walls.append(time.perf_counter() - wall)
-            cpus.append(time.process_time() - cpu)
-            left -= 1
-            if len(walls) == 1 and walls[0] > _SLOW:
-                left = 0
-            elif not warm and walls[0] < _QUICK:
-                warm, walls, cpus, left = True, [], [], max(repeats, _MANY)
-        tracemalloc.start()
-        try:
-            if walls[0] <= _SLOW:
-                one.compute()
-            peak = tracemalloc.get_traced_memory()[1] / 2**20 if walls[0] <= _SLOW else np.nan
-        finally:
-            tracemalloc.stop()
+        run()
+        if walls[0] < _QUICK:  # the first run is not warm
+            walls, cpus, repeats = [], [], max(repeats, _MANY)
+        while len(walls) < repeats and not (walls and walls[0] > _SLOW):
+            run()
+        if walls[0] <= _SLOW:
+            tracemalloc.start()
+            one.compute()
+            peak = tracemalloc.get_traced_memory()[1] / 2**20
     except Exception as failed:  # a method that fails is a row, not the end
-        return [row("", np.nan, [np.nan] * 4, f"failed: {failed}")]
+        return [row("", math.nan, [math.nan] * 4, f"failed: {failed}")]
+    finally:
+        tracemalloc.stop()
     spread = np.subtract(*np.quantile(cpus, [0.75, 0.25])) / 2
     spent = [float(np.median(walls)), float(np.median(cpus)), float(spread), peak]
     return [row(quantity, abs(error), spent, "ok") for quantity, error in found.items()]
@@ -160,15 +150,13 @@ def cheapest(frame: pd.DataFrame) -> list[str]:
     for (task, quantity), group in ok.groupby(["task", "quantity"], sort=False):
         for level in LEVELS:
             enough = group[group["error"] <= level].sort_values("cpu_s")
-            if enough.empty:
-                said.append(f"{task}, {quantity}: nothing here reaches {level:.3g}.")
-                continue
-            row = enough.iloc[0]
-            said.append(
-                f"{task}, {quantity}: {level:.3g} is reached most cheaply by {row['method']} "
-                f"({row['setting']}), in {row['cpu_s']:.2g} CPU seconds with an error of "
-                f"{row['error']:.1e}."
-            )
+            said.append(f"{task}, {quantity}: nothing here reaches {level:.3g}.")
+            for row in enough.head(1).to_dict("records"):
+                said[-1] = (
+                    f"{task}, {quantity}: {level:.3g} is reached most cheaply by {row['method']} "
+                    f"({row['setting']}), in {row['cpu_s']:.2g} CPU seconds with an error of "
+                    f"{row['error']:.1e}."
+                )
     return said
 
 
@@ -190,19 +178,20 @@ def short_costs(comparison: Comparison, stages: Sequence[dict[str, Any]]) -> pd.
         numbers; of the run's own they are the Monte Carlo standard errors.
     """
     name = best_form(comparison) or next(iter(comparison.fits))
-    fit = comparison.fits[name]
-    rows: list[tuple[str, str, float, float]] = [*_loads(comparison, fit)]
-    if fit.model.n_coordinate <= _MOST_COORDINATES and not drawn_exactly(fit.model):
-        rows += _second_looks(comparison, fit)
+    fit, own = comparison.fits[name], comparison.own_evidence
     spent = {str(stage["name"]): float(stage["cpu_s"]) for stage in stages}
-    own = (fit.summary["mcse_mean"] / fit.summary["sd"]).max()
-    rows.append(("posterior", "this run", float(own), spent.get(f"calibrate {name}", np.nan)))
-    evidence = comparison.own_evidence
-    evidence = evidence[(evidence["form"] == name) & evidence["used"]]
-    if len(evidence):
-        seconds = spent.get(f"calibrate {name}", np.nan)  # in which the evidence is found, too
-        error = float(evidence["log_evidence_se"].iloc[0])
-        rows.append(("evidence", f"this run, {evidence['method'].iloc[0]}", error, seconds))
+    # Of all forms under all error models.
+    drawn = spent.get("evidences", math.nan) + spent.get("posteriors", math.nan)
+    walked = spent.get(f"walk {name}", math.nan)
+    error = float((fit.summary["mcse_mean"] / fit.summary["sd"]).max())
+    rows: list[tuple[str, str, float, float]] = [*_loads(comparison, fit)]
+    own = own[own["form"] == name].set_index("method")
+    value = own["log_evidence"].get("importance", math.nan)
+    rows += _second_look(fit, float(value))
+    rows.append(("posterior", "this run, every form and error model", error, drawn))
+    for method, found in own.iterrows():
+        seconds = walked if method == "bridge" else drawn
+        rows.append(("evidence", f"this run, {method}", float(found["log_evidence_se"]), seconds))
     return pd.DataFrame(rows, columns=list(SHORT_COLUMNS))
 
 
@@ -236,31 +225,18 @@ def _loads(comparison: Comparison, fit: Posterior) -> Iterator[tuple[str, str, f
     yield "loads", "half-plane, same texture", float(np.abs(off).max()), seconds
 
 
-def _second_looks(
-    comparison: Comparison, fit: Posterior
-) -> Iterator[tuple[str, str, float, float]]:
-    """Yield Laplace's approximation and a few importance draws."""
-    mean, sd = fit.summary["mean"].to_numpy(), fit.summary["sd"].to_numpy()
-    own = comparison.own_evidence
-    used = own[(own["form"] == fit.form.name) & own["used"]]["log_evidence"].to_numpy(float)
-    value = float(used[0]) if len(used) else np.nan
+def _second_look(fit: Posterior, value: float) -> Iterator[tuple[str, str, float, float]]:
+    """Yield the quick preset's draws, beside the run's own means and evidence."""
+    mean, sd = fit.summary["mean"], fit.summary["sd"]
 
-    def laplace() -> tuple[float, float]:
-        found = fit_laplace(fit.model)
-        z = np.random.default_rng(fit.seed).standard_normal((4_096, found.mode.size))
-        theta = fit.model.to_theta(found.unwhiten(z)[0])
-        return float(np.abs((theta.mean(axis=0) - mean) / sd).max()), found.log_evidence
+    def quick() -> tuple[float, float]:
+        drawn = importance_sample(ModelTarget(fit.model, fit.seed), QUICK.effort, fit.seed)
+        again = posterior_of(fit.model, drawn, fit.seed).summary["mean"]
+        return float((np.abs(again - mean) / sd).max()), abs(drawn.evidence.value - value)
 
-    def importance() -> tuple[float, float]:
-        found, evidence = importance_posterior(fit.model, seed=fit.seed, n_draw=_FEW, **_ROUNDS)
-        off = np.abs((found.summary["mean"].to_numpy() - mean) / sd)
-        return float(off.max()), evidence.value
-
-    for method, work in (("Laplace", laplace), (f"{4 * _FEW} importance draws", importance)):
-        try:
-            (error, log_evidence), seconds = _timed(work)
-        except ComputationError:
-            continue
-        yield "posterior", method, error, seconds
-        if not np.isnan(value):
-            yield "evidence", method, abs(log_evidence - value), seconds
+    try:
+        (error, apart), seconds = _timed(quick)
+    except ComputationError:
+        return
+    yield "posterior", "importance sampling, preset quick", error, seconds
+    yield "evidence", "importance sampling, preset quick", apart, seconds

@@ -28,8 +28,7 @@ if TYPE_CHECKING:  # heavy
     from matplotlib.figure import Figure
 
 KINDS = ("png", "svg")
-WALK = "emcee"  # the sampler whose draws leave a trace
-MOST_PARAMETERS = 6  # a corner plot of more cannot be read, and traces fill pages
+MOST_PARAMETERS = 6  # a corner plot of more cannot be read
 
 
 class Gallery(Mapping[str, "Figure"]):
@@ -131,9 +130,9 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
         ``bands``, and ``bands-first`` with three textures where
         there are more; ``held-out`` where rows were; ``percent-error``, ``slopes``;
         ``smooth-cylinder`` of the embedded sweep; ``coverage`` where it was counted;
-        ``posterior-checks`` and ``prior-bands`` of the best form; ``corner-<form>`` and
-        ``traces-<form>`` of each fit, traces of walks alone. Of a quick comparison only
-        ``evidence``, ``bands-first`` (or ``bands``) and ``held-out``.
+        ``posterior-checks`` and ``prior-bands`` of the best form; ``corner-<form>``
+        of each fit. Of a quick comparison only ``evidence``, ``bands-first`` (or ``bands``) and
+        ``held-out``.
     """
     comparison, shown, study = data.comparison, data.shown, data.study
     extras, held_out, errors = data.preset.extras, data.held_out, data.percent_errors
@@ -172,7 +171,6 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     for name in data.ranked if extras else ():
         fit = comparison.fits[name]
         recipes[f"corner-{name}"] = partial(corner_of, fit, published=study is not None)
-        recipes[f"traces-{name}"] = fit.sampler == WALK and partial(traces_of, fit)
     return {name: recipe for name, recipe in recipes.items() if recipe}
 
 
@@ -238,17 +236,6 @@ def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False)
     chosen = [names[i] for i in shown]
     return drawing.posterior.plot_corner(
         fit.form.name, chosen, draws, printed, n_parameter=len(names)
-    )
-
-
-def traces_of(fit: Fit) -> "Figure":
-    """Draw the thinned steps of each ensemble of a fit."""
-    shown, n_ensemble = shown_parameters(fit), len(fit.chains.u)
-    n_walker = fit.chains.u.shape[2]
-    n_parameter = fit.model.n_parameter
-    theta = fit.draws.reshape(n_ensemble, -1, n_walker, n_parameter)[..., shown]
-    return drawing.posterior.plot_traces(
-        fit.form.name, fit.summary.iloc[shown], theta, n_parameter=n_parameter
     )
 
 

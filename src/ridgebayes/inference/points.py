@@ -1,0 +1,301 @@
+"""Unbiased estimates of the integral over scores, for rows that are not normal.
+
+Points lie around a normal approximation (`ridgebayes.inference.sites`), afresh for each draw of the
+outer parameters. Given the scores beside textures the integral is a product of one over each
+texture's score, so that each has points of its own. The mean weight is unbiased, and a point taken
+in proportion to its weight is a draw of the scores (Andrieu & Roberts 2009,
+doi:10.1214/07-AOS574).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtri
+
+from ridgebayes._types import FloatArray
+from ridgebayes.inference.precision import Precision
+from ridgebayes.inference.sites import Sites
+from ridgebayes.model.linear_algebra import solve_lower
+from ridgebayes.model.offsets import Design, Root
+from ridgebayes.model.rows import Rows
+from ridgebayes.model.tails import Tail
+
+_LOG_2PI = math.log(2 * math.pi)
+# Points are logistic: a closed form, and tails as those of a Student distribution of nine degrees
+# of freedom. Of this scale the peak is the standard normal's, nearly.
+_POINT_SCALE = 0.65
+_EDGE = 1e-12  # least probability beyond a point
+_INNER_POINTS = 8  # of textures' scores, for each point of the other scores
+_INFORMED = 1.02  # pivot of M from which rows say anything of a score, whose prior is normal
+# Passes in which sites settle. Student rows' variances take longer than intervals.
+_PASSES, _PASSES_STUDENT = 2, 5
+
+
+class Estimate(NamedTuple):
+    """Log density of outer parameters with the scores integrated out, and a draw of the scores.
+
+    Parameters
+    ----------
+    log_density : ndarray of float, shape (n_draw,)
+        Log posterior density of the outer parameters' normal scores, not normalised: exact for
+        normal rows, else the log of an unbiased estimate.
+    from_half : ndarray of float, shape (n_draw,)
+        The same by half of the points.
+    scores : ndarray of float, shape (n_draw, n_level)
+        Draws of the scores; of normal rows none, see `LatentIntegral.draw`.
+    """
+
+    log_density: FloatArray
+    from_half: FloatArray
+    scores: FloatArray
+
+
+class Batch(NamedTuple):
+    """Rows at many draws of the outer parameters.
+
+    Parameters
+    ----------
+    error : ndarray of float, shape (n_draw, n_predictor)
+        Errors without offsets.
+    scale : ndarray of float, shape (n_draw, n_row)
+        Scale of each row's own error.
+    df : ndarray of float, shape (n_draw, 1), or None
+        Degrees of freedom.
+    root : Root
+        L.
+    prior_variance : ndarray of float, shape (n_draw, n_predictor)
+        Variance a priori of each predictor's offset.
+    """
+
+    error: FloatArray
+    scale: FloatArray
+    df: FloatArray | None
+    root: Root
+    prior_variance: FloatArray
+
+
+class Approximation(NamedTuple):
+    """Normal approximation of the scores: means, the offsets that they make, and precision."""
+
+    first: FloatArray
+    rest: FloatArray
+    offset: FloatArray
+    precision: Precision
+
+
+class PointIntegral:
+    """The integral over scores, by points.
+
+    Parameters
+    ----------
+    rows : Rows
+        Rows.
+    design : Design
+        Levels of their predictors.
+    tail : Tail
+        Distribution of the rows' own errors.
+    """
+
+    def __init__(self, rows: Rows, design: Design, tail: Tail) -> None:
+        self.rows, self.design, self.tail = rows, design, tail
+        self._richtmyer = np.sqrt(_primes(max(design.n_rest, 1))) % 1.0
+        # Rows of one texture stand together in this order.
+        self._order = np.argsort(rows.texture, kind="stable")
+        self._n_in_texture = np.bincount(rows.texture)
+        self._begins = np.cumsum(self._n_in_texture) - self._n_in_texture
+
+    def n_points(self, n_point: int) -> tuple[int, int]:
+        """Return points of the rest, and points of the textures' scores for each of these."""
+        if not self.design.n_rest:
+            return 1, n_point
+        if not self.design.n_first:
+            return n_point, 1
+        return max(n_point // 4, 4), _INNER_POINTS
+
+    def approximation(self, batch: Batch) -> Approximation:
+        """Return the scores' normal approximation: rows stand for normals of their own."""
+        sites = Sites.begun(
+            self.rows, batch.error, batch.scale, self.tail, batch.df, batch.prior_variance
+        )
+        for _ in range(_PASSES if batch.df is None else _PASSES_STUDENT):
+            given = self._given(sites, batch.root)
+            variance = given.precision.predictor_variance(self.design)
+            sites = sites.renewed(given.offset, variance)
+        return self._given(sites, batch.root)
+
+    def _given(self, sites: Sites, root: Root) -> Approximation:
+        precision = Precision.of(self.design, root, sites.weight)
+        pull = root.transposed_times(*self.design.gather(sites.weight * sites.mean))
+        first, rest = precision.solve(*pull)
+        return Approximation(first, rest, self.design.spread(*root.times(first, rest)), precision)
+
+    def estimated(self, batch: Batch, rng: np.random.Generator, n_point: int) -> Estimate:
+        """Return estimates of the log-likelihood, and a draw of the scores for each."""
+        n_first = self.design.n_first
+        normal = self.approximation(batch)
+        n_outer, n_inner = self.n_points(n_point)
+        rest, log_weight = self._rest_points(normal, rng, n_outer)
+        first, log_first = self._first_points(batch, normal, rest, rng, n_inner)
+        if n_first:
+            # Given the rest the integral is a product of one over each texture's score.
+            log_weight = log_weight + _log_mean(log_first).sum(axis=-1)
+            first = _chosen(first, log_first, rng)
+        else:
+            log_weight, first = log_weight + log_first[0], first[0]
+        log_weight = np.where(np.isnan(log_weight), -np.inf, log_weight)
+        scores = _chosen(np.concatenate([first, rest], axis=-1), log_weight[..., None], rng)
+        if n_outer > 1:
+            return Estimate(_log_mean(log_weight), _log_mean(log_weight[::2]), scores)
+        from_half = _log_mean(log_first[::2]).sum(axis=-1)[0]
+        return Estimate(log_weight[0], from_half, scores)
+
+    def _rest_points(
+        self, normal: Approximation, rng: np.random.Generator, n: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return points of the rest's scores, (n, n_draw, n_rest), and log prior over density."""
+        corner, n_rest = normal.precision.corner, self.design.n_rest
+        if not n_rest:
+            return normal.rest[None], np.zeros((1, len(normal.rest)))
+        pivots = np.diagonal(corner, axis1=-2, axis2=-1)
+        informed = (pivots > _INFORMED)[..., None]
+        # A Richtmyer sequence, shifted at random for each draw: any one point is uniform.
+        u = rng.random((*pivots.shape, 1)) + np.arange(n) * self._richtmyer[:, None]
+        u = np.clip(u % 1.0, _EDGE, 1 - _EDGE)
+        t = np.where(informed, _logistic(u), ndtri(u))
+        rest = normal.rest[..., None] + solve_lower(corner, t, transposed=True)
+        # Some from the prior: rows that contradict each other leave places that no normal reaches.
+        wide = np.arange(n) // 2 % 4 == 0
+        rest = np.where(wide, ndtri(u), rest)
+        t = np.swapaxes(corner, -1, -2) @ (rest - normal.rest[..., None])
+        log_t = np.where(informed, _log_logistic(t), -0.5 * (t * t + _LOG_2PI)).sum(axis=-2)
+        log_density = log_t + np.log(pivots).sum(axis=-1)[:, None]
+        log_prior = -0.5 * (rest**2 + _LOG_2PI).sum(axis=-2)
+        share = wide.mean()
+        log_density = np.logaddexp(math.log1p(-share) + log_density, math.log(share) + log_prior)
+        return np.moveaxis(rest, -1, 0), (log_prior - log_density).T
+
+    def _first_points(
+        self,
+        batch: Batch,
+        normal: Approximation,
+        rest: FloatArray,
+        rng: np.random.Generator,
+        n: int,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return points of the textures' scores given points of the rest, and log weights.
+
+        Parameters
+        ----------
+        batch : _Batch
+            Rows.
+        normal : _Normal
+            Normal approximation of the scores.
+        rest : ndarray of float, shape (n_outer, n_draw, n_rest)
+            Points of the rest.
+        rng : numpy.random.Generator
+            Source of the points.
+        n : int
+            Points of each.
+
+        Returns
+        -------
+        first, log_weight : ndarray of float, both of shape (n, n_outer, n_draw, n_first)
+            Rows' density times prior over the points' density. Without textures one point of no
+            scores, and the log density of all rows, shape (1, n_outer, n_draw).
+        """
+        precision, root = normal.precision, batch.root
+        nothing = np.zeros((*rest.shape[:-1], self.design.n_first))
+        offset = self.design.spread(*root.times(nothing, rest))
+        error = batch.error - offset
+        if not self.design.n_first:
+            log_rows = self.rows.log_density(error, batch.scale, self.tail, batch.df)
+            return np.empty((1, *rest.shape[:-1], 0)), log_rows.sum(axis=-1)[None]
+        moved = np.einsum("pdr,drf->pdf", rest - normal.rest, precision.border)
+        centre = normal.first - moved / precision.diagonal
+        by_rows = self.tail.parameter_names != () and bool(self.rows.exact.all())
+        n_at_rows = n // 4 if by_rows else 0
+        # Strata of equal probability, since the integral is one-dimensional and smooth: twice, so
+        # that every second point makes an estimate, too.
+        n_strata = (n - n_at_rows) // 2 if n > 1 else 1
+        stratum = np.repeat(np.arange(n_strata), min(n, 2))[:, None, None, None]
+        u = (stratum + rng.random((len(stratum), *centre.shape))) / n_strata
+        u = np.clip(u, _EDGE, 1 - _EDGE)
+        first = centre + _logistic(u) / precision.diagonal
+        if n_at_rows:
+            first = np.concatenate([first, self._at_rows(batch, error, rng, n_at_rows)])
+        shifted = error - (root.first * first)[..., self.design.first]
+        log_rows = self.rows.log_density(shifted, batch.scale, self.tail, batch.df)
+        joint = np.add.reduceat(log_rows[..., self._order], self._begins, axis=-1)
+        t = (first - centre) * precision.diagonal
+        log_q = _log_logistic(t) + np.log(precision.diagonal)
+        if n_at_rows:
+            top = np.maximum.reduceat(log_rows[..., self._order], self._begins, axis=-1)
+            each = np.exp(log_rows - top[..., self.rows.texture])
+            mean = np.add.reduceat(each[..., self._order], self._begins, axis=-1)
+            log_mean = top + np.log(mean / self._n_in_texture) + np.log(root.first)
+            share = n_at_rows / n
+            log_q = np.logaddexp(log_q + math.log(1 - share), log_mean + math.log(share))
+        log_weight = joint - 0.5 * (first**2 + _LOG_2PI) - log_q
+        return first, np.where(np.isnan(log_weight), -np.inf, log_weight)
+
+    def _at_rows(
+        self, batch: Batch, error: FloatArray, rng: np.random.Generator, n: int
+    ) -> FloatArray:
+        """Return textures' scores that put a row, picked at random, at an error of its own.
+
+        Student rows may have an inner mode at each of them. The density of these points is the
+        mean of the rows' own densities.
+        """
+        u = rng.random((n, *error.shape[:-1], len(self._begins)))
+        stratum = np.arange(n) // 2 if n > 1 else np.zeros(1)  # each twice, as of other points
+        pick = (stratum[:, None, None, None] + u) / (stratum[-1] + 1) * self._n_in_texture
+        row = self._order[self._begins + np.minimum(pick.astype(int), self._n_in_texture - 1)]
+        scale = np.broadcast_to(batch.scale, (*error.shape[1:-1], len(self.rows.upper)))
+        own = np.take_along_axis(np.broadcast_to(scale, row.shape[:-1] + scale.shape[-1:]), row, -1)
+        here = np.take_along_axis(
+            np.broadcast_to(error, row.shape[:-1] + error.shape[-1:]), row, -1
+        )
+        t = self.tail.rvs(rng, batch.df, row.shape)
+        return np.nan_to_num((here - own * t) / batch.root.first, posinf=1e30, neginf=-1e30)
+
+
+def _primes(n: int) -> FloatArray:
+    """Return the first n primes."""
+    found: list[int] = []
+    candidate = 2
+    while len(found) < n:
+        if all(candidate % prime for prime in found if prime * prime <= candidate):
+            found.append(candidate)
+        candidate += 1
+    return np.array(found, float)
+
+
+def _logistic(u: FloatArray) -> FloatArray:
+    """Return the values of the points' distribution below which the probability is u."""
+    value: FloatArray = _POINT_SCALE * np.log(u / (1 - u))
+    return value
+
+
+def _log_logistic(t: FloatArray) -> FloatArray:
+    """Return the log density of the points' distribution."""
+    z = np.abs(t) / _POINT_SCALE
+    value: FloatArray = -z - 2 * np.log1p(np.exp(-z)) - math.log(_POINT_SCALE)
+    return value
+
+
+def _log_mean(x: FloatArray) -> FloatArray:
+    """Return the log of the mean of exponentials over the first axis."""
+    top = x.max(axis=0)
+    value: FloatArray = np.where(top == -np.inf, 0.0, top)
+    return np.asarray(value + np.log(np.exp(x - value).mean(axis=0)))
+
+
+def _chosen(scores: FloatArray, log_weight: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return one point of each draw (and level), by weight; points are on the first axis."""
+    top = log_weight.max(axis=0)
+    ladder = np.cumsum(np.exp(log_weight - np.where(top == -np.inf, 0.0, top)), axis=0)
+    place = (ladder < rng.random(ladder.shape[1:]) * ladder[-1]).sum(axis=0)
+    place = np.minimum(place, len(scores) - 1)
+    place = np.broadcast_to(place, scores.shape[1:])[None]
+    return np.asarray(np.take_along_axis(scores, place, axis=0)[0])

@@ -1,0 +1,96 @@
+"""Precision of the scores of offsets, factorised for many draws at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ridgebayes._types import FloatArray
+from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
+from ridgebayes.model.offsets import Design, Root
+
+
+@dataclass(frozen=True, eq=False)
+class Precision:
+    """Cholesky factor of M = I + L' Z' W Z L, whose first block is diagonal.
+
+    Parameters
+    ----------
+    root : Root
+        L.
+    diagonal : ndarray of float, shape (..., n_first)
+        Factor of the first block.
+    border : ndarray of float, shape (..., n_rest, n_first)
+        The rest's first columns.
+    corner : ndarray of float, shape (..., n_rest, n_rest)
+        The rest's last columns, lower triangular.
+    """
+
+    root: Root
+    diagonal: FloatArray
+    border: FloatArray
+    corner: FloatArray
+
+    @classmethod
+    def of(cls, design: Design, root: Root, weight: FloatArray) -> "Precision":
+        """Factorise; NaN for draws whose matrix is not positive definite to rounding.
+
+        The cost grows with the textures and with the cube of the other levels.
+        """
+        first, border, corner = design.gram(weight)
+        border, corner = root.inside(border, corner)
+        diagonal = np.sqrt(1 + root.first**2 * first)
+        border = border / diagonal[..., None, :]
+        if not design.n_rest:
+            return cls(root, diagonal, border, corner)
+        corner = corner + np.eye(design.n_rest)
+        if design.n_first:
+            corner = corner - border @ np.swapaxes(border, -1, -2)
+        return cls(root, diagonal, border, cholesky_or_nan(corner))
+
+    @property
+    def pivots(self) -> FloatArray:
+        """Diagonal of the factor, shape (..., n_first + n_rest)."""
+        corner = np.diagonal(self.corner, axis1=-2, axis2=-1)
+        return np.concatenate([self.diagonal, corner], axis=-1)
+
+    @property
+    def log_volume(self) -> FloatArray:
+        """Half of log |M|, shape (...)."""
+        value: FloatArray = np.log(self.pivots).sum(axis=-1)
+        return value
+
+    def half(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return R^-1 x of columns (..., n, m), M = R R'."""
+        first = first / self.diagonal[..., None]
+        if self.diagonal.shape[-1] and self.corner.shape[-1]:
+            rest = rest - self.border @ first
+        return first, solve_lower(self.corner, rest)
+
+    def back(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return R'^-1 x of columns (..., n, m)."""
+        rest = solve_lower(self.corner, rest, transposed=True)
+        if self.diagonal.shape[-1] and self.corner.shape[-1]:
+            first = first - np.swapaxes(self.border, -1, -2) @ rest
+        return first / self.diagonal[..., None], rest
+
+    def solve(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return M^-1 x of one column, (..., n)."""
+        both = self.back(*self.half(first[..., None], rest[..., None]))
+        return both[0][..., 0], both[1][..., 0]
+
+    def predictor_variance(self, design: Design) -> FloatArray:
+        """Return the variance of each predictor's offset given the rows, shape (n_draw, n)."""
+        root, n_draw = self.root, len(self.diagonal)
+        variance = np.zeros((n_draw, design.n))
+        rest = np.zeros((n_draw, design.n_rest, design.n))
+        for levels in design.rest:
+            if root.is_dense:
+                rest += np.swapaxes(root.rest, -1, -2)[:, :, levels]
+            else:
+                rest[:, levels, np.arange(design.n)] += root.rest[:, levels]
+        if design.first is not None:
+            own = (root.first / self.diagonal)[:, design.first]
+            variance += own**2
+            rest -= self.border[:, :, design.first] * own[:, None, :]
+        variance += (solve_lower(self.corner, rest) ** 2).sum(axis=-2)
+        return variance
