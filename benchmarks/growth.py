@@ -94,7 +94,7 @@ def bands(n: int) -> Callable[[], object]:
     n_texture = min(1_000, max(1, n // 100))
     a, b = np.random.default_rng(0).uniform(0.01, 0.04, (2, n_texture, 1))
     loads = np.geomspace(5e-4, 0.02, n // n_texture)
-    return lambda: predict_q(fit, a, b, loads, compressed=True)
+    return lambda: predict_q(fit, a, b, loads)
 
 
 CURVES: dict[str, tuple[str, tuple[int, ...], Callable[[int], Callable[[], object]]]] = {

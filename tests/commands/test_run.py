@@ -435,7 +435,7 @@ def test_jobs__announce_as_many_stages_as_come(tmp_path, table, monkeypatch, n_f
     if n_form == 1:
         fit_job(tmp_path / "out", table, "modified", settings=QUICK)
     else:
-        compare_job(tmp_path / "out", table, forms=["modified", "classic"], settings=QUICK)
+        compare_job(tmp_path / "out", table, forms=FORMS, settings=QUICK)
     (progress,) = Counted.made
     assert progress.n_stage == len(progress.stages)
 
@@ -447,7 +447,7 @@ def test_fit__that_fails_leaves_no_final_folder(tmp_path, paper):
         for q in (4, 6, 8)
     ]
     rb.ContactTable.from_frame(pd.DataFrame(rows)).write(tmp_path / "perfect.csv")
-    with pytest.raises(ComputationError, match="modified: the posterior has no interior mode"):
+    with pytest.raises(ComputationError, match="modified: .* sigma has no lower bound"):
         fit_job(tmp_path / "out", tmp_path / "perfect.csv", "modified")
     assert not (tmp_path / "out").exists()
 

@@ -46,8 +46,8 @@ from ridgebayes.commands.compare import compare_job
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.commands.run_folder import write_csv
-from ridgebayes.evidence import changed_prior
-changed_prior.scale_factors = lambda prior: (1.0, 1.8)
+from ridgebayes.evidence import prior_sensitivity
+prior_sensitivity.scale_factors = lambda prior: (1.0, 1.8)
 textures = [(0.012, 0.03), (0.022, 0.02), (0.032, 0.01)]
 rb.generate(rb.Scene.of(textures, p_over_E=0.01)).write("t.csv")
 settings = rb.SampleSettings(n_walker=16, n_step_max=300)

@@ -41,8 +41,8 @@ from ridgebayes.comparison import compare
 from ridgebayes.commands import compare as command
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.terminal import Answer
-from ridgebayes.evidence import changed_prior
-changed_prior.scale_factors = lambda prior: (1.5,)
+from ridgebayes.evidence import prior_sensitivity
+prior_sensitivity.scale_factors = lambda prior: (1.5,)
 def job(**options):
     settings = rb.SampleSettings(n_walker=16, n_burn=20, n_tau=120, tau_change=0.1)
     forms = ["modified", "hybrid"]

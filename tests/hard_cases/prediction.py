@@ -148,7 +148,7 @@ fit = rb.calibrate(rb.paper_sweep(), rb.Modified(), noise="iid", rng=1)
 share, pitch = np.linspace(0.3, 0.7, 250), np.linspace(0.03, 0.06, 250)
 a, b = (share * pitch)[:, None], ((1 - share) * pitch)[:, None]
 p = np.linspace(1e-4, 0.012, 4000)[None]
-q = predict_q(fit, a, b, p, compressed=True)
+q = predict_q(fit, a, b, p)
 try:  # a new process's ru_maxrss begins with its parent's
     peak = next(int(x.split()[1]) for x in open("/proc/self/status") if x.startswith("VmHWM"))
 except OSError:
@@ -292,7 +292,7 @@ def nodes_of_a_skewed_posterior():
     fit = rb.calibrate(few, rb.Hybrid(), rng=1, noise="iid")
     skew = float(stats.skew(fit.draws[:, 2]))
     loads = np.geomspace(5e-4, 0.02, 20)
-    q = predict_q(fit, 0.032, 0.01, loads, compressed=True)
+    q = predict_q(fit, 0.032, 0.01, loads)
     model = Model(Observations.from_table(few), rb.Hybrid())
     reference, _ = importance_posterior(model, seed=5, n_draw=65_536)
     theta = reference.model.to_theta(reference.chains.u.reshape(-1, 3))

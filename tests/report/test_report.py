@@ -121,7 +121,7 @@ def test_details_are_closed_and_the_order_is_kept(page):
 
 
 def test_every_image_has_words_for_those_who_do_not_see_it(page):
-    assert len(page.all("img")) == 18
+    assert len(page.all("img")) == 16
     assert all(len(image["alt"]) > 20 for image in page.all("img"))
 
 

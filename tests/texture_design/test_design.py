@@ -87,7 +87,7 @@ def test_values__of_uncertain_bodies_are_averages_of_predict(fit, uncertain):
     values = values_of(fit, uncertain, "5 %", TEXTURES)
     for a, b in TEXTURES[:2]:
         made = a * (1 + sd * z[3]) / radius, b * (1 + sd * z[4]) / radius
-        q = predict_q(fit, *made, p, compressed=True)
+        q = predict_q(fit, *made, p)
         each = q.at_least(6) - q.at_least(10)
         found = values.at(goal, a, b)
         se = np.hypot(each.std() / np.sqrt(n), found.se)

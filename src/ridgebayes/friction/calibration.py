@@ -39,7 +39,7 @@ from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.scene.scene import Scene
 
 _N_INPUT = 512  # draws of each texture's contact
-_MOST_REFINED = 2  # times that draws are doubled where importance weights fail a check
+_MOST_DRAWS = 1_024  # up to which they are doubled where importance weights fail a check
 _NEGLIGIBLE = 1e-3  # relative deviation of the contact below which a component is left out
 
 
@@ -300,15 +300,10 @@ def sampled(
     settings: SampleSettings | None,
     progress: ProgressCallback | None = None,
 ) -> tuple[Chains, pd.DataFrame, LogEvidence]:
-    """Return chains of a density, the parameters' summary and the evidence.
-
-    Chains and evidence are those of importance sampling; with settings, of a walk.
-    """
+    """Return draws of a density, their summary and evidence; with settings, those of a walk."""
     target, names, effort = density.target, density.model.unknown, Effort()
     drawn = importance_sample(target, effort, seed)
-    for _ in range(_MOST_REFINED):
-        if drawn.evidence.ok:
-            break
+    while not drawn.evidence.ok and effort.n_draw < _MOST_DRAWS:
         effort = effort.doubled
         drawn = importance_sample(target, effort, seed)
     if settings is None:
@@ -318,8 +313,8 @@ def sampled(
         walked = walk(target, drawn.proposal, seed=seed, settings=settings, progress=progress)
         rng = stream(seed, "friction", "bridge")
         chains, evidence = walked.chains, bridge_evidence(target, walked, rng=rng)
-    columns = [PARAMETERS.index(name) for name in names]
-    return chains, summarise(density.model.theta(chains.u)[..., columns], names), evidence
+    theta = density.model.theta(chains.u)[..., [PARAMETERS.index(name) for name in names]]
+    return chains, summarise(theta, names), evidence
 
 
 def rows_of(
