@@ -67,7 +67,9 @@ def covariance(model, eta, ends=None):
 def split(model, u):
     """Return coefficients, the power law's at the priors' medians, and error parameters."""
     k = model.n_outer_coefficient
-    theta = np.array([model.priors[n].value_at(x) for n, x in zip(model.outer_names, u)])
+    theta = np.array(
+        [model.priors[n].value_at(x) for n, x in zip(model.outer_names, u, strict=True)]
+    )
     if k:
         return theta[:k], theta[k:]
     return np.array([2 * 1.382 / (a + b) for a, b in model.data.textures]), theta
@@ -129,13 +131,14 @@ def between(error, low, high):
     return np.maximum(np.where(low > 0, upper, error.cdf(high) - error.cdf(low)), 0)
 
 
-def rows_log_density(model, coefficients, eta, offset):
+def rows_log_density(model, coefficients, eta, offset, error=None):
     """Return each row's log density given offsets (..., n_end), by scipy's distributions."""
     data, n = model.data, len(model.data)
-    error = stats.t(eta[-1]) if model.noise.tail == "student" else stats.norm
+    if error is None:
+        error = stats.t(eta[-1]) if model.noise.tail == "student" else stats.norm
     scale, mean = scales(model, eta), log_loads(model, coefficients) + offset
     value = np.empty((*offset.shape[:-1], n))
-    later = dict(zip(np.flatnonzero(data.is_count).tolist(), range(n, mean.shape[-1])))
+    later = dict(zip(np.flatnonzero(data.is_count).tolist(), range(n, mean.shape[-1]), strict=True))
     with np.errstate(divide="ignore"):
         for i in range(n):
             z = (data.log_load[i] - mean[..., i]) / scale[i]
@@ -151,7 +154,7 @@ def rows_log_density(model, coefficients, eta, offset):
     return value
 
 
-def log_density_by_grid(model, u, *, n=1201, reach=9.0):
+def log_density_by_grid(model, u, *, error=None, n=1201, reach=9.0):
     """Return the log density with one or two offsets integrated out on a grid of their scores."""
     coefficients, eta = split(model, u)
     variance, vectors = np.linalg.eigh(covariance(model, eta))
@@ -161,7 +164,7 @@ def log_density_by_grid(model, u, *, n=1201, reach=9.0):
     scores = np.stack(np.meshgrid(*[axis] * int(some.sum()), indexing="ij"), axis=-1)
     scores = scores.reshape(-1, int(some.sum()))
     offset = scores @ (vectors[:, some] * np.sqrt(variance[some])).T
-    rows = rows_log_density(model, coefficients, eta, offset).sum(axis=-1)
+    rows = rows_log_density(model, coefficients, eta, offset, error).sum(axis=-1)
     prior = stats.norm.logpdf(scores).sum(axis=-1)
     cell = math.log(axis[1] - axis[0]) * int(some.sum())
     return float(logsumexp(rows + prior)) + cell + log_prior(u)
@@ -178,7 +181,6 @@ def log_evidence_by_prior_draws(model, *, n=1_000_000, seed=0):
         name: model.priors[name].value_at(x) for name, x in zip(model.outer_names, u.T, strict=True)
     }
     ends, data = ends_of(model.data), model.data
-    a, b = np.array(data.textures)[ends.texture].T
     # One coefficient c: loads are those of c = 1 over its square.
     mean = log_loads(model, np.ones(1)) - 2 * np.log(theta["c"])[:, None]
     for name, places in (("texture", ends.texture), ("step", ends.Q), ("series", ends.series)):

@@ -21,7 +21,6 @@ from ridgebayes.results import Fit
 from tests.validation.coverage import coverage_of
 
 C, SIGMA, TAU = 1.38, 0.03, 0.05
-QUICK = {"n_round": 2, "n_per_round": 300, "n_draw": 256}
 
 
 def simulated(n_texture, n_step, *, seed, tau=0.0, first=0):
@@ -41,7 +40,7 @@ def simulated(n_texture, n_step, *, seed, tau=0.0, first=0):
 def fit_at(table, noise, theta):
     """A posterior that is one point."""
     model = Model(Observations.from_table(table), Modified(), Noise.named(noise))
-    u = np.tile(model.to_unconstrained(np.array([theta])), (1, 1, 8, 1))
+    u = np.tile(model.to_scores(np.array([theta])), (1, 1, 8, 1))
     chains = Chains(u, np.zeros(u.shape[:-1]), np.ones(1), np.ones(u.shape[-1]), ())
     return Fit(model, chains, pd.DataFrame(), (), 0)
 
@@ -52,14 +51,7 @@ def table():
 
 
 @pytest.fixture(scope="module")
-def quick():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "EFFORT", QUICK)
-        yield
-
-
-@pytest.fixture(scope="module")
-def found(table, quick):
+def found(table):
     return coverage(table, [Modified()], ["iid"], rng=1)
 
 
@@ -114,29 +106,30 @@ def test_coverage__of_textures_left_out_is_nominal_on_rows_of_the_model_itself(t
     assert found["share_extrapolated"].iloc[0] == pytest.approx(2 / 6)  # the two ends of a/pitch
 
 
-def test_coverage__is_of_posteriors_without_the_texture(table, found, quick, monkeypatch):
+def test_coverage__is_of_posteriors_without_the_texture(table, found, monkeypatch):
     seen = []
-    refit = Fold.refit
+    own = Fold.found
 
     def noted(fold):
-        fit, evidence = refit(fold)
-        seen.append(set(table.textures) - set(fit.model.data.textures))
-        return fit, evidence
+        rest = own(fold)
+        seen.append(set(table.textures) - set(rest.model.data.textures))
+        return rest
 
-    monkeypatch.setattr(Fold, "refit", noted)
+    monkeypatch.setattr(Fold, "found", noted)
     again = coverage(table, [Modified()], ["iid"], rng=1)
     assert seen == [{texture} for texture in table.textures]
     pd.testing.assert_frame_equal(again, found)
 
 
-def test_coverage__names_failed_textures_and_counts_the_rest(quick, monkeypatch):
+def test_coverage__names_failed_textures_and_counts_the_rest(monkeypatch):
+    own, few, stages = Fold.found, simulated(3, 4, seed=1), []
+
     def failing(fold):
         if fold.name.startswith("a0.01_"):
-            raise ComputationError("no interior mode")
-        return fit_at(few.calibration, "iid", [C, SIGMA]), None
+            raise ComputationError("no draws")
+        return own(fold)
 
-    few, stages = simulated(3, 4, seed=1), []
-    monkeypatch.setattr(Fold, "refit", failing)
+    monkeypatch.setattr(Fold, "found", failing)
 
     @contextmanager
     def stage(name):
@@ -147,7 +140,7 @@ def test_coverage__names_failed_textures_and_counts_the_rest(quick, monkeypatch)
     assert stages == ["modified, iid", "power-law, iid"]
     assert shown["form"].tolist() == ["modified", "power-law"]
     assert shown["n_failed"].tolist() == [1, 1]
-    assert shown["failed"].iloc[0] == "a0.01_b0.03: no interior mode"
+    assert shown["failed"].iloc[0] == "a0.01_b0.03: no draws"
     assert shown[["n", "n_texture"]].iloc[0].tolist() == [8, 2]
 
 
@@ -164,12 +157,14 @@ def test_coverage__of_textures_of_brackets_alone_is_not_a_number(monkeypatch):
     lower = (frame["p_over_E"] / 2).where(frame["texture"] != first)
     some = rb.ContactTable.from_frame(frame.assign(p_over_E_lower=lower))
 
-    def refit(fold):
-        if fold.data.is_exact[fold.left].any():
-            raise ComputationError("no mode")
-        return fit_at(simulated(3, 4, seed=1), "iid", [C, SIGMA]), None
+    own = Fold.found
 
-    monkeypatch.setattr(Fold, "refit", refit)
+    def failing(fold):
+        if fold.rows.is_exact.any():
+            raise ComputationError("no draws")
+        return own(fold)
+
+    monkeypatch.setattr(Fold, "found", failing)
     shown = coverage(some, [Modified()], ["iid"], probs=[0.9])
     assert shown[["n", "covered", "n_texture", "n_failed"]].iloc[0].tolist() == [0, 0, 0, 1]
     assert shown[["share", "share_se", "mean_width"]].isna().all(axis=None)

@@ -1,4 +1,4 @@
-"""Scores of left-out rows against dense Gaussian formulas, closed forms and each other."""
+"""Scores of left-out rows: closed forms, what each fold tells, and who computes."""
 
 import pickle
 from concurrent.futures import Executor, Future
@@ -13,28 +13,30 @@ from ridgebayes.checks import cross_validation
 from ridgebayes.checks.cross_validation import (
     CrossValidation,
     cross_validate,
-    joint_log_densities,
     row_crps,
     stacked,
 )
 from ridgebayes.checks.folds import Fold, crps_of_draws
 from ridgebayes.distributions.distribution import HalfNormal, LogNormal
 from ridgebayes.errors import ComputationError
+from ridgebayes.inference import left_out
 from ridgebayes.inference.chains import Chains
-from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.importance import Effort, importance_sample
+from ridgebayes.inference.posterior import posterior_of
+from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit
 
-QUICK = {"n_round": 3, "n_per_round": 300, "n_draw": 512}
+QUICK = Effort(n_round=3, n_per_round=384, n_draw=128)
 
 
 def fit_at(data, form, noise, theta):
     """A posterior that is a few given points."""
     model = Model(data, form, Noise.named(noise))
-    u = model.to_unconstrained(np.asarray(theta, float))[None, None]
+    u = model.to_scores(np.asarray(theta, float))[None, None]
     chains = Chains(u, np.zeros(u.shape[:-1]), np.ones(1), np.ones(u.shape[-1]), ())
     return Fit(model, chains, pd.DataFrame(), (), 0)
 
@@ -68,31 +70,12 @@ def done(three):
     return cross_validate(three, Modified(), rng=1, effort=QUICK)
 
 
-THETA = np.array([[1.34, 0.018, 0.03, 0.02, 0.05], [1.30, 0.030, 0.05, 0.06, 0.01]])
-
-
-@pytest.mark.parametrize("by", ["texture", "Q", "row"])
-def test_joint_log_densities__are_those_of_the_dense_conditional_gaussian(data, by):
-    left = {"texture": data.texture == 1, "Q": data.Q == 6, "row": np.arange(11) == 3}[by]
-    fit = fit_at(data.take(~left), Hybrid(), "texture+step", THETA)
-    found = joint_log_densities(fit, data)
-    for value, (c1, c2, sigma, tau_texture, tau_step) in zip(found, THETA, strict=True):
-        covariance = (
-            np.diag(sigma**2 + data.rel_se**2)
-            + tau_texture**2 * (data.texture[:, None] == data.texture)
-            + tau_step**2 * (data.Q[:, None] == data.Q)
-        )
-        residual = data.log_load - middle(data, c1, c2)
-        gain = covariance[np.ix_(left, ~left)] @ np.linalg.inv(covariance[np.ix_(~left, ~left)])
-        rest = covariance[np.ix_(left, left)] - gain @ covariance[np.ix_(~left, left)]
-        expected = stats.multivariate_normal(gain @ residual[~left], rest).logpdf(residual[left])
-        # Rounding: a difference of log-likelihoods of some 20, of a condition of some 100.
-        assert value == pytest.approx(expected, abs=1e-9)
+THETA = np.array([[1.34, 0.018, 0.03, 0.02], [1.30, 0.030, 0.05, 0.06]])
 
 
 def test_row_crps__of_exact_rows_is_that_of_the_dense_marginal(data):
     left = data.texture == 1
-    fit = fit_at(data.take(~left), Hybrid(), "texture", THETA[:, [0, 1, 2, 3]])
+    fit = fit_at(data.take(~left), Hybrid(), "texture", THETA)
     own = data.take(left)
     crps = row_crps(fit, own, np.random.default_rng(1))
     mean = np.stack([middle(own, c1, c2) for c1, c2 in THETA[:, :2]])
@@ -142,7 +125,7 @@ def test_cross_validate__tells_each_fold(three, done):
     assert list(done.folds.columns) == cross_validation.FOLD_COLUMNS
     assert done.folds["fold"].tolist() == list(three.labels)
     assert done.folds["n_row"].tolist() == frame.groupby("texture", sort=False).size().tolist()
-    assert set(done.folds["method"]) == {"draws"}
+    assert set(done.folds["method"]) <= {"weights", "evidences"}
     scores, sizes = done.folds["log_score"], done.folds["n_row"]
     assert done.elpd == pytest.approx(scores.sum(), rel=1e-12)  # rounding, and below
     astray = scores - sizes * scores.sum() / sizes.sum()
@@ -150,17 +133,6 @@ def test_cross_validate__tells_each_fold(three, done):
     assert done.crps.shape == (len(frame),)
     assert done.mean_crps == pytest.approx(done.crps.mean(), rel=1e-12)
     assert done.failures == {}
-
-
-def test_cross_validate__two_ways_to_a_joint_score_agree(three, done, monkeypatch):
-    monkeypatch.setattr(cross_validation, "_by_draws", lambda fold: False)
-    other = cross_validate(three, Modified(), rng=1, effort=QUICK)
-    assert set(other.folds["method"]) == {"evidences"}
-    error = np.hypot(done.folds["log_score_se"], other.folds["log_score_se"])
-    # Monte Carlo: five standard errors.
-    assert (abs(done.folds["log_score"] - other.folds["log_score"]) < 5 * error).all()
-    assert error.max() < 0.2
-    np.testing.assert_array_equal(done.crps, other.crps)
 
 
 class Own(Modified):
@@ -175,26 +147,65 @@ class Own(Modified):
 def test_cross_validate__takes_an_own_form_under_its_given_priors(data, leave):
     table, own = table_of(data), {"modified": {"d": LogNormal(1.382, 0.1)}}
     known = {"modified": {"c": LogNormal(1.382, 0.1)}}
-    for form, other, methods in [
-        (Own(), Modified(), {"draws"}),
-        (fit_to(data, Own(), own), fit_to(data, Modified(), known), {"draws", "weights"}),
+    for form, other in [
+        (Own(), Modified()),
+        (fit_to(data, Own(), own), fit_to(data, Modified(), known)),
     ]:
         found = cross_validate(table, form, leave=leave, rng=1, effort=QUICK, priors=own)
         expected = cross_validate(table, other, leave=leave, rng=1, effort=QUICK, priors=known)
-        assert set(found.folds["method"]) <= methods
         assert found.failures == {}
         # The same formula, draws and priors: rounding.
         np.testing.assert_allclose(found.folds["log_score"], expected.folds["log_score"], rtol=1e-9)
 
 
-def test_cross_validate__of_a_power_law_takes_a_given_prior_of_each_texture(data):
-    table, texture = table_of(data), Observations.from_table(table_of(data))
-    names = Model(texture, PowerLaw()).form.parameter_names
-    wide = {"power-law": dict.fromkeys(names, LogNormal(70.0, 0.5)), "noise": SIGMA}
-    for leave, method in [("texture", "evidences"), ("step", "draws")]:
-        found = cross_validate(table, PowerLaw(), leave=leave, rng=1, effort=QUICK, priors=wide)
-        assert set(found.folds["method"]) == {method}
-        assert found.failures == {}
+class PerTexture(Modified):
+    """Modified with a coefficient of its own for each texture, which a fold may lose."""
+
+    def __init__(self, textures=()):
+        self.textures = textures
+
+    @property
+    def parameter_names(self):
+        return tuple(f"c{a:g}" for a, _ in self.textures)
+
+    def bind(self, textures, labels=()):
+        return PerTexture(textures)
+
+    def rate(self, theta, a_over_R, b_over_R):
+        known = [a for a, _ in self.textures]  # a new texture takes the first one's
+        places = [known.index(a) if a in known else 0 for a in np.ravel(a_over_R)]
+        return theta[..., places]
+
+    def log_rate_gradient(self, theta, a_over_R, b_over_R):
+        return np.diag(1 / theta)
+
+
+def test_cross_validate__of_a_form_with_a_coefficient_a_texture_is_by_evidences(data, monkeypatch):
+    monkeypatch.setattr(left_out, "_MOST_K", np.inf)  # other parameters alone decide
+    monkeypatch.setattr(left_out, "_LEAST_SHARE", 0)
+    monkeypatch.setattr(left_out, "_LEAST_EFFECTIVE", 0)
+    names = [f"c{a:g}" for a, _ in data.textures]
+    priors = {"modified": dict.fromkeys(names, LogNormal(1.382, 0.1)), "noise": SIGMA}
+    found = cross_validate(table_of(data), PerTexture(), rng=1, effort=QUICK, priors=priors)
+    assert set(found.folds["method"]) == {"evidences"}
+    assert found.failures == {}
+    # The power law under the prior that this gives each K, whose slopes are integrated out.
+    slopes = {
+        name: LogNormal(2 * 1.382 / (a + b), 0.1)
+        for name, (a, b) in zip(
+            Model(data_of(data), PowerLaw()).form.parameter_names, data.textures, strict=True
+        )
+    }
+    same = {"power-law": slopes, "noise": SIGMA}
+    monkeypatch.undo()
+    expected = cross_validate(table_of(data), PowerLaw(), rng=1, effort=QUICK, priors=same)
+    error = np.hypot(found.folds["log_score_se"], expected.folds["log_score_se"])
+    # Monte Carlo: four standard errors.
+    assert (abs(found.folds["log_score"] - expected.folds["log_score"]) < 4 * error).all()
+
+
+def data_of(data):
+    return Observations.from_table(table_of(data))
 
 
 SIGMA = {"sigma": HalfNormal(0.1)}
@@ -211,7 +222,7 @@ def table_of(data):
 def fit_to(data, form, priors):
     """The fit to all rows of a table of theirs."""
     model = Model(Observations.from_table(table_of(data)), form, Noise(), priors["modified"])
-    return Fit.of(importance_posterior(model, seed=1, **QUICK)[0])
+    return Fit.of(posterior_of(model, importance_sample(ModelTarget(model), QUICK, 1), 1))
 
 
 class Backwards(Executor):
@@ -239,16 +250,16 @@ def test_cross_validate__does_not_depend_on_who_computes(three, done):
 
 
 def test_cross_validate__counts_a_failed_fold_and_gives_no_total(three, done, monkeypatch):
-    refit = Fold.refit
+    own_found = Fold.found
 
     def failing(fold):
         if fold.name == "a0.022_b0.02":
-            raise ComputationError("no interior mode")
-        return refit(fold)
+            raise ComputationError("no draws")
+        return own_found(fold)
 
-    monkeypatch.setattr(Fold, "refit", failing)
+    monkeypatch.setattr(Fold, "found", failing)
     other = cross_validate(three, Modified(), rng=1, effort=QUICK)
-    assert other.failures == {"a0.022_b0.02": "no interior mode"}
+    assert other.failures == {"a0.022_b0.02": "no draws"}
     own = (three.frame["texture"] == "a0.022_b0.02").to_numpy()
     assert np.isnan(other.crps[own]).all()
     np.testing.assert_array_equal(other.crps[~own], done.crps[~own])

@@ -1,14 +1,14 @@
 """Scores of several forms on what is left out: those of each cross-validation, side by side."""
 
-import math
-
-import pandas as pd
 import pytest
 
 import ridgebayes as rb
 from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS, cross_validate, left_out_scores
+from ridgebayes.checks.folds import Fold
+from ridgebayes.errors import ComputationError
+from ridgebayes.inference.importance import Effort
 
-EFFORT = {"n_round": 2, "n_per_round": 400, "n_draw": 256}
+EFFORT = Effort(n_round=2, n_per_round=384, n_draw=128)
 FORMS = (rb.Modified(), rb.Hybrid())
 
 
@@ -45,18 +45,18 @@ def test_left_out_scores__leave_out_what_there_is_one_of(fe_table):
     assert found["stacking_weight"].tolist() == [1]
 
 
-def test_left_out_scores__name_folds_that_failed_and_give_their_form_no_score():
-    # Rows that Modified makes exactly, but for one texture's: without it there is no mode.
-    a, b, Q = 0.02, 0.02, [4, 6, 8]
-    loads = [rb.Modified().load(q, a, b, [1.4]) for q in Q]
-    frame = pd.concat(
-        [
-            pd.DataFrame({"a_over_R": a, "b_over_R": b, "Q": Q, "p_over_E": loads}),
-            pd.DataFrame({"a_over_R": a, "b_over_R": 0.03, "Q": [4], "p_over_E": [1e-3]}),
-        ]
-    )
-    table = rb.ContactTable.from_frame(frame)
-    found = left_out_scores(table, [rb.Modified()], leaves=["texture"], effort=EFFORT)
-    assert "no interior mode" in found["failed"].iloc[0]
-    assert math.isnan(found["log_score"].iloc[0])
-    assert math.isnan(found["stacking_weight"].iloc[0])
+def test_left_out_scores__name_folds_that_failed_and_give_their_form_no_score(
+    fe_table, monkeypatch
+):
+    found, first = Fold.found, fe_table.calibration.labels[0]
+
+    def failing(fold):
+        if fold.name == first and fold.known.model.form.name == "modified":
+            raise ComputationError("no draws")
+        return found(fold)
+
+    monkeypatch.setattr(Fold, "found", failing)
+    scores = left_out_scores(fe_table, FORMS, leaves=["texture"], effort=EFFORT)
+    assert scores["failed"].tolist() == [f"{first}: no draws", ""]
+    assert scores["log_score"].isna().tolist() == [True, False]
+    assert scores["stacking_weight"].tolist() == [0, 1]

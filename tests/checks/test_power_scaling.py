@@ -10,7 +10,9 @@ from ridgebayes.checks.power_scaling import (
     power_scaling,
     sensitivities,
 )
-from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.importance import Effort, importance_sample
+from ridgebayes.inference.posterior import posterior_of
+from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
 
@@ -96,7 +98,7 @@ def test_no_component_no_sensitivity():
 
 def fitted(table, prior):
     model = Model(Observations.from_table(table), rb.Modified(), priors={"c": prior})
-    return importance_posterior(model, seed=1, n_draw=1_280, n_round=3, n_per_round=500)[0]
+    return posterior_of(model, importance_sample(ModelTarget(model), Effort(), 1), 1)
 
 
 def test_table__tells_strong_priors_and_conflicts(paper, fits):

@@ -20,7 +20,7 @@ def known(data, noise="iid", form=None):
     """Return a fit all of whose draws are one set of parameters: p-values are then exact."""
     model = Model(data, form or Modified(), Noise.named(noise))
     theta = np.array([1.4, *(TRUTH[name] for name in model.noise.parameter_names)])
-    u = np.broadcast_to(model.to_unconstrained(theta), (4, 5, 128, len(theta)))
+    u = np.broadcast_to(model.to_scores(theta), (4, 5, 128, len(theta)))
     chains = Chains(u, np.zeros(u.shape[:-1]), np.ones(4), np.ones(len(theta) + 1), ())
     return Fit(model, chains, None, (), 1)
 

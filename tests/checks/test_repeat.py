@@ -38,9 +38,11 @@ def test_against_priors__is_where_means_lie_in_their_priors(fits):
     assert found["prior_median"]["c"] == pytest.approx(1.382)
 
 
-def test_is_cheap__is_not_where_offsets_are_sampled_or_parameters_many(fits):
+def test_is_cheap__is_not_where_densities_are_estimates_or_parameters_many(fits, observed):
     assert is_cheap(fits["modified"])
     data = fits["modified"].model.data
     latent = Model(data, form_named("modified"), Noise.named("step:student"))
     assert not is_cheap(SimpleNamespace(model=latent))
-    assert not is_cheap(SimpleNamespace(model=SimpleNamespace(is_latent=False, n_parameter=21)))
+    textures = [(0.01 + 1e-4 * i, 0.03) for i in range(21)]
+    many = observed(np.arange(21), np.full(21, 4), np.full(21, -6.0), textures=textures)
+    assert not is_cheap(SimpleNamespace(model=Model(many, form_named("power-law"))))

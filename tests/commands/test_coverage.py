@@ -52,9 +52,7 @@ def canned(monkeypatch):
     return asked
 
 
-def test_coverage__computes_and_writes_everything(command, monkeypatch):
-    quick = {"n_round": 2, "n_per_round": 300, "n_draw": 256}
-    monkeypatch.setattr("ridgebayes.checks.coverage.EFFORT", quick)
+def test_coverage__computes_and_writes_everything(command):
     said = command(
         "table.csv",
         "-o",

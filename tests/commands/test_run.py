@@ -447,7 +447,7 @@ def test_fit__that_fails_leaves_no_final_folder(tmp_path, paper):
         for q in (4, 6, 8)
     ]
     rb.ContactTable.from_frame(pd.DataFrame(rows)).write(tmp_path / "perfect.csv")
-    with pytest.raises(ComputationError, match="modified: .* sigma has no lower bound"):
+    with pytest.raises(ComputationError, match=r"modified: .* sigma has no lower bound"):
         fit_job(tmp_path / "out", tmp_path / "perfect.csv", "modified")
     assert not (tmp_path / "out").exists()
 

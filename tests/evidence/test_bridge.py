@@ -83,20 +83,6 @@ def test_bridge_evidence__says_what_went_wrong():
     assert not bridged(skewed, draws).ok
 
 
-def test_bridge_evidence__error_falls_as_draws_are_added():
-    few, many = (
-        bridged(skewed, skewed_draws(1, (4, n, 16, 2)), draws_max=10**6).se for n in (50, 800)
-    )
-    assert few / many == pytest.approx(4, rel=0.2)  # Monte Carlo: 1/sqrt(n), se of an se
-
-
-@pytest.mark.parametrize("n_ensemble", [2, 4])
-def test_bridge_evidence__needs_no_more_than_two_ensembles(n_ensemble):
-    found = bridged(skewed, skewed_draws(3, (n_ensemble, 200, 16, 2)), seed=3)
-    assert found.ok
-    assert abs(found.value - 2.5) < 4 * found.se  # Monte Carlo
-
-
 @pytest.mark.parametrize(("draws_max", "asked"), [(100_000, 6400), (3200, 6400), (1600, 3200)])
 def test_bridge_evidence__uses_so_many_draws_of_each_half_and_no_more(draws_max, asked):
     points, draws = [], skewed_draws(1)

@@ -192,6 +192,10 @@ def test_evidence_table__uses_the_first_that_can_be_used():
     np.testing.assert_allclose(found["model_probability"], [np.nan, share, 1 - share], rtol=1e-6)
     assert found["prior_probability"].tolist() == [0.5] * 3
     assert error_model_weights(found, "c") == {}
+    found = evidence_of({("a", "iid"): 0.0, ("a", "step"): -3.0, ("a", "texture"): -6.0})
+    least = 1 / (1 + math.exp(-3))  # a two-thousandth is left out, a twentieth is not
+    expected = {"iid": least, "step": 1 - least}
+    assert error_model_weights(found, "a") == pytest.approx(expected, rel=1e-12)  # algebra
 
 
 def test_priors__are_those_of_what_has_them():

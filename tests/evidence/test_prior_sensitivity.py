@@ -111,8 +111,9 @@ def test_error_models__are_summed_out(data):
     weighed = weigh_pairs(data, [rb.Modified()], noises, seed=1)
     both = prior_sensitivity(weighed).set_index(["prior", "factor"])["log_evidence"]
     alone = [
-        prior_sensitivity(weigh_pairs(data, [rb.Modified()], [noise], seed=1))
-        .set_index(["prior", "factor"])["log_evidence"]
+        prior_sensitivity(weigh_pairs(data, [rb.Modified()], [noise], seed=1)).set_index(
+            ["prior", "factor"]
+        )["log_evidence"]
         for noise in noises
     ]
     step = weighed.weighed["modified", "step"].evidence.value

@@ -148,7 +148,7 @@ def test_evidence__under_a_sample_of_two_clusters_as_prior_is_that_of_a_grid(obs
     texture, Q = np.repeat([0, 1], 2), np.tile([4, 6], 2)
     a, b = np.array([(0.012, 0.03), (0.032, 0.01)])[texture].T
     load = rb.Hybrid().load(Q, a, b, np.array([1.4, 0.0]))
-    data = observed(texture, Q, np.log(load) + [0.0, 0.05, -0.05, 0.02])
+    data = observed(texture, Q, np.log(load) + np.array([0.0, 0.05, -0.05, 0.02]))
     found = weigh_pairs(data, [rb.Hybrid()], [Noise()], priors={"hybrid": {"c1": prior}}, seed=3)
     evidence = found.weighed["hybrid", "iid"].evidence
     model = found.pairs["hybrid", "iid"].target().model

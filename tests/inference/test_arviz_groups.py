@@ -143,14 +143,6 @@ def test_predictive_groups__are_of_the_prior_and_of_the_rows(fits):
     assert kept.shape == (4, 125)
 
 
-def test_predictive_groups__are_left_out_where_they_would_be_large(fits, monkeypatch):
-    monkeypatch.setattr(arviz_groups, "LARGEST_PREDICTIVE", 500 * 41 - 1)
-    assert set(all_groups(fits["modified"])) == GROUPS - {
-        "prior_predictive",
-        "posterior_predictive",
-    }
-
-
 def test_joint_log_likelihood__is_that_of_all_rows(paper):
     smooth = posterior(paper, Hybrid(), Noise("step-smooth"))
     groups = all_groups(smooth)
@@ -186,12 +178,3 @@ def test_date__is_that_of_the_environment_and_the_bytes_are_the_same(fits, tmp_p
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
     with pytest.raises(InputError, match="SOURCE_DATE_EPOCH: expected whole seconds since 1970"):
         arviz_object(all_groups(fit))
-
-
-def test_write_netcdf__of_what_is_not_for_arviz_is_read_as_the_whole(drawn, tmp_path):
-    write_netcdf(drawn, tmp_path / "a.nc", complete=False)
-    write_netcdf(drawn, tmp_path / "b.nc")
-    parts = [read_netcdf(tmp_path / name) for name in ("a.nc", "b.nc")]
-    assert parts[0].draws.tobytes() == parts[1].draws.tobytes() == drawn.draws.tobytes()
-    found = import_arviz().from_netcdf(tmp_path / "a.nc")
-    assert "prior" not in (found.children if IS_NEW else found.groups())

@@ -28,7 +28,7 @@ def test_charts__map_there_and_back_by_the_jacobian_that_they_say(paper, form, n
         theta = target.model.outer_theta(np.concatenate([np.zeros((len(q), k)), q[:, k:]], axis=1))
         return chart.conditional(integral.prepared(theta[:, k:]))
 
-    for chart in target.charts:
+    for chart in target.charts:  # noqa: B007, read by `conditional`
         one = conditional(q)
         u = one.to_scores(q)
         np.testing.assert_allclose(one.from_scores(u), q, rtol=0, atol=1e-9)  # rounding

@@ -6,10 +6,8 @@ import pandas as pd
 import pytest
 from scipy import optimize, signal, stats
 
-from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.diagnostics import (
     Loo,
-    arviz_object,
     autocorrelation_time,
     effective_sample_size,
     failed_diagnostics,
@@ -24,7 +22,6 @@ from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
-from ridgebayes.runtime.quiet import import_arviz
 from ridgebayes.table.table import read_table
 
 
@@ -54,10 +51,6 @@ def test_rank_r_hat__is_the_published_formula_with_an_ensemble_as_a_chain(shift)
     np.testing.assert_allclose(rank_r_hat(draws), expected, rtol=1e-9)  # algebra
 
 
-def test_rank_r_hat__of_one_parameter_is_an_array_too():
-    assert rank_r_hat(noise((4, 50, 6, 1))).shape == (1,)
-
-
 def test_summarise__gives_unrounded_numbers_of_all_draws():
     draws = 1 / 3 + 1e-7 * noise((4, 100, 8, 2))
     summary = summarise(draws, ("c", "sigma"), prob=0.8)
@@ -84,13 +77,6 @@ def test_summarise__gives_unrounded_numbers_of_all_draws():
     ]
 
 
-def test_summarise__default_interval_holds_nine_tenths():
-    row = summarise(noise((4, 2_000, 8, 1)), ("x",)).iloc[0]
-    # Monte Carlo: sd of a 5 % quantile of 64,000 draws is 0.008; five of them.
-    assert (row["eti_lower"], row["eti_upper"]) == pytest.approx((-1.645, 1.645), abs=0.04)
-    assert row["prob"] == 0.9
-
-
 def test_summarise__effective_sizes_of_independent_draws_are_their_number():
     x = noise((4, 1_000, 16, 1))
     row = summarise(x, ("x",)).iloc[0]
@@ -98,16 +84,6 @@ def test_summarise__effective_sizes_of_independent_draws_are_their_number():
     for name in ("ess_bulk", "ess_tail"):
         assert row[name] == pytest.approx(64_000, rel=0.08)
     assert row["mcse_mean"] == pytest.approx(1 / np.sqrt(64_000), rel=0.05)
-
-
-def test_summarise__bulk_size_is_of_ranks_and_so_survives_heavy_tails():
-    x = noise((4, 500, 8, 1))
-    heavy = np.exp(4 * x)
-    bulk = [summarise(values, ("x",))["ess_bulk"].iloc[0] for values in (x, heavy)]
-    assert bulk[0] == pytest.approx(bulk[1], rel=1e-9)  # algebra: the ranks are the same
-    row = summarise(heavy, ("x",)).iloc[0]
-    plain = float(effective_sample_size(heavy[..., 0]))
-    assert row["mcse_mean"] == pytest.approx(row["sd"] / np.sqrt(plain), rel=1e-12)  # algebra
 
 
 def test_summarise__bulk_size_is_of_blom_scores():
@@ -145,15 +121,6 @@ def test_shortcomings__names_each_rule_broken_and_nothing_else():
     ]
     assert "under 1.01" in missing[0]
     assert "under 400" in missing[1]
-
-
-@pytest.mark.slow
-def test_import_arviz__and_arviz_object_serve_the_installed_line(fits):
-    arviz = import_arviz()
-    view = arviz_object(all_groups(fits["modified"]))
-    old = arviz.__version__.startswith("0.")
-    assert type(view).__name__ == ("InferenceData" if old else "DataTree")
-    assert view["posterior"]["c"].dims == ("chain", "draw")
 
 
 def test_leave_one_out__of_a_normal_mean_is_the_exact_answer():
@@ -223,21 +190,29 @@ def test_leave_one_out__counts_rows_that_it_cannot_be_trusted_on():
     assert loo.n_bad_k >= 1
 
 
-def test_leave_one_out__of_one_row_has_no_standard_error():
-    mu = 0.1 * noise((4, 500), seed=6)
-    loo = leave_one_out(stats.norm.logpdf(0.0, mu, 1)[..., None], reff=1.0)
-    assert np.isnan(loo.se)
-
-
 def test_n_bad_k__counts_what_is_not_a_number_as_bad():
     loo = Loo(0.0, 0.0, 0.0, np.zeros(4), np.array([0.1, 0.7, 0.71, np.nan]))
     assert loo.n_bad_k == 2
 
 
+def test_leave_one_out__asks_for_rows_of_heavy_tails_and_no_others():
+    y = np.array([0.0, 0.1, -0.1, 12.0])
+    mu = y.mean() + 0.5 * noise((4, 1_000), seed=5)
+    log_likelihood, asked = stats.norm.logpdf(y, mu[..., None], 0.7), []
+    alone = leave_one_out(log_likelihood, 1.0)
+    found = leave_one_out(log_likelihood, 1.0, lambda i: asked.append(i) or -50.0)
+    assert asked == np.flatnonzero(alone.pareto_k > 0.7).tolist()
+    assert found.pointwise[asked].tolist() == [-50.0] * len(asked)
+    assert (found.n_bad_k, found.status) == (0, "ok")
+    assert found.elpd == pytest.approx(found.pointwise.sum(), rel=1e-12)  # algebra
+    failed = leave_one_out(log_likelihood, 1.0, lambda i: np.nan)
+    assert failed.n_bad_k == alone.n_bad_k
+
+
 @pytest.mark.parametrize(
-    ("n_bad", "status"), [(2, "ok"), (3, "3 of 10 rows have a Pareto k above 0.7")]
+    ("n_bad", "status"), [(0, "ok"), (3, "3 of 10 rows have a Pareto k above 0.7")]
 )
-def test_status__is_not_ok_where_more_than_a_fifth_of_the_rows_are_bad(n_bad, status):
+def test_status__is_not_ok_where_a_row_is_bad(n_bad, status):
     k = np.where(np.arange(10) < n_bad, 0.71, 0.7)
     assert Loo(0.0, 0.0, 0.0, np.zeros(10), k).status == status
 
@@ -269,14 +244,6 @@ def test_stacking_weights__meet_the_conditions_of_the_optimum(seed):
     assert negative(weights) <= best.fun + 1e-3  # the score's own unit
 
 
-def test_stacking_weights__do_not_mind_very_small_densities():
-    pointwise = np.array([[-5_000.0, -5_000.0], [-5_001.0, -4_999.0]])
-    shifted = pointwise + 5_000
-    np.testing.assert_allclose(
-        stacking_weights(pointwise), stacking_weights(shifted), rtol=1e-9
-    )  # algebra: only differences count
-
-
 def ar1(rho, shape, seed=0):
     """AR(1) along the first axis, stationary from the start, unit variance."""
     rng = np.random.default_rng(seed)
@@ -304,31 +271,6 @@ def test_autocorrelation_time__of_one_walker_is_emcees(rho):
     )
 
 
-def test_autocorrelation_time__of_many_walkers_is_close_to_emcees():
-    x = ar1(0.8, (2_000, 32, 2), seed=2)
-    # emcee averages each walker's normalised function, here the functions are averaged first:
-    # a difference of order tau/n_step.
-    np.testing.assert_allclose(
-        autocorrelation_time(x), emcee.autocorr.integrated_time(x, c=5), rtol=0.02
-    )
-
-
-def test_autocorrelation_time__keeps_trailing_axes_apart():
-    x = np.stack([ar1(rho, (4_000, 8), seed=3) for rho in (0.0, 0.9)], axis=-1)
-    tau = autocorrelation_time(x)
-    assert tau.shape == (2,)
-    np.testing.assert_array_equal(tau, [autocorrelation_time(x[..., i]) for i in (0, 1)])
-    assert tau[1] > 10 * tau[0]
-
-
-def test_autocorrelation_time__does_not_mind_unit_and_origin():
-    x = ar1(0.5, (1_000, 4))
-    # Algebra: rounding of values a thousand times their spread.
-    assert float(autocorrelation_time(5 * x + 1e3)) == pytest.approx(
-        float(autocorrelation_time(x)), rel=1e-9
-    )
-
-
 def test_autocorrelation_time__is_positive_for_alternating_values():
     x = np.tile([1.0, -1.0], 50)[:, None] + 1e-3 * ar1(0.0, (100, 1))
     assert float(autocorrelation_time(x)) >= 1 / 100
@@ -345,11 +287,3 @@ def test_effective_sample_size__sums_steps_times_walkers_over_tau():
     assert float(effective_sample_size(x)) == pytest.approx(expected, rel=1e-12)  # algebra
     # Monte Carlo: (20,000/19 + 20,000); five percent is 4 standard errors of the smaller tau.
     assert float(effective_sample_size(x)) == pytest.approx(20_000 / 19 + 20_000, rel=0.05)
-
-
-def test_effective_sample_size__says_how_far_a_mean_is_off():
-    # 200 means of 1,000 correlated values each: their spread is 1/sqrt(ESS).
-    x = ar1(0.7, (1_000, 200), seed=4)
-    expected = np.sqrt(1 / (1_000 / float(autocorrelation_time(x))))
-    # Monte Carlo: the sd of 200 means is known to 5 %; three standard errors.
-    assert x.mean(axis=0).std() == pytest.approx(expected, rel=0.15)

@@ -105,15 +105,11 @@ def test_walk__same_seed_same_bytes_other_seed_others_and_more_ensembles_the_sam
     assert not np.any(six.chains.u[4] == six.chains.u[5])
 
 
-def test_walk__leaves_the_global_random_state_alone():
-    before = np.random.get_state()[1].tolist()  # noqa: NPY002
-    walked()
-    assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
-
-
 @pytest.mark.parametrize("noise", ["iid", "texture:student"])
 def test_walk__that_is_resumed_takes_the_same_steps(observed, tmp_path, noise):
-    model = Model(observed([0, 0, 1], [4, 6, 4], [-7.0, -5.6, -6.9]), rb.Modified(), Noise.named(noise))
+    model = Model(
+        observed([0, 0, 1], [4, 6, 4], [-7.0, -5.6, -6.9]), rb.Modified(), Noise.named(noise)
+    )
     target, d = ModelTarget(model), len(model.outer_names)
     start = proposal(np.zeros(d), np.eye(d))
     options = {"seed": 4, "n_point": 8}
@@ -185,10 +181,6 @@ def test_walk__goes_on_until_the_rule_is_met_and_is_checked_seldom_where_far_too
     settings = replace(SHORT, n_step_max=2_000, n_tau=800)
     walked(settings, progress=lambda text: lengths.append(int(text.split()[0])))
     assert lengths[:5] == [100, 150, 225, 337, 505]
-
-
-def test_walk__takes_four_walkers_per_parameter_where_that_is_more():
-    assert walked(replace(SHORT, n_walker=4)).chains.u.shape == (4, 100, 12, 3)
 
 
 @pytest.mark.slow

@@ -145,8 +145,12 @@ def test_shared_offsets__at_known_and_new_places_are_those_of_dense_conditioning
     residual, _, whole = oracles.dense(model, u[0])
     for j, widths in enumerate((*rows.textures, (0.018, 0.02))):
         mean, variance = shared.at(widths, steps)
-        ends = oracles.Ends(np.append(texture, [j] * 4), np.append(Q, steps), np.append(rows.series, [9] * 4))
-        more = observed(*ends[:2], -6.0, textures=(*rows.textures, (0.018, 0.02)), series=ends[2] % 3)
+        ends = oracles.Ends(
+            np.append(texture, [j] * 4), np.append(Q, steps), np.append(rows.series, [9] * 4)
+        )
+        more = observed(
+            *ends[:2], -6.0, textures=(*rows.textures, (0.018, 0.02)), series=ends[2] % 3
+        )
         joint = oracles.covariance(Model(more, rb.Modified(), model.noise), eta[0], ends)
         gain = joint[7:, :7] @ np.linalg.inv(whole)
         left = np.diag(joint[7:, 7:] - gain @ joint[:7, 7:])

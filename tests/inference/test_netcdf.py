@@ -1,5 +1,4 @@
 import gc
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,8 +7,6 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from ridgebayes.distributions.distribution import HalfNormal, LogNormal, Normal
-from ridgebayes.distributions.grammar import priors_from_json, priors_to_json
 from ridgebayes.errors import InputError
 from ridgebayes.inference import posterior as posterior_module
 from ridgebayes.inference.arviz_groups import CONTENT, all_groups, attributes
@@ -19,10 +16,9 @@ from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.netcdf import ATTRIBUTES, read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior, posterior_of
 from ridgebayes.inference.target import ModelTarget
-from ridgebayes.model.forms import Hybrid, Modified
+from ridgebayes.model.forms import Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit, calibrate
 from ridgebayes.runtime.quiet import import_arviz
 
@@ -148,12 +144,6 @@ def test_write_netcdf__keeps_what_did_not_converge(paper, tmp_path):
     assert back.chains.convergence_failures == fit.chains.convergence_failures != ()
 
 
-def test_write_netcdf__keeps_the_sampler(paper, tmp_path):
-    fit = drawn(Model(Observations.from_table(paper), Modified()))
-    write_netcdf(fit, tmp_path / "drawn.nc")
-    assert read_netcdf(tmp_path / "drawn.nc").sampler == fit.sampler == "importance"
-
-
 @pytest.mark.slow
 def test_read_netcdf__brings_back_series_and_a_nugget_of_ones_own(observed, tmp_path):
     rng = np.random.default_rng(1)
@@ -218,36 +208,9 @@ def test_read_netcdf__refuses_what_is_no_netcdf(tmp_path, content):
         read_netcdf(path)
 
 
-def test_read_netcdf__refuses_a_cut_off_file(files, tmp_path):
-    whole = (files / "posterior-modified.nc").read_bytes()
-    path = tmp_path / "half.nc"
-    path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match=r"half.nc: not a readable NetCDF file \("):
-        read_netcdf(path)
-
-
 def test_read_netcdf__refuses_somebody_elses_file(tmp_path):
     path = tmp_path / "other.nc"
     xr.Dataset({"x": ("n", [1.0, 2.0])}).to_netcdf(path, engine="h5netcdf")
     rule = r"other.nc: expected written by ridgebayes, got no ridgebayes_version"
     with pytest.raises(InputError, match=rule):
         read_netcdf(path)
-
-
-@pytest.mark.slow
-def test_read_netcdf__priors_of_another_kind_come_back(paper, tmp_path):
-    settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
-    fit = calibrate(
-        paper, Hybrid(), priors={"c2": Normal(0.01, 0.5)}, rng=1, settings=settings, noise="iid"
-    )
-    write_netcdf(fit, tmp_path / "posterior.nc")
-    assert read_netcdf(tmp_path / "posterior.nc").model.priors["c2"] == Normal(0.01, 0.5)
-
-
-def test_priors_json__brings_every_kind_back():
-    priors = {"c1": LogNormal(1.382, 0.1), "c2": Normal(0.0, 1 / 3), "sigma": HalfNormal(0.05)}
-    text = priors_to_json(priors)
-    assert list(json.loads(text)) == ["c1", "c2", "sigma"]
-    described = {"kind": "log-normal", "median": 1.382, "log_sd": 0.1}
-    assert json.loads(text)["c1"] == described
-    assert priors_from_json(text) == priors

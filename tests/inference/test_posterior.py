@@ -67,7 +67,11 @@ def test_posterior__has_scores_of_all_parameters_then_of_the_error_models_offset
     back = pickle.loads(pickle.dumps(posterior))
     assert "_derived" in vars(posterior)
     assert "_derived" not in vars(back)  # what can be worked out again
-    for one, other in zip(back.shared_offsets(2).at((0.02, 0.02), np.array([6])), offsets.at((0.02, 0.02), np.array([6])), strict=True):
+    for one, other in zip(
+        back.shared_offsets(2).at((0.02, 0.02), np.array([6])),
+        offsets.at((0.02, 0.02), np.array([6])),
+        strict=True,
+    ):
         np.testing.assert_array_equal(one, other)
 
 

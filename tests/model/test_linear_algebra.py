@@ -19,7 +19,9 @@ def test_cholesky_or_nan__marks_what_is_not_definite_and_keeps_the_rest():
     bad = np.zeros(BATCH, bool)
     bad[0, 1] = bad[1, 2] = True
     assert np.isnan(found[bad]).any(axis=(-2, -1)).all()
-    np.testing.assert_allclose(found[~bad] @ np.swapaxes(found[~bad], -1, -2), good[~bad], rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(
+        found[~bad] @ np.swapaxes(found[~bad], -1, -2), good[~bad], rtol=1e-11, atol=1e-12
+    )
     np.testing.assert_array_equal(cholesky_or_nan(good)[~bad], found[~bad])
 
 

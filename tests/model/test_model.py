@@ -260,14 +260,3 @@ def test_counts__alone_recover_the_coefficients(paper):
         apart.append((mean - TRUTH) / sd)
     # Monte Carlo: twelve standardised errors, rms 1 with a spread of 0.25 (c1 and c2 go together).
     assert 0.4 < np.sqrt(np.square(apart).mean()) < 1.6
-
-
-def test_brackets__of_no_width_are_exact_rows(paper):
-    frame = paper.calibration.frame
-    one, two = (
-        Model(Observations.from_table(rb.read_table(frame.assign(p_over_E_lower=lower))), Hybrid())
-        for lower in (np.nan, frame["p_over_E"])
-    )
-    assert two.is_normal
-    u = np.random.default_rng(1).standard_normal((4, 3))
-    np.testing.assert_array_equal(log_density(one, u), log_density(two, u))

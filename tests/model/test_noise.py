@@ -6,13 +6,6 @@ from ridgebayes.errors import InputError
 from ridgebayes.model.noise import NUGGET, Noise
 
 
-def test_noise__default_is_independent_rows_with_one_parameter_and_a_caution():
-    noise = Noise()
-    assert noise.name == "iid"
-    assert noise.parameter_names == ("sigma",)
-    assert noise.caution == "rows are not independent"
-
-
 def test_noise__refuses_an_error_model_that_it_does_not_know():
     rule = "expected one of iid, .*, step-smooth, each also with .series, got structure '{}'"
     for structure in ("cauchy", "+series", "series+series", "series+iid", "step+series+series"):
@@ -28,13 +21,6 @@ def test_noise__refuses_an_error_model_that_it_does_not_know():
 def test_named__is_the_inverse_of_name(noise):
     assert Noise.named(noise.name) == noise
     assert Noise.named(f"{noise.structure}:{noise.tail}") == noise
-
-
-def test_every__holds_each_structure_with_each_tail_once():
-    names = [noise.name for noise in Noise.every()]
-    assert len(names) == len(set(names)) == 10
-    assert names[0] == "iid"
-    assert {"step-smooth", "texture+step:student", "iid:student"} < set(names)
 
 
 def test_named__series_alone_is_the_short_name_of_independent_rows_with_series():

@@ -46,11 +46,6 @@ def test_from_table__reduces_loads_and_keeps_textures_in_order():
     assert data.is_exact.all()
 
 
-def test_from_table__takes_calibration_rows_alone(paper):
-    assert len(Observations.from_table(paper)) == 41
-    assert (0.012, 0.09) not in Observations.from_table(paper).textures
-
-
 def test_from_table__refuses_a_table_with_nothing_to_fit(paper):
     rule = r"expected a row with role calibration and status ok, got none"
     with pytest.raises(InputError, match=rule):
@@ -94,12 +89,6 @@ def test_from_table__takes_series_and_sources_only_where_there_is_no_series():
     assert named.series.tolist() == [0, 0, 1] * 2
 
 
-def test_from_table__counts_the_series_of_fitted_rows_alone():
-    series, role = ["one", "one", "two"] * 2, ["calibration", "calibration", "held-out"] * 2
-    data = observations(frame_of().assign(series=series, role=role))
-    assert data.series_labels == ("one",)
-
-
 @pytest.mark.parametrize(
     ("series", "one_series", "one_texture"),
     [
@@ -127,13 +116,6 @@ def test_from_table__refuses_bodies_that_are_not_centred():
     one = frame.assign(offset_over_R=[0.0, 0.001, 0.0, 0.0, 0.0, 0.0])
     with pytest.raises(InputError, match=r"mine.csv, row 2: offset_over_R: expected 0, got 0.001"):
         observations(one)
-
-
-def test_from_table__does_not_mind_where_bodies_are_that_are_not_fitted():
-    frame = frame_of().assign(role="calibration", status="ok", offset_over_R=0.0)
-    frame.loc[1, ["role", "offset_over_R"]] = ["held-out", 0.001]
-    frame.loc[2, ["status", "offset_over_R"]] = ["not converged", 0.002]
-    assert len(observations(frame)) == 4
 
 
 def test_take__keeps_rows_and_the_textures_that_they_have():

@@ -121,7 +121,9 @@ def test_at__of_a_smooth_offset_widens_beyond_the_range_and_not_inside(axis, obs
     def widening(ratio, q):
         """What is beyond the Gaussian process's own variance, in tau^2."""
         _, variance = asked("step-smooth", data, (ratio, 1 - ratio), [q], scores)
-        places = sorted({(float(RATIO[t].round(9)), int(p)) for t, p in zip(TEXTURE, Q, strict=True)})
+        places = sorted(
+            {(float(RATIO[t].round(9)), int(p)) for t, p in zip(TEXTURE, Q, strict=True)}
+        )
         K = np.array([[correlation(p, r) for p in places] for r in places]) + 1e-8 * np.eye(7)
         cross = np.array([correlation(p, (ratio, q)) for p in places])
         return variance[0, 0] / 0.04**2 - (1 - cross @ np.linalg.solve(K, cross))

@@ -85,15 +85,6 @@ def test_resolve__k_of_every_texture_is_kept_for_new_ones_beside_that_of_one(dat
     assert slope_prior((0.02, 0.02), Model(data, rb.PowerLaw()).prior_of_slopes).log_sd == 0.3
 
 
-def test_resolve__k_of_one_texture_alone_is_not_that_of_new_ones(data):
-    given = {"power-law": {"K[y]": "lognormal(60, 1 %)"}}
-    model = Model(
-        data, rb.PowerLaw(), priors=resolve_priors(given, ALL, [Noise()], data)["power-law"]
-    )
-    assert not model.prior_of_slopes
-    assert slope_prior((0.02, 0.02), model.prior_of_slopes).log_sd == 0.3
-
-
 BAD = {
     "hybrid = 1": ": expected one of classic, hybrid, modified, noise, power-law, got 'hybrid'",
     "[cubic]": ": expected one of classic, hybrid, modified, noise, power-law, got 'cubic'",
@@ -131,11 +122,6 @@ def test_resolve__c2_may_be_of_any_sign_and_k_of_any_kind_above_0(data, tmp_path
     )
     assert found["hybrid"]["c2"] == rb.HalfNormal(0.1)
     assert set(found["power-law"].values()) == {rb.Uniform(10.0, 200.0)}
-
-
-def test_read_toml__names_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(InputError, match=r"none\.toml: no such file"):
-        read_toml(tmp_path / "none.toml")
 
 
 PRIORS = {

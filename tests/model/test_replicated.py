@@ -1,5 +1,3 @@
-import dataclasses
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -7,10 +5,9 @@ from scipy import stats
 from ridgebayes.distributions.distribution import Normal
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.latent import LatentIntegral
-from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
+from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import form_log_loads, is_possible, prior_draws, simulate_log_loads
 from tests.validation.simulated import simulated
 
@@ -82,20 +79,6 @@ def test_loads__have_the_mean_and_covariance_of_the_error_model(model, noise):
     assert np.all(np.abs(products.mean(axis=0) - covariance) < 4.5 * error)
 
 
-@pytest.mark.parametrize("form", [Modified, Hybrid, PowerLaw])
-def test_curve__is_the_loads_of_the_form(model, form):
-    one = model("iid", form=form)
-    coefficients = {"Modified": [1.3], "Hybrid": [1.3, 0.02], "PowerLaw": [60.0, 70.0, 80.0, 50.0]}
-    known = np.array(coefficients[form.__name__])
-    data = one.data
-    a, b = data.a_over_R[data.texture], data.b_over_R[data.texture]
-    expected = np.log(one.form.load(data.Q, a, b, known))
-    # Rounding: logarithms of numbers about 1e-3.
-    np.testing.assert_allclose(
-        form_log_loads(one, np.append(known, 0.03)), expected, rtol=0, atol=1e-13
-    )
-
-
 def test_own_errors__have_the_tail(model):
     one = model("texture:student")
     theta = theta_of(one)
@@ -124,28 +107,6 @@ def test_loads__have_the_likelihood_of_the_model(model):
         assert np.mean(ratios) == pytest.approx(1, abs=4 * np.std(ratios) / np.sqrt(len(ratios)))
 
 
-def test_draws__of_parameters_come_before_rows(model):
-    one = model("texture+step:student")
-    theta = np.tile(theta_of(one), (5, 3, 1))
-    theta[..., 1] = 1e-9
-    theta[..., 2:4] = 1e-9
-    theta[2, 1, 0] = 2.8
-    draws = simulate_log_loads(one, theta, np.random.default_rng(4), 2)
-    assert draws.shape == (2, 5, 3, 4)
-    at = form_log_loads(one, theta)
-    # The errors' own size, 1e-9, a few times over.
-    np.testing.assert_allclose(draws, np.broadcast_to(at, draws.shape), rtol=0, atol=1e-7)
-    assert at[2, 1, 0] == pytest.approx(at[0, 0, 0] - 2 * np.log(2), abs=1e-12)  # rounding
-
-
-def test_same_seed_same_loads(model):
-    one = model("texture")
-    first, second = (
-        simulate_log_loads(one, theta_of(one), np.random.default_rng(9), 3) for _ in range(2)
-    )
-    np.testing.assert_array_equal(first, second)
-
-
 def test_brackets_and_counts__become_exact_rows(observed):
     data = observed(
         [0, 0, 1, 1],
@@ -164,15 +125,6 @@ def test_brackets_and_counts__become_exact_rows(observed):
     assert rows.rel_se.tolist() == [0.0, 0.01, 0.03]
     np.testing.assert_array_equal(rows.log_load, draws[[0, 1, 3]])
     assert len(rows.textures) == 2
-
-
-def test_simulated__keeps_textures_and_labels(paper):
-    data = Observations.from_table(paper)
-    rows = simulated(data, data.log_load + 1)
-    for field in dataclasses.fields(Observations):
-        if field.name not in ("log_load", "log_lower"):
-            np.testing.assert_array_equal(getattr(rows, field.name), getattr(data, field.name))
-    np.testing.assert_array_equal(rows.log_load, data.log_load + 1)
 
 
 def test_prior_draws__are_the_prior_where_rates_are_positive(observed):

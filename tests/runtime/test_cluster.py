@@ -92,10 +92,7 @@ def test_sweep__dask_writes_the_bytes_of_one_process_and_of_two(tmp_path, addres
 
 
 @pytest.mark.long
-def test_refits__are_the_same_on_dask(address, fe_table, monkeypatch):
-    monkeypatch.setattr(
-        "ridgebayes.checks.coverage.EFFORT", {"n_round": 1, "n_per_round": 200, "n_draw": 128}
-    )
+def test_refits__are_the_same_on_dask(address, fe_table):
     alone = coverage(fe_table, [Modified()], ["iid"], rng=1)
     with executor_for(None, address) as executor:
         shared = coverage(fe_table, [Modified()], ["iid"], rng=1, executor=executor)

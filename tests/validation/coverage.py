@@ -9,13 +9,10 @@ import numpy as np
 import pandas as pd
 from scipy.stats import qmc
 
-from ridgebayes import Hybrid, paper_sweep
+from ridgebayes import Hybrid, calibrate, paper_sweep
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS, PROBS, count_covered, covered_rows
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.errors import InputError
-from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.table.table import ContactTable
 
@@ -61,9 +58,8 @@ def coverage_of(fit, table, *, probs=PROBS):
 
 def main(names):
     """Print how often bands of each error model hold, and how wide they are."""
-    data = Observations.from_table(paper_sweep())
     for name in names:
-        fit, _ = importance_posterior(Model(data, Hybrid(), Noise.named(name)), seed=1)
+        fit = calibrate(paper_sweep(), Hybrid(), noise=name, rng=1)
         for title, table in sets().items():
             found = coverage_of(fit, table, probs=(0.5, 0.8, 0.9, 0.95, 0.99))
             print(f"\n{name}: {title}")

@@ -10,7 +10,7 @@ import pandas as pd
 from ridgebayes._types import Rng
 from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
 from ridgebayes.comparison.compare import DEFAULT_FORMS
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.noise import Noise, as_noise
@@ -22,32 +22,13 @@ from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable
 
 PROBS = (0.5, 0.8, 0.9, 0.95, 0.99)
-COVERAGE_COLUMNS = [
-    "form",
-    "noise",
-    "prob",
-    "n",
-    "covered",
-    "share",
-    "share_se",
-    "mean_width",
-    "share_extrapolated",
-    "n_texture",
-    "n_unconverged",
-    "n_failed",
-    "failed",
-]
+COVERAGE_COLUMNS = ["form", "noise", "prob", "n", "covered", "share", "share_se", "mean_width"]
+COVERAGE_COLUMNS += ["share_extrapolated", "n_texture", "n_unconverged", "n_failed", "failed"]
 # Of a fold: its predicted rows and whether its fit converged, or why it failed.
 _Result = tuple[pd.DataFrame, bool] | str
 # Of each predicted row and probability.
-_ROW_COLUMNS = {
-    "fold": int,
-    "prob": float,
-    "texture": int,
-    "covered": bool,
-    "width": float,
-    "extrapolation": bool,
-}
+_ROW_COLUMNS = {"fold": int, "prob": float, "texture": int}
+_ROW_COLUMNS |= {"covered": bool, "width": float, "extrapolation": bool}
 _NO_ROWS = pd.DataFrame(columns=list(_ROW_COLUMNS)).astype(_ROW_COLUMNS)
 
 
@@ -111,8 +92,6 @@ def coverage(
     for one in forms:
         refuse_circular(table, one.form if isinstance(one, Fit) else one)
     data, seed = Observations.from_table(table), seed_of(rng)
-    if len(data.textures) < 2:
-        raise InputError("coverage: expected at least two textures, to leave one out, got one")
     if not data.is_exact.any():  # brackets and counts do not tell the load that a band would hold
         return pd.DataFrame(columns=COVERAGE_COLUMNS)
     every = [as_noise(noise) for noise in (Noise.every() if noises is None else noises)]

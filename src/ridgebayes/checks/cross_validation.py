@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,6 @@ from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_crps
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.diagnostics import stacking_weights
 from ridgebayes.inference.importance import Effort
-from ridgebayes.inference.left_out import LeftOut
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.forms import Form
 from ridgebayes.model.noise import Noise, as_noise
@@ -25,17 +25,8 @@ from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.table.table import ContactTable
 
 FOLD_COLUMNS = ["fold", "n_row", "log_score", "log_score_se", "method", "status"]
-LEFT_OUT_COLUMNS = [
-    "form",
-    "noise",
-    "leave",
-    "n_fold",
-    "log_score",
-    "log_score_se",
-    "mean_crps",
-    "stacking_weight",
-    "failed",
-]
+LEFT_OUT_COLUMNS = ["form", "noise", "leave", "n_fold", "log_score", "log_score_se", "mean_crps"]
+LEFT_OUT_COLUMNS += ["stacking_weight", "failed"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,29 +143,24 @@ def cross_validate(
     folds = folds_of(data, form, error_model, leave=leave, seed=seed, effort=effort, priors=priors)
     found = list(map_ordered(_score_fold, folds, executor, name=lambda fold: fold.full_name))
     crps = np.full(len(data), np.nan)
-    records: list[dict[str, object]] = []
-    failures = {}
-    for fold, scored in zip(folds, found, strict=True):
-        record = {"fold": fold.name, "n_row": int(fold.left.sum())}
-        if isinstance(scored, str):
-            failures[fold.name] = scored
-            records.append(record | {"method": "none", "status": scored})
-        else:
-            crps[fold.left], one = scored
-            score = {"log_score": one.log_score, "log_score_se": one.log_score_se}
-            records.append(record | score | {"method": one.method, "status": one.status})
-    frame = pd.DataFrame(records).reindex(columns=FOLD_COLUMNS)
+    for fold, (own, _) in zip(folds, found, strict=True):
+        crps[fold.left] = own
+    frame = pd.DataFrame([record for _, record in found], columns=FOLD_COLUMNS)
+    failed = frame[frame["method"] == "none"]
+    failures = dict(zip(failed["fold"], failed["status"], strict=True))
     return CrossValidation(folds[0].known.model.form.name, error_model, frame, crps, failures)
 
 
-def _score_fold(fold: Fold) -> tuple[FloatArray, LeftOut] | str:
-    """Return the CRPS of a fold's rows, and their score; the reason where that fails."""
+def _score_fold(fold: Fold) -> tuple[FloatArray, tuple[object, ...]]:
+    """Return the CRPS of a fold's rows, and `FOLD_COLUMNS`."""
+    n = int(fold.left.sum())
     try:
         found = fold.found()
     except ComputationError as error:
-        return str(error)
-    rng = stream(fold.seed, "draws of a CRPS")
-    return row_crps(found.posterior(fold.seed), fold.rows, rng), found
+        return np.full(n, np.nan), (fold.name, n, np.nan, np.nan, "none", str(error))
+    crps = row_crps(found.posterior(fold.seed), fold.rows, stream(fold.seed, "draws of a CRPS"))
+    score = found.log_score, found.log_score_se
+    return crps, (fold.name, n, *score, found.method, found.status)
 
 
 def left_out_scores(
@@ -220,22 +206,12 @@ def left_out_scores(
     n_fold = {"texture": len(data.textures), "step": len(np.unique(data.Q))}
     n_fold |= {"series": data.n_series, "row": len(data)}
     rows = []
+    how: dict[str, Any]
     for leave in leaves:
         if n_fold.get(leave) == 1:
             continue
-        scored = [
-            cross_validate(
-                table,
-                form,
-                noise=noise,
-                leave=leave,
-                rng=rng,
-                executor=executor,
-                effort=effort,
-                priors=priors,
-            )
-            for form in forms
-        ]
+        how = {"noise": noise, "leave": leave, "rng": rng, "executor": executor, "effort": effort}
+        scored = [cross_validate(table, form, priors=priors, **how) for form in forms]
         weights = stacked({one.form: one for one in scored})
         for one in scored:
             scores = one.elpd, one.elpd_se, one.mean_crps, weights[one.form]

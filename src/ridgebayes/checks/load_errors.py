@@ -114,12 +114,6 @@ def percent_errors(
     return pd.concat(blocks, ignore_index=True)[columns]
 
 
-def has_slopes(comparison: Comparison) -> bool:
-    """Return whether K was fitted to several textures, so that there is a trend to look at."""
-    power_law = comparison.fits.get("power-law")
-    return power_law is not None and len(power_law.model.data.textures) > 1
-
-
 def slopes_table(comparison: Comparison) -> pd.DataFrame:
     """Return K = dQ'/ds of each calibrated texture by each closed form.
 
@@ -132,11 +126,12 @@ def slopes_table(comparison: Comparison) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Columns form, a_over_R, b_over_R, pitch, K, K_lower, K_upper, prob. The half-plane form has
-        no one slope and no row.
+        no one slope and no row. Empty unless K was fitted to several textures: there is no trend.
     """
-    rows = []
+    rows, power_law = [], comparison.fits.get("power-law")
+    has_trend = power_law is not None and len(power_law.model.data.textures) > 1
     for name, fit in comparison.fits.items():
-        if name == "half-plane":
+        if name == "half-plane" or not has_trend:
             continue
         theta = fit.draws[:, : fit.model.n_coefficient]
         textures = np.array(fit.model.data.textures)

@@ -18,23 +18,9 @@ from ridgebayes.scene.effects import Plan, full_profile
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, Texture
 
-CHECK_COLUMNS = [
-    "scene",
-    "a_over_R",
-    "b_over_R",
-    "depth_over_R",
-    "corner_over_R",
-    "offset",
-    "nu",
-    "p_over_E",
-    "relative",
-    "effect",
-    "number",
-    "estimate",
-    "simulated",
-    "true_change",
-    "honest",
-]
+_PLACE = ["a_over_R", "b_over_R", "depth_over_R", "corner_over_R", "offset", "nu", "p_over_E"]
+_FOUND = ["effect", "number", "estimate", "simulated", "true_change", "honest"]
+CHECK_COLUMNS = ["scene", *_PLACE, "relative", *_FOUND]
 TOO_LARGE = 10.0  # times the truth: an estimate that is more says nothing
 # Of what is under a hundredth of the wanted accuracy the exact size does not matter.
 _NEGLIGIBLE = 0.01
@@ -64,13 +50,9 @@ def sobol_scenes(n: int = 32, *, rng: Rng = 0) -> list[Scene]:
     points = sequence.random_base2(math.ceil(math.log2(n)))[:n]
     low = np.array([0.003, 0.1, 0.01, 0.001, 0.0003, 0.0, 1.2, 0.003])
     high = np.array([0.05, 5.0, 0.3, 0.4, 0.5, 0.5, 6.0, 0.1])
-    logarithmic = np.array([True, True, True, True, True, False, False, True])
-    with np.errstate(divide="ignore"):
-        values = np.where(
-            logarithmic,
-            np.exp(np.log(low) + points * (np.log(high) - np.log(np.maximum(low, 1e-300)))),
-            low + points * (high - low),
-        )
+    values, logarithmic = low + points * (high - low), [0, 1, 2, 3, 4, 7]
+    least, most = np.log(low[logarithmic]), np.log(high[logarithmic])
+    values[:, logarithmic] = np.exp(least + points[:, logarithmic] * (most - least))
     return [_scene(row) for row in values.tolist()]
 
 

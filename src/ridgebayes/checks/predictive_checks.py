@@ -119,14 +119,12 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
     theta = fit.draws[places]
     curve = form_log_loads(model, theta)[:, exact]
     loads = simulate_log_loads(model, theta, stream(seed, "replicate"))[0][:, exact]
-    measure = _Quantities(model.data.take(exact))
-    observed = measure(model.data.log_load[exact] - curve)
-    replicated = measure(loads - curve)
-    return PredictiveChecks(
-        tuple(observed),
-        np.stack(list(observed.values()), axis=-1),
-        np.stack(list(replicated.values()), axis=-1),
+    rows = model.data.take(exact)
+    observed, replicated = (
+        _quantities(rows, residual) for residual in (rows.log_load - curve, loads - curve)
     )
+    stacked = (np.stack(list(found.values()), axis=-1) for found in (observed, replicated))
+    return PredictiveChecks(tuple(observed), *stacked)
 
 
 def prior_bands(
@@ -171,34 +169,26 @@ def prior_bands(
     return pd.DataFrame(rows, columns=BAND_COLUMNS)
 
 
-class _Quantities:
-    """The test quantities of residuals (n_draw, n_obs) at the places of some rows."""
-
-    def __init__(self, data: Observations) -> None:
-        self._log_h = np.log(data.Q / 2 - 1)
-        self._textures = _mean_matrix(data.texture)
-        self._steps = _mean_matrix(data.Q)
-        cells = np.stack([data.texture, data.Q])
-        distinct, cell = np.unique(cells, axis=1, return_inverse=True)
-        self._cells = _mean_matrix(cell.reshape(-1))
-        self._texture_of_cell = distinct[0]
-
-    def __call__(self, residual: FloatArray) -> dict[str, FloatArray]:
-        found = {"largest residual": np.abs(residual).max(axis=-1)}
-        x = self._log_h - self._log_h.mean()
-        if np.ptp(x) > 0:
-            found["trend"] = residual @ x / (x @ x)
-        for name, means in (("texture spread", self._textures), ("step spread", self._steps)):
-            if means.shape[0] > 1:
-                found[name] = (means @ residual.T).std(axis=0, ddof=1)
-        # Cells are sorted by texture and then by Q: neighbours follow each other.
-        cell = (self._cells @ residual.T).T
-        near = np.flatnonzero(np.diff(self._texture_of_cell) == 0)
-        if len(near) > 1:
-            cell = cell - cell.mean(axis=-1, keepdims=True)
-            product = (cell[..., near] * cell[..., near + 1]).mean(axis=-1)
-            found["lag-1 correlation"] = product / (cell**2).mean(axis=-1)
-        return found
+def _quantities(data: Observations, residual: FloatArray) -> dict[str, FloatArray]:
+    """Return the test quantities of residuals (n_draw, n_obs) at the places of some rows."""
+    found = {"largest residual": np.abs(residual).max(axis=-1)}
+    x = np.log(data.Q / 2 - 1)
+    x = x - x.mean()
+    if np.ptp(x) > 0:
+        found["trend"] = residual @ x / (x @ x)
+    for name, code in (("texture spread", data.texture), ("step spread", data.Q)):
+        means = _mean_matrix(code)
+        if means.shape[0] > 1:
+            found[name] = (means @ residual.T).std(axis=0, ddof=1)
+    # Cells are sorted by texture and then by Q: neighbours follow each other.
+    cells, code = np.unique(np.stack([data.texture, data.Q]), axis=1, return_inverse=True)
+    near = np.flatnonzero(np.diff(cells[0]) == 0)
+    if len(near) > 1:
+        cell = (_mean_matrix(code.reshape(-1)) @ residual.T).T
+        cell = cell - cell.mean(axis=-1, keepdims=True)
+        product = (cell[..., near] * cell[..., near + 1]).mean(axis=-1)
+        found["lag-1 correlation"] = product / (cell**2).mean(axis=-1)
+    return found
 
 
 def _mean_matrix(code: IntArray) -> sparse.csr_array:

@@ -70,14 +70,14 @@ def repeat_posterior(posterior: Posterior) -> Repeat:
         return Repeat(n_draw, "", float("nan"), str(error))
     own, again = posterior.summary, posterior_of(model, drawn, seed).summary
     moved = (np.abs(again["mean"] - own["mean"]) / own["sd"]).to_numpy()
-    worst, status = int(moved.argmax()), drawn.evidence.status
+    worst, evidence = int(moved.argmax()), first.evidence
+    failed = "" if evidence.ok else evidence.status
     name = str(own["parameter"][worst])
-    failed = "" if drawn.evidence.ok else status
     return Repeat(drawn.log_density.size, name, float(moved[worst]), failed)
 
 
 def is_cheap(posterior: Posterior) -> bool:
-    """Return whether a repeat takes seconds: few parameters, and densities that are no estimates."""
+    """Return whether a repeat takes seconds: few parameters, densities that are no estimates."""
     target = ModelTarget(posterior.model)
     return target.is_exact and posterior.model.n_parameter <= _MOST_PARAMETERS
 

@@ -8,7 +8,6 @@ import pandas as pd
 
 from ridgebayes.checks.least_squares import LeastSquares, fit_by_least_squares
 from ridgebayes.checks.load_errors import (
-    has_slopes,
     held_out_loads,
     percent_errors,
     shown_textures,
@@ -18,18 +17,11 @@ from ridgebayes.checks.power_scaling import power_scaling
 from ridgebayes.checks.predictive_checks import PredictiveChecks, posterior_checks, prior_bands
 from ridgebayes.checks.repeat import Repeat, against_priors, is_cheap, repeat_posterior
 from ridgebayes.checks.study import Study, study_of
+from ridgebayes.comparison import ranking
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.cautions import cautions
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import (
-    Predicting,
-    best_form,
-    factors_by_method,
-    forms_by_probability,
-    predicting,
-    problems,
-    sensitivity_factors,
-)
+from ridgebayes.comparison.ranking import Predicting, best_form
 from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.drawing import MOST_TEXTURES
@@ -185,7 +177,7 @@ def report_data(comparison: Comparison) -> ReportData:
     seen = frame[frame["status"] == "ok"]
     transitions = seen[seen["kind"] == "transition"]
     textures = shown_textures(comparison)
-    ranked, verdict = forms_by_probability(comparison), comparison.verdict
+    ranked, verdict = ranking.forms_by_probability(comparison), comparison.verdict
     over = verdict.over if verdict is not None else ""
     bands = _panel_bands(comparison, [shown, *([over] if over else [])], seen, textures)
     own_bands = bands[bands["form"] == shown]
@@ -197,11 +189,11 @@ def report_data(comparison: Comparison) -> ReportData:
         shown,
         tuple(ranked),
         verdict,
-        problems(comparison),
+        ranking.problems(comparison),
         cautions(comparison),
-        none if best is None else factors_by_method(comparison, best),
-        none if best is None else sensitivity_factors(comparison, best),
-        predicting(comparison),
+        none if best is None else ranking.factors_by_method(comparison, best),
+        none if best is None else ranking.sensitivity_factors(comparison, best),
+        ranking.predicting(comparison),
         mean_evidence(comparison.evidence),
         transitions,
         own_bands.reset_index(drop=True),
@@ -209,7 +201,7 @@ def report_data(comparison: Comparison) -> ReportData:
         held_out_loads(comparison),
         textures,
         percent_errors(comparison, textures),
-        slopes_table(comparison) if has_slopes(comparison) else none,
+        slopes_table(comparison),
         _least_squares(comparison),
         posterior_checks(fit, rng=fit.seed) if is_exact else None,
         prior_bands(fit.model, rng=fit.seed) if preset.extras else none,

@@ -84,7 +84,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Cost:
-    """Measure accuracy against run time: loads, posteriors, evidences, bands.
+    """Measure accuracy against run time: loads, and posteriors with their evidences.
 
     Parameters
     ----------

@@ -130,11 +130,14 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
 
     Raises
     ------
+    InputError
+        If the gradient of a form of one's own is not that of its rates.
     ComputationError
         If the form reproduces all rows to rounding, so that sigma has no lower bound.
     """
     model, k = integral.model, integral.model.n_outer_coefficient
     base = _least_squares(integral, np.zeros(k)) if k else np.zeros(0)
+    model.check_gradient(np.concatenate([base, np.zeros(model.n_outer - k)]))
     _refuse_perfect_rows(integral, base)
     if not k:
         return [Chart.about(integral, base)]

@@ -4,8 +4,8 @@ A draw given all rows is weighed by one over the density of the rows left out gi
 Where the rest tells far less than all rows do, these draws do not reach what it allows: scores are
 too high then, and the weights' tail hardly shows it. There the posterior given the rest is drawn
 anew, and the score is the difference of the two log evidences. The mean density over the new draws
-would not do: left out, the first steps of a curve score -14.7 by evidences and quadrature, -57 ± 1
-by four thousand draws.
+would not do: the first steps of the embedded sweep, left out of Hybrid with independent errors,
+score -14.7 by evidences, and -57 with a standard error of 1 by four thousand draws.
 """
 
 import math

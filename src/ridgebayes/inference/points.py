@@ -26,6 +26,7 @@ _LOG_2PI = math.log(2 * math.pi)
 # of freedom. Of this scale the peak is the standard normal's, nearly.
 _POINT_SCALE = 0.65
 _EDGE = 1e-12  # least probability beyond a point
+_PAIRS = 4  # the first of so many pairs of points lies in the prior, where rows are intervals
 _INNER_POINTS = 8  # of textures' scores, for each point of the other scores
 _INFORMED = 1.02  # pivot of M from which rows say anything of a score, whose prior is normal
 # Passes in which sites settle. Student rows' variances take longer than intervals.
@@ -111,7 +112,7 @@ class PointIntegral:
             return 1, n_point
         if not self.design.n_first:
             return n_point, 1
-        return max(n_point // 4, 4), _INNER_POINTS
+        return max(n_point // 4, 4 if self.rows.exact.all() else 2 * _PAIRS), _INNER_POINTS
 
     def approximation(self, batch: Batch) -> Approximation:
         """Return the scores' normal approximation: rows stand for normals of their own."""
@@ -163,10 +164,21 @@ class PointIntegral:
         u = rng.random((*pivots.shape, 1)) + np.arange(n) * self._richtmyer[:, None]
         u = np.clip(u % 1.0, _EDGE, 1 - _EDGE)
         t = np.where(informed, _logistic(u), ndtri(u))
-        log_t = np.where(informed, _log_logistic(t), -0.5 * (t * t + _LOG_2PI)).sum(axis=-2)
         rest = normal.rest[..., None] + solve_lower(corner, t, transposed=True)
+        wide = np.zeros(n, bool)
+        if not self.rows.exact.all():
+            # Some from the prior: intervals that contradict each other leave places that no normal
+            # reaches. Pairs of points, so that every second one has the same share of them.
+            wide = np.arange(n) // 2 % _PAIRS == 0
+            rest = np.where(wide, ndtri(u), rest)
+            t = np.swapaxes(corner, -1, -2) @ (rest - normal.rest[..., None])
+        log_t = np.where(informed, _log_logistic(t), -0.5 * (t * t + _LOG_2PI)).sum(axis=-2)
         log_density = log_t + np.log(pivots).sum(axis=-1)[:, None]
         log_prior = -0.5 * (rest**2 + _LOG_2PI).sum(axis=-2)
+        if wide.any():
+            share = wide.mean()
+            both = math.log1p(-share) + log_density, math.log(share) + log_prior
+            log_density = np.logaddexp(*both)
         return np.moveaxis(rest, -1, 0), (log_prior - log_density).T
 
     def _first_points(

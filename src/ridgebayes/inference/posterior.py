@@ -67,6 +67,8 @@ class Posterior:
     (10, 3)
     >>> fit.shared_offsets(2) is None  # independent rows share none
     True
+    >>> fit.log_likelihood_of_rows.shape == fit.draws.shape[:1]
+    True
     """
 
     model: Model

@@ -45,15 +45,6 @@ def test_slope__is_dQ_ds_of_each_equation():
     np.testing.assert_allclose(Hybrid().slope(A, B), hybrid, rtol=ROUNDING)
 
 
-def test_load__modified_is_hybrid_without_its_second_coefficient():
-    hybrid = Hybrid().load(Q, A, B, [1.38, 0.0])
-    np.testing.assert_allclose(hybrid, Modified().load(Q, A, B, [1.38]), rtol=ROUNDING)
-
-
-def test_load__classic_needs_more_load_than_modified_for_the_same_count():
-    assert np.all(Classic().load(Q, A, B, [1.38]) > Modified().load(Q, A, B, [1.38]))
-
-
 def fitted_on_counts(form, rows):
     """Least squares on Q, as the study fitted: the residual is Q'(p; theta) - Q."""
     a, b, q, p = rows.T

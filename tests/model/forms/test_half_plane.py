@@ -38,10 +38,6 @@ def test_load__scales_as_one_over_c_squared():
     np.testing.assert_allclose(loads * c**2, np.tile(loads[1], (3, 1)), rtol=1e-14)  # algebra
 
 
-def test_load__first_touch_needs_no_load():
-    assert FORM.load(2, 0.02, 0.015) == 0
-
-
 @pytest.mark.parametrize("texture", [*REFERENCE, (0.5, 0.01), (0.001, 0.2)])
 @pytest.mark.parametrize("nu", [0.2, 0.5])
 def test_count__at_its_own_load_counts_that_pair_and_an_ulp_below_does_not(texture, nu):
@@ -62,13 +58,6 @@ def test_continuous_count__is_linear_in_s_between_transitions():
         np.testing.assert_allclose(count, 2 + 2 * (k + fraction), atol=1e-6)
 
 
-def test_continuous_count__mixes_textures_and_draws_without_a_rate():
-    # A texture all of whose draws have no positive rate is passed over, not solved for.
-    count = FORM.continuous_count([1e-3, 0.01], [0.012, 0.032], 0.01, [[1.0], [-1.0]])
-    assert np.isnan(count).tolist() == [[False, False], [True, True]]
-    assert count[0, 1] == FORM.continuous_count(0.01, 0.032, 0.01)
-
-
 def test_continuous_count__reaches_rungs_beyond_the_first_guess():
     # Wide ridges with narrow grooves, a high load: the ladder has to be long enough. Of very
     # narrow ridges the rungs stand closer than smooth Hertz's, and the first guess is too short.
@@ -76,16 +65,6 @@ def test_continuous_count__reaches_rungs_beyond_the_first_guess():
     for texture in ((0.3, 0.3), (0.01, 0.5), (1e-4, 5.0)):
         count = FORM.continuous_count(FORM.load(Q, *texture), *texture)
         np.testing.assert_allclose(count, Q, rtol=1e-12)  # algebra: root and interpolation
-
-
-def test_load_and_count__of_textures_that_share_a_width_are_those_of_each_alone():
-    a, b = np.meshgrid([0.012, 0.032], [0.01, 0.03])
-    loads = FORM.load(8, a, b)
-    assert loads.tolist() == [
-        [float(FORM.load(8, *texture)) for texture in zip(*row, strict=True)]
-        for row in zip(a.tolist(), b.tolist(), strict=True)
-    ]
-    np.testing.assert_allclose(FORM.continuous_count(loads, a, b), 8, rtol=1e-14)  # algebra
 
 
 def test_pairs__passes_over_what_has_no_value_and_goes_on():

@@ -34,16 +34,6 @@ def test_log_load_gradient__of_a_texture_is_in_its_own_K_alone():
     np.testing.assert_allclose(gradient, expected, rtol=ROUNDING)
 
 
-def test_log_load_gradient__of_any_axes_of_draws_is_that_of_each_draw():
-    a, b = np.transpose(TEXTURES)
-    draws = K * np.linspace(0.9, 1.1, 6).reshape(2, 3, 1)
-    gradient = FORM.log_load_gradient(draws, a, b)
-    assert gradient.shape == (2, 3, 2, 2)
-    for i in np.ndindex(2, 3):
-        np.testing.assert_allclose(gradient[i], np.diag(-2 / draws[i]), rtol=ROUNDING)
-        np.testing.assert_array_equal(gradient[i], FORM.log_load_gradient(draws[i], a, b))
-
-
 def test_parameter_names__tell_the_texture_by_its_label_or_widths():
     assert FORM.parameter_names == ("K[a0.012_b0.03]", "K[a0.032_b0.01]")
     assert PowerLaw().bind(TEXTURES, ("wide", "narrow")).parameter_names == ("K[wide]", "K[narrow]")
@@ -53,8 +43,3 @@ def test_load__refuses_a_texture_that_has_no_K():
     rule = r"expected textures it was bound to, got one without a K, a/R = 0.02, b/R = 0.01"
     with pytest.raises(InputError, match=rule):
         FORM.load(4, [0.012, 0.02], [0.03, 0.01], K)
-
-
-def test_load__has_no_printed_coefficients():
-    with pytest.raises(InputError, match="power-law: no printed coefficients; pass theta"):
-        FORM.load(4, 0.012, 0.03)

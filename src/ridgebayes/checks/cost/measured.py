@@ -20,20 +20,9 @@ from ridgebayes.inference.posterior import Posterior, posterior_of
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.inference.target import ModelTarget
 
-COST_COLUMNS = (
-    "task",
-    "method",
-    "setting",
-    "quantity",
-    "error",
-    "reference",
-    "wall_s",
-    "cpu_s",
-    "cpu_s_spread",
-    "peak_MiB",
-    "repeats",
-    "status",
-)
+_KNOWN = ("task", "method", "setting", "quantity", "error", "reference")
+_SPENT = ("wall_s", "cpu_s", "cpu_s_spread", "peak_MiB", "repeats", "status")
+COST_COLUMNS = _KNOWN + _SPENT
 SHORT_COLUMNS = ("task", "method", "error", "cpu_s")  # of the version in a run's report
 LEVELS = (0.1, 0.01, 0.001)
 _SLOW = 2.0  # seconds: what takes longer is not repeated
@@ -161,15 +150,13 @@ def cheapest(frame: pd.DataFrame) -> list[str]:
     for (task, quantity), group in ok.groupby(["task", "quantity"], sort=False):
         for level in LEVELS:
             enough = group[group["error"] <= level].sort_values("cpu_s")
-            if enough.empty:
-                said.append(f"{task}, {quantity}: nothing here reaches {level:.3g}.")
-                continue
-            row = enough.iloc[0]
-            said.append(
-                f"{task}, {quantity}: {level:.3g} is reached most cheaply by {row['method']} "
-                f"({row['setting']}), in {row['cpu_s']:.2g} CPU seconds with an error of "
-                f"{row['error']:.1e}."
-            )
+            said.append(f"{task}, {quantity}: nothing here reaches {level:.3g}.")
+            for row in enough.head(1).to_dict("records"):
+                said[-1] = (
+                    f"{task}, {quantity}: {level:.3g} is reached most cheaply by {row['method']} "
+                    f"({row['setting']}), in {row['cpu_s']:.2g} CPU seconds with an error of "
+                    f"{row['error']:.1e}."
+                )
     return said
 
 
