@@ -131,7 +131,7 @@ def compare(
     >>> cmp.best
     'hybrid'
     >>> [round(float(ln_bf), 1) for ln_bf in cmp.bayes_factors["ln_bf"]]
-    [-4.5, -4.5]
+    [-4.5]
     >>> cmp.verdict.grade
     'supports'
     """
