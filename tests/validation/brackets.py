@@ -19,10 +19,10 @@ import numpy as np
 import pandas as pd
 
 import ridgebayes as rb
-from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
+from tests.drawn import drawn_posterior
 
 OUT = Path("docs/validation/brackets.csv")
 INCREMENTS = (0.01, 0.05, 0.20)
@@ -47,10 +47,10 @@ def as_exact(table: rb.ContactTable) -> rb.ContactTable:
 def moments(table: rb.ContactTable, noise: str) -> tuple[pd.DataFrame, bool]:
     """Return posterior mean and sd of Hybrid's parameters, and whether it took a walk."""
     model = Model(Observations.from_table(table), rb.Hybrid(), Noise.named(noise))
-    fit, _ = importance_posterior(model, seed=1)
+    fit = drawn_posterior(model)
     walked = not fit.converged
     if walked:
-        fit = rb.calibrate(table, rb.Hybrid(), noise=noise, rng=1)
+        fit = rb.calibrate(table, rb.Hybrid(), noise=noise, rng=1, settings=rb.SampleSettings())
     if not fit.converged:
         raise SystemExit(f"{table.where}, {noise}: {fit.convergence_failures}")
     return fit.summary.set_index("parameter")[["mean", "sd"]].loc[list(NAMES)], walked

@@ -20,8 +20,11 @@ from ridgebayes._types import FloatArray, Rng
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
-from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.sampling import sample_posterior
+from ridgebayes.inference.emcee_sampling import walk
+from ridgebayes.inference.importance import Effort, importance_sample
+from ridgebayes.inference.latent import LatentIntegral
+from ridgebayes.inference.posterior import walked_posterior
+from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise, as_noise
@@ -30,6 +33,7 @@ from ridgebayes.model.replicated import prior_draws, simulate_log_loads
 from ridgebayes.results import Fit
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
+from tests.drawn import drawn_posterior
 from tests.validation.simulated import simulated
 from tests.validation.uniformity import Uniformity, ranks_to_pit, uniformity
 
@@ -197,9 +201,11 @@ class _Replication:
             fit = self.engine(model, seed=seed)
         except ComputationError as error:
             return [], str(error)
-        theta = model.to_theta(independent_draws(fit, self.n_draw, stream(seed, "thin")))
+        u = independent_draws(fit, self.n_draw, stream(seed, "thin"))
+        theta = model.to_theta(u[:, : model.n_parameter])
         values = dict(zip(model.parameter_names, zip(truth, theta.T, strict=True), strict=True))
-        values[LOG_LIKELIHOOD] = (model.log_likelihood(truth), model.log_likelihood(theta))
+        true, *others = log_likelihood(model, np.vstack([truth, theta]), stream(seed, "points"))
+        values[LOG_LIKELIHOOD] = true, np.array(others)
         ranks = [
             {
                 "replicate": replicate,
@@ -213,12 +219,25 @@ class _Replication:
         return ranks, "; ".join(fit.convergence_failures)
 
 
+def log_likelihood(model: Model, theta: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return the log-likelihood of the outer parameters, (n, n_parameter) to (n,).
+
+    Offsets and log K are integrated out; with points of their own where that is an estimate.
+    """
+    u = model.to_scores(theta)[:, model.outer]
+    found = LatentIntegral(model).estimated(u, rng, 32).log_density
+    return np.asarray(found - model.log_outer_prior(u))
+
+
 def _walk(model: Model, *, seed: int) -> Fit:
-    return sample_posterior(model, seed=seed, settings=SBC_SETTINGS)
+    target = ModelTarget(model, seed)
+    proposal = importance_sample(target, Effort(), seed).proposal
+    walked = walk(target, proposal, seed=seed, settings=SBC_SETTINGS)
+    return Fit.of(walked_posterior(model, walked, seed, None))
 
 
 def _importance(model: Model, *, seed: int) -> Fit:
-    return importance_posterior(model, seed=seed)[0]
+    return Fit.of(drawn_posterior(model, seed=seed))
 
 
 ENGINES: dict[str, Engine] = {"walk": _walk, "importance": _importance}
@@ -255,8 +274,8 @@ def sbc(
     rng : int or numpy.random.Generator, optional
         Seed; each replicate has a stream of its own.
     fit : str or callable, optional
-        ``walk``: the sampler that `calibrate` runs, `SBC_SETTINGS`; ``importance``:
-        `importance_posterior`; or what makes a Fit of a Model and a ``seed``.
+        ``walk``: emcee's, with `SBC_SETTINGS`; ``importance``: what `calibrate` draws; or what
+        makes a Fit of a Model and a ``seed``.
     n_draw : int, optional
         Draws of each posterior that the truth is ranked among.
     priors : mapping of str to Distribution, optional
@@ -283,9 +302,8 @@ def sbc(
     to positive rates, which has the same posterior.
     *Draws.* From the walkers of all ensembles, at steps at least five autocorrelation times apart.
     Walkers of one step are independent of each other once a walk has reached the posterior.
-    *Log-likelihood.* Offsets integrated out. Where they are sampled it is the approximation that
-    `Model.log_likelihood` is: a function of parameters and rows like any other, so that its ranks
-    are uniform all the same.
+    *Log-likelihood.* Offsets and log K integrated out. Where that is an unbiased estimate, truth
+    and draws have points of their own alike, so that its ranks are uniform all the same.
 
     References
     ----------
@@ -344,7 +362,7 @@ def independent_draws(fit: Fit, n: int, rng: np.random.Generator) -> FloatArray:
     chains = fit.chains
     tau = float(np.max(chains.tau))
     gap = math.ceil(_GAP * tau) if math.isfinite(tau) else chains.n_step
-    pool = chains.u[:, ::-1][:, :: max(gap, 1)].reshape(-1, fit.model.n_coordinate)
+    pool = chains.u[:, ::-1][:, :: max(gap, 1)].reshape(-1, chains.u.shape[-1])
     if len(pool) < n:
         raise InputError(f"n_draw: expected at most {len(pool)}, all that are independent, got {n}")
     return pool[rng.choice(len(pool), n, replace=False)]

@@ -19,7 +19,7 @@ Run it from the repository's root with OMP_NUM_THREADS=1.
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +27,7 @@ import pandas as pd
 from scipy.stats import qmc
 
 import ridgebayes as rb
-from ridgebayes.evidence.error_models import (
-    error_model_weights,
-    weigh_error_models,
-)
-from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.evidence.pairs import weigh_pairs
 from ridgebayes.inference.presets import PRESETS
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import AUTO, Noise, error_models_for
@@ -39,6 +35,7 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import prior_draws, simulate_log_loads
 from ridgebayes.runtime.pool import executor_for
 from ridgebayes.runtime.randomness import stream
+from tests.drawn import drawn_posterior
 from tests.validation.simulated import resumed, simulated
 
 OUT = Path("docs/validation/load_coverage.csv")
@@ -137,14 +134,14 @@ def _fitted(data: Observations, cell: Cell) -> rb.Fit:
     form, accuracy = rb.Hybrid(), PRESETS[cell.accuracy]
     if cell.noise != AUTO:
         model = Model(data, form, Noise.named(cell.noise))
-        posterior, _ = importance_posterior(model, seed=cell.index, **accuracy.effort)
+        posterior = drawn_posterior(model, seed=cell.index, **asdict(accuracy.effort))
         return rb.Fit.of(posterior, {cell.noise: 1.0}, {cell.noise: posterior})
     noises = error_models_for(AUTO, data.n_series)
-    weighed = weigh_error_models(data, [form], noises, seed=cell.index, accuracy=accuracy)
-    posteriors = weighed.posteriors(form.name)
-    weights = error_model_weights(weighed.evidence, form.name, posteriors)
-    printed = posteriors[max(weights, key=lambda name: weights[name])]
-    return rb.Fit.of(printed, weights, posteriors)
+    weighed = weigh_pairs(data, [form], noises, seed=cell.index, accuracy=accuracy)
+    weights = weighed.weights(form.name)
+    printed = max(weights, key=lambda name: weights[name])
+    posteriors = weighed.posteriors([form.name], printed, accuracy.n_kept)[form.name]
+    return rb.Fit.of(posteriors[printed], weights, posteriors)
 
 
 def summarised(found: pd.DataFrame) -> pd.DataFrame:

@@ -18,7 +18,6 @@ from scipy.special import softmax
 from ridgebayes._types import Rng
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
@@ -27,6 +26,7 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import is_possible, simulate_log_loads
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
+from tests.drawn import drawn_posterior
 from tests.validation.calibration_check import FAILURE_COLUMNS, exact_places
 from tests.validation.simulated import simulated
 
@@ -197,7 +197,7 @@ class _Replication:
 
 
 def _by_importance(model: Model, *, seed: int) -> LogEvidence:
-    return importance_posterior(model, seed=seed)[1]
+    return drawn_posterior(model, seed=seed).evidence
 
 
 def model_sbc(
@@ -228,7 +228,7 @@ def model_sbc(
     priors : mapping of str to Distribution, optional
         Replacements for default priors, for the forms that have such a parameter.
     weigh : callable, optional
-        What makes a LogEvidence of a Model and a ``seed``: `importance_posterior` if not given.
+        What makes a LogEvidence of a Model and a ``seed``: importance sampling if not given.
     executor : concurrent.futures.Executor, optional
         What replicates are computed on; one after another if not given. The result is the same.
 

@@ -8,11 +8,11 @@ import pytest
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import summarise
-from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import simulate_log_loads
 from ridgebayes.results import Fit
+from tests.drawn import drawn_posterior
 from tests.validation import calibration_check
 from tests.validation.calibration_check import (
     LOG_LIKELIHOOD,
@@ -60,14 +60,14 @@ def exact_fit(model, *, seed, spread=1.0):
     centre = (n * x.mean() / variance + np.log(prior.median) / prior.log_sd**2) / precision
     log_c = centre + spread * rng.standard_normal(centre.shape) / np.sqrt(precision)
     theta = np.exp(np.stack([log_c, log_sigma], axis=-1))
-    u = model.to_unconstrained(theta)
-    chains = Chains(u, model.log_density(u), np.ones(4), np.ones(3) / 5, ())
+    u = model.to_scores(theta)
+    chains = Chains(u, np.zeros(u.shape[:-1]), np.ones(4), np.ones(3) / 5, ())
     return Fit(model, chains, summarise(theta[:, :1], model.parameter_names), (), seed)
 
 
 def light(model, *, seed):
     """Importance sampling with fewer draws: quicker, and exact all the same."""
-    return importance_posterior(model, seed=seed, n_draw=384, n_round=2, n_per_round=500)[0]
+    return Fit.of(drawn_posterior(model, seed=seed, n_draw=128))
 
 
 def run(data, form=None, noise="iid", *, n=200, fit=exact_fit, n_draw=63, **options):

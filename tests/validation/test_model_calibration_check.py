@@ -5,10 +5,10 @@ from scipy.special import logsumexp
 
 from ridgebayes.distributions.distribution import LogNormal
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.importance_sampling import importance_posterior
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.forms import Classic, Modified
 from ridgebayes.model.observations import Observations
+from tests.drawn import drawn_posterior
 from tests.validation.model_calibration_check import PROBABILITY_COLUMNS, ModelSBC, model_sbc
 
 LOG_SIGMA = np.linspace(-14.0, 0.0, 3_000)
@@ -40,7 +40,7 @@ def exact_evidence(model, *, seed, bonus=0.0):
 
 def light(model, *, seed):
     """Importance sampling with fewer draws: quicker."""
-    return importance_posterior(model, seed=seed, n_draw=640, n_round=3, n_per_round=500)[1]
+    return drawn_posterior(model, seed=seed, n_draw=128).evidence
 
 
 def test_probabilities_of_exact_evidences_are_calibrated(data):

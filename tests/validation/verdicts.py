@@ -19,7 +19,6 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,21 +26,10 @@ import pandas as pd
 
 import ridgebayes as rb
 from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
-from ridgebayes.comparison.deciding_priors import with_deciding_priors
-from ridgebayes.comparison.verdict import GRADES, Verdict, verdict_of
+from ridgebayes.comparison.verdict import GRADES, Verdict
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.errors import RidgebayesError
-from ridgebayes.evidence.error_models import (
-    error_model_weights,
-    printed_error_model,
-    weigh_error_models,
-)
-from ridgebayes.evidence.prior_sensitivity import prior_sensitivity
-from ridgebayes.evidence.weighed_anew import weighed_anew
-from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import QUICK, STANDARD
-from ridgebayes.model.noise import AUTO, error_models_for
-from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.pool import executor_for
 from ridgebayes.runtime.randomness import stream
 from tests.validation.simulated import resumed
@@ -53,6 +41,7 @@ TRUTHS = ("classic", "modified", "hybrid", "hybrid c2 = 0.03", "power-law")
 ERRORS = ("iid 0.01", "iid 0.03", "iid 0.10", "texture+step", "series")
 N_TEXTURE = (9, 4)
 _UNWALKED = replace(STANDARD, walks=False)
+_QUICK = replace(QUICK, extras=True)  # Student error models too
 
 
 @dataclass(frozen=True)
@@ -129,20 +118,7 @@ def compared(cell: Cell) -> dict[str, object]:
 
 def verdict_on(table: rb.ContactTable, seed: int) -> Verdict:
     """Return what a comparison says of the default forms, with draws of a quick run."""
-    data = Observations.from_table(table)
-    noises = error_models_for(AUTO, data.n_series)
-    weigh = partial(weigh_error_models, data, noises=noises, seed=seed)
-    weighed = weigh(forms=DEFAULT_FORMS, accuracy=QUICK)
-    drawn: dict[str, dict[str, Posterior]] = {}
-    for form in (one.name for one in DEFAULT_FORMS):
-        found = weighed.posteriors(form)
-        weights = error_model_weights(weighed.evidence, form, found)
-        drawn[form] = {name: found[name] for name in weights if found[name].noise.name == name}
-    anew = partial(weighed_anew, weigh, DEFAULT_FORMS, {})
-    by_draws = prior_sensitivity(drawn, weighed.evidence)
-    sensitivity = with_deciding_priors(weighed.evidence, by_draws, anew)
-    printed = printed_error_model(weighed.evidence)
-    return verdict_of(weighed.evidence, sensitivity, printed, len(data.textures))
+    return compare_with(Execution(_QUICK), table, DEFAULT_FORMS, rng=seed).verdict
 
 
 def check(cells: list[Cell]) -> None:
