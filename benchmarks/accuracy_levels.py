@@ -1,9 +1,9 @@
 """Measure what the three accuracies keep: ``python benchmarks/accuracy_levels.py``.
 
 Hybrid on the 41 rows, independent errors; the largest error over seeds of a mean, sd, 5 or 95 %
-quantile (in posterior sds, against a million importance draws) and of the log evidence (against
-quadrature); the largest relative error of a half-plane load of three textures; medians of the CPU
-seconds of `compare` with one form.
+quantile (in posterior sds, against a million importance draws) and of the log evidence
+(against theirs); the largest relative error of a half-plane load of three textures; medians of the
+CPU seconds of `compare` with one form.
 """
 
 import os
@@ -16,10 +16,10 @@ import time
 import numpy as np
 
 import ridgebayes as rb
-from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.inference.importance_sampling import importance_posterior
-from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.importance import Effort, importance_sample
+from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.presets import PRESETS
+from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
 from ridgebayes.simulate.generation import LOAD_PRESETS
@@ -33,14 +33,14 @@ def moments(theta: np.ndarray) -> np.ndarray:
 
 
 def all_draws(fit: rb.Fit) -> np.ndarray:
-    return fit.model.to_theta(fit.chains.u.reshape(-1, fit.model.n_coordinate))
+    return fit.model.to_theta(fit.chains.u.reshape(-1, fit.model.n_parameter))
 
 
 def main() -> None:
     table = rb.paper_sweep()
     model = Model(Observations.from_table(table), rb.Hybrid())
-    exact = all_draws(importance_posterior(model, seed=99, n_draw=262_144)[0])
-    log_evidence = quadrature_evidence(model.log_density, fit_laplace(model)).value
+    drawn = importance_sample(ModelTarget(model, 99), Effort(n_draw=65_536), 99)
+    exact, log_evidence = all_draws(posterior_of(model, drawn, 99)), drawn.evidence.value
     expected, sd = moments(exact), exact.std(axis=0)
     scene = rb.Scene.of([(0.022, 0.02), (0.012, 0.09), (0.04, 0.004)], p_over_E=0.02)
     loads = rb.generate(scene, rel_tol=1e-12).column("p_over_E")

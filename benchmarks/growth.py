@@ -22,7 +22,9 @@ from ridgebayes.contact.halfplane import forget_loads, transition_loads
 from ridgebayes.contact.many_textures import load_function
 from ridgebayes.drawing.style import new_figure, save, styled
 from ridgebayes.inference.chains import SampleSettings
-from ridgebayes.inference.importance_sampling import importance_posterior
+from ridgebayes.inference.importance import Effort, importance_sample
+from ridgebayes.inference.latent import LatentIntegral
+from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.predict import predict_q
@@ -53,10 +55,10 @@ def observations(n_row: int, n_texture: int) -> Observations:
 
 def likelihood(n_row: int, n_texture: int) -> Callable[[], object]:
     model = Model(observations(n_row, n_texture), rb.Hybrid())
-    theta = np.array([1.348, 0.016, 0.03]) * (
-        1 + 0.01 * np.random.default_rng(0).standard_normal((64, 3))
-    )
-    return lambda: model.log_likelihood(theta)
+    rng = np.random.default_rng(0)
+    theta = np.array([1.348, 0.016, 0.03]) * (1 + 0.01 * rng.standard_normal((64, 3)))
+    integral, u = LatentIntegral(model), model.to_scores(theta)
+    return lambda: integral.estimated(u, rng, 8)
 
 
 def half_plane(Q: int) -> Callable[[], object]:
@@ -79,7 +81,8 @@ def many_textures(n: int) -> Callable[[], object]:
 
 def importance(n: int) -> Callable[[], object]:
     model = Model(Observations.from_table(rb.paper_sweep()), rb.Hybrid())
-    return lambda: importance_posterior(model, n_draw=n // 4)
+    # Four sets, of four times as many draws where densities are exact.
+    return lambda: importance_sample(ModelTarget(model), Effort(n_draw=n // 16), 0)
 
 
 def walk(n_walker: int) -> Callable[[], object]:

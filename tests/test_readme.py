@@ -11,18 +11,14 @@ from scipy.special import logsumexp
 
 import ridgebayes as rb
 from ridgebayes.comparison.compare import DEFAULT_FORMS
-from ridgebayes.evidence import power_law_evidence, quadrature_evidence
-from ridgebayes.evidence.changed_prior import scale_factors
-from ridgebayes.evidence.error_models import (
-    printed_error_model,
-    weigh_error_models,
-)
-from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.evidence.pairs import selected_error_model, weigh_pairs
+from ridgebayes.evidence.prior_sensitivity import scale_factors
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import AUTO, error_models_for
 from ridgebayes.model.observations import Observations
+from tests.drawn import drawn_posterior
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -75,17 +71,18 @@ def test_files_named__exist():
 def test_table__is_that_of_the_default_run(paper):
     data = Observations.from_table(paper)
     noises = error_models_for(AUTO, data.n_series)
-    weighed = weigh_error_models(data, DEFAULT_FORMS, noises, accuracy=QUICK)
-    printed = printed_error_model(weighed.evidence)
+    weighed = weigh_pairs(data, DEFAULT_FORMS, noises, accuracy=QUICK)
+    printed = selected_error_model(weighed.evidence)
     assert printed.name == "step-smooth"
     used = weighed.evidence.query("used").groupby("form")["log_evidence"]
     found = used.agg(lambda values: logsumexp(values) - np.log(len(noises)))
     shown = table_of(README)
+    posteriors = weighed.posteriors(list(shown), printed.name, QUICK.n_kept)
     assert list(shown) == list(found.sort_values(ascending=False).index)
     for form, (*_, fitted, evidence) in shown.items():
         # Three standard errors of the least draws, and a rounding.
         assert abs(number(evidence) - found[form]) < 0.2, form
-        draws = weighed.candidates[form, printed.name].posterior
+        draws = posteriors[form][printed.name]
         for name, mean, sd in re.findall(r"(\w+) = ([\d.]+) ± ([\d.]+)", fitted):
             values = draws.draws[:, draws.model.parameter_names.index(name)]
             assert abs(float(mean) - values.mean()) < 0.2 * values.std(), (form, name)
@@ -98,10 +95,11 @@ def number(cell):
     return float(cell.strip("*"))
 
 
-def exact_evidence(fit):
-    if fit.form.name == "power-law":
-        return power_law_evidence(fit.model).value
-    return quadrature_evidence(fit.model.log_density, fit_laplace(fit.model)).value
+def evidence_of(model):
+    """Return a log evidence by many draws, and what it may differ from two printed digits."""
+    found = drawn_posterior(model, n_draw=2_048).evidence
+    assert 0 < found.se < 0.01
+    return found.value, 0.005 + 4 * found.se  # rounding, Monte Carlo
 
 
 def test_results__have_every_form():
@@ -114,23 +112,21 @@ def on_elements():
     data = Observations.from_table(rb.reference_fe())
     found = {}
     for name in FORMS:
-        model = Model(data, form_named(name))
-        if name == "power-law":
-            found[name] = power_law_evidence(model).value
-        else:
-            found[name] = quadrature_evidence(model.log_density, fit_laplace(model)).value
+        found[name] = evidence_of(Model(data, form_named(name)))
     return found
 
 
 @pytest.mark.parametrize("form", ["classic", "power-law", "modified", "hybrid", "half-plane"])
 def test_results_table__evidences_to_the_digits_shown(fits, on_elements, form):
     *_, sweep, fe = table_of(RESULTS)[form]
-    assert number(fe) == round(on_elements[form], 2)
+    value, slack = on_elements[form]
+    assert abs(number(fe) - value) < slack < 0.03
     if form == "half-plane":
         with pytest.raises(rb.InputError, match="circular"):
             rb.calibrate(rb.paper_sweep(), rb.HalfPlane(), noise="iid")
     else:
-        assert number(sweep) == round(exact_evidence(fits[form]), 2)
+        value, slack = evidence_of(fits[form].model)
+        assert abs(number(sweep) - value) < slack < 0.03
 
 
 @pytest.mark.parametrize("form", ["classic", "modified", "hybrid"])
@@ -153,23 +149,27 @@ def test_results_table__printed_coefficients_are_those_of_the_forms():
 
 
 def test_bayes_factors_in_the_text__to_the_digits_shown(fits, on_elements):
-    sweep = {name: exact_evidence(fits[name]) for name in ("hybrid", "modified")}
+    sweep = {name: evidence_of(fits[name].model) for name in ("hybrid", "modified")}
     shown = [float(text) for text in re.findall(r"ln BF = (\d+\.\d+)", RESULTS)]
-    assert shown == [
-        round(sweep["hybrid"] - sweep["modified"], 2),
-        round(on_elements["half-plane"] - on_elements["hybrid"], 1),
+    shown += map(float, re.findall(r"which beats Modified by (\d+\.\d+) there", RESULTS))
+    pairs = [
+        (sweep["hybrid"], sweep["modified"], 0.0),
+        (on_elements["half-plane"], on_elements["hybrid"], 0.05),  # one digit
+        (on_elements["hybrid"], on_elements["modified"], 0.0),
     ]
-    between = on_elements["hybrid"] - on_elements["modified"]
-    assert f"which beats Modified by {between:.2f} there" in RESULTS
+    for text, ((one, slack), (other, more), rounding) in zip(shown, pairs, strict=True):
+        assert abs(text - (one - other)) < slack + more + rounding
     fit = rb.calibrate(rb.reference_fe(), rb.HalfPlane(), noise="iid", rng=0)
     row = fit.summary.set_index("parameter")
     mean, sd = row.loc["c", ["mean", "sd"]]
-    assert f"c = {mean:.4f} ± {sd:.4f}" in RESULTS
+    c, spread = map(float, re.search(r"with c = ([\d.]+) ± ([\d.]+)", RESULTS).groups())
+    assert abs(c - mean) < 5e-5 + 4 * row.loc["c", "mcse_mean"]
+    assert abs(spread - sd) < 5e-5 + 4 * row.loc["c", "mcse_mean"]
 
 
 def test_prior_sensitivity_in_the_text__to_the_digits_shown(fits):
     model = {name: fits[name].model for name in ("hybrid", "modified")}
-    default = {name: exact_evidence(fits[name]) for name in model}
+    default = {name: evidence_of(model[name])[0] for name in model}
     ln_bf = []
     for scaled in (("c", "c1"), ("c2",), ("sigma",)):
         for factor in scale_factors(scaled[0]):
@@ -178,13 +178,13 @@ def test_prior_sensitivity_in_the_text__to_the_digits_shown(fits):
                 stretched = {
                     p: q.stretched(factor) for p, q in original.priors.items() if p in scaled
                 }
-                changed = original.with_priors(stretched)
-                new[name] = quadrature_evidence(
-                    changed.log_density, fit_laplace(changed), tol=1e-4
-                ).value
+                changed = Model(original.data, original.form, original.noise, stretched)
+                new[name] = evidence_of(changed)[0]
             # The error model's prior is both forms'; coefficients are each form's own.
             together = scaled == ("sigma",)
             ways = [new] if together else [default | {name: new[name]} for name in model]
             ln_bf += [way["hybrid"] - way["modified"] for way in ways]
     low, high = re.search(r"move that from ([\d.]+) to (\d+\.\d+)", RESULTS).groups()
-    assert (float(low), float(high)) == (round(min(ln_bf), 1), round(max(ln_bf), 1))
+    # One printed digit, and four standard errors of two evidences.
+    assert abs(float(low) - min(ln_bf)) < 0.1
+    assert abs(float(high) - max(ln_bf)) < 0.1
