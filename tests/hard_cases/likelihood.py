@@ -8,8 +8,9 @@ import pandas as pd
 from scipy.special import logsumexp
 
 import ridgebayes as rb
-from ridgebayes.evidence import bridge_evidence, power_law_evidence, quadrature_evidence
-from ridgebayes.inference.laplace import fit_laplace
+from ridgebayes.inference.importance import Effort, importance_sample
+from ridgebayes.inference.latent import LatentIntegral
+from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
 from tests.hard_cases.case import hard_case, refused
@@ -39,11 +40,24 @@ def model_of(frame, form=None, **priors):
     return Model(data, form or rb.Modified(), None, priors or None)
 
 
-def by_quadrature(model, **options):
-    """Return the package's log evidence by quadrature, which must have settled."""
-    found = quadrature_evidence(model.log_density, fit_laplace(model), **options)
-    assert found.ok, found.status
-    return found.value
+def weighed(model, *, seed=1, n_draw=1_024):
+    """Return the package's log evidence by importance sampling."""
+    return importance_sample(ModelTarget(model, seed), Effort(n_draw=n_draw), seed).evidence
+
+
+def assert_is(found, truth, rounding=1e-5):
+    """Hold a log evidence to four of its standard errors, which have to be small."""
+    assert 0 <= found.se < 0.02, found
+    assert abs(found.value - truth) < 4 * found.se + rounding, (found, truth)
+
+
+def log_likelihood(model, theta):
+    """Return the log-likelihood of rows at parameters (..., n_parameter)."""
+    theta = np.asarray(theta, float)
+    u = model.to_scores(np.atleast_2d(theta))[:, model.outer]
+    found = LatentIntegral(model).estimated(u, np.random.default_rng(0), 8).log_density
+    value = found - model.log_outer_prior(u)
+    return value if theta.ndim > 1 else float(value[0])
 
 
 def modified_residuals(frame, dtype=float):
@@ -125,39 +139,35 @@ def tiny_misfit():
     "Rows without any misfit, errors unknown",
     why="The likelihood has a pole at sigma = 0. A search or a sampler returns the point where it "
     "happened to stop, and the evidence is that of rounding errors.",
-    expected="MCMC and exact draws both refuse with a message. Quadrature gives no evidence.",
+    expected="Refused with a message: of few rows and of many, of one coefficient and of fifty.",
 )
 def perfect_rows():
     few, many = (made(rb.Modified(), [1.4], textures=some) for some in (THREE, FIFTY))
-    words = "no interior mode", "give the error of the loads in a column rel_se, or leave"
+    words = "reproduces all rows", "sigma has no lower bound", "rel_se"
     for form, frame in ((rb.Modified(), few), (rb.Hybrid(), few), (rb.PowerLaw(), many)):
         table = rb.read_table(frame)
         fit = functools.partial(rb.calibrate, table, form, noise="iid")
         said = refused(fit, rb.ComputationError, *words)
-    for frame in (few, pd.concat([few[:1].assign(series=str(i)) for i in range(4)])):
-        found = power_law_evidence(model_of(frame, rb.PowerLaw()))
-        assert not found.ok
-        assert math.isnan(found.value)
-    return f"{said}; quadrature: {found.status}"
+    return said
 
 
 @hard_case(
     "Rows without any misfit, errors known to be 1 %",
     why="The posterior is now proper, but sigma accumulates at 0, the bound of its prior.",
-    expected="Log evidence and moments from a plain sum over 1,000 x 1,000 points: 1e-5. Draws to "
-    "5 % of an sd (Monte Carlo).",
+    expected="Log evidence and moments from a plain sum over 1,000 x 1,000 points: four standard "
+    "errors. Draws to 5 % of an sd (Monte Carlo).",
 )
 def perfect_rows_of_known_error():
     frame = made(rb.Modified(), [1.4], rel_se=0.01)
     log_c = math.log(1.4) + np.linspace(-0.06, 0.06, 1000)
     truth, m = summed_over_grid(frame, log_c, np.linspace(-20, -1, 1000))
-    value = by_quadrature(model_of(frame))
-    assert abs(value - truth) < 1e-5
+    found = weighed(model_of(frame))
+    assert_is(found, truth)
     assert_draws(
         rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, settings=FEW, noise="iid"),
         [m[:2], m[2:]],
     )
-    return f"ln Z {value:.5f} for {truth:.5f}; sigma {m[2]:.5f} with its mass at 0"
+    return f"ln Z {found.value:.2f} for {truth:.2f}; sigma {m[2]:.5f} with its mass at 0"
 
 
 @hard_case(
@@ -165,7 +175,7 @@ def perfect_rows_of_known_error():
     why="One load cannot separate an error from a coefficient. Near sigma = 0 the posterior is a "
     "narrow ridge that extends beyond any grid; 1e-3 of ln Z lies outside.",
     expected="Log evidence with log c integrated in closed form and sigma by a sum over 20,000 "
-    "points: 1e-2 for the bridge. Quadrature agrees to 1e-6 or reports that it did not converge. "
+    "points: four standard errors. "
     "Draws have the moments of that mixture of normals to 5 % of an sd (Monte Carlo).",
 )
 def one_row():
@@ -186,15 +196,10 @@ def one_row():
     s_sd = math.sqrt(weight @ (sigma - s) ** 2)
     fit = rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, settings=FEW, noise="iid")
     assert_draws(fit, [(c, c_sd), (s, s_sd)])
-    laplace = fit_laplace(fit.model)
-    quadrature = quadrature_evidence(fit.model.log_density, laplace)
-    assert not quadrature.ok or abs(quadrature.value - truth) < 1e-6
-    draws = np.random.default_rng(1)
-    bridge = bridge_evidence(fit.model.log_density, fit.chains, laplace, rng=draws)
-    assert bridge.ok
-    assert abs(bridge.value - truth) < 1e-2
+    found = weighed(fit.model)
+    assert_is(found, truth)
     seen = f"c = {c:.3f} ± {c_sd:.3f}, sigma = {s:.3f} ± {s_sd:.3f}"
-    return f"ln Z {bridge.value:.2f} for {truth:.2f}; quadrature: {quadrature.status}; {seen}"
+    return f"ln Z {found.value:.2f} for {truth:.2f}; {seen}"
 
 
 @hard_case(
@@ -242,7 +247,7 @@ def flat_direction():
     why="Counting it twice makes posteriors too narrow. Dropping it without a message hides a "
     "repeated experiment.",
     expected="Within one curve: refused, with both rows named. As another series: twice the "
-    "log-likelihood (rounding, 1e-13).",
+    "log-likelihood (rounding, 1e-12).",
 )
 def duplicated_rows():
     frame = made(rb.Modified(), [1.4], error=0.03)
@@ -255,16 +260,16 @@ def duplicated_rows():
     assert "row 1 is the same" in said
     twice = pd.concat([frame.assign(series="first"), frame.assign(series="second")])
     theta = np.array([[1.4, 0.03], [1.1, 1e-3], [2.0, 0.5]])
-    once, both = (model_of(rows).log_likelihood(theta) for rows in (frame, twice))
-    np.testing.assert_allclose(both, 2 * once, rtol=1e-13)
+    once, both = (log_likelihood(model_of(rows), theta) for rows in (frame, twice))
+    np.testing.assert_allclose(both, 2 * once, rtol=1e-12)
     return f"{said}; another series counts"
 
 
 @hard_case(
     "Repeats of one load that differ by factors of 10",
     why="sigma lies 40 prior sds out. There the tail of a prior underflows and quantiles saturate.",
-    expected="Log evidence from a plain sum over 1,000 x 1,000 points: 1e-5. Draws to 5 % of an "
-    "sd.",
+    expected="Log evidence from a plain sum over 1,000 x 1,000 points: four standard errors. Draws "
+    "to 5 % of an sd.",
 )
 def repeats_that_disagree():
     one = made(rb.Modified(), [1.4], textures=THREE[:1], Q=(4,))
@@ -274,13 +279,13 @@ def repeats_that_disagree():
     frame = pd.concat(parts)
     log_c = math.log(1.4) + np.linspace(-0.8, 0.8, 1000)
     truth, m = summed_over_grid(frame, log_c, np.linspace(-3, 1, 1000))
-    value = by_quadrature(model_of(frame))
-    assert abs(value - truth) < 1e-5
+    found = weighed(model_of(frame))
+    assert_is(found, truth)
     assert_draws(
         rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, settings=FEW, noise="iid"),
         [m[:2], m[2:]],
     )
-    return f"ln Z {value:.5f} for {truth:.5f}; sigma = {m[2]:.3f} ± {m[3]:.3f}, prior sd 0.05"
+    return f"ln Z {found.value:.2f} for {truth:.2f}; sigma = {m[2]:.3f} ± {m[3]:.3f}, prior sd 0.05"
 
 
 @hard_case(
@@ -294,11 +299,11 @@ def strange_brackets():
     exact = made(rb.Modified(), [1.4], textures=THREE[:1], Q=(4,))
     load = exact["p_over_E"]
     theta = np.array([1.3, 0.05])
-    density = model_of(exact).log_likelihood(theta)
-    closed = model_of(exact.assign(p_over_E_lower=load)).log_likelihood(theta)
+    density = log_likelihood(model_of(exact), theta)
+    closed = log_likelihood(model_of(exact.assign(p_over_E_lower=load)), theta)
     assert abs(closed - density) < 1e-12
     z = float(modified_residuals(exact)[0] + 2 * math.log(1.3)) / 0.05
-    half = float(model_of(exact.assign(p_over_E_lower=0.0)).log_likelihood(theta))
+    half = log_likelihood(model_of(exact.assign(p_over_E_lower=0.0)), theta)
     truth = math.log(0.5 * math.erfc(-z / math.sqrt(2)))
     assert abs(half - truth) < 1e-12 * max(1, abs(truth))
     two = [(0.8, 0.9), (1.2, 1.3)]
@@ -306,7 +311,7 @@ def strange_brackets():
         exact.assign(p_over_E_lower=load * low, p_over_E=load * high, series=str(low))
         for low, high in two
     )
-    value = float(model_of(ends).log_likelihood(theta))
+    value = log_likelihood(model_of(ends), theta)
     both = 0.0
     for low, high in two:
         x, y = ((z + math.log(end) / 0.05) / math.sqrt(2) for end in (low, high))
@@ -329,7 +334,7 @@ def far_brackets():
         low, high = math.exp(sds * sigma), math.exp((sds + 1) * sigma)
         load = exact["p_over_E"]
         frame = exact.assign(p_over_E=load * high, p_over_E_lower=load * low)
-        value = float(model_of(frame).log_likelihood(np.array([1.0, sigma])))
+        value = log_likelihood(model_of(frame), np.array([1.0, sigma]))
         shape = 2 * np.log(np.longdouble(THREE[0][0] + THREE[0][1]))
         near, far = (
             log_upper_tail((np.log(np.longdouble(frame[end].iloc[0])) - shape) / sigma)
@@ -347,22 +352,22 @@ def far_brackets():
 @hard_case(
     "A prior 20 sds from the rows",
     why="A unit-cube prior ends at 8.2 sds. A search bounded to a few sds stops on the way.",
-    expected="Log evidence from a plain sum over 1,500 x 1,000 points: 1e-4. Draws to 5 % of an "
-    "sd.",
+    expected="Log evidence from a plain sum over 1,500 x 1,000 points: four standard errors. Draws "
+    "to 5 % of an sd.",
 )
 def prior_twenty_sds_away():
     frame = made(rb.Modified(), [1.382 * math.exp(2)], error=0.03)
     log_c = np.linspace(1.5, 2.5, 1500)
     truth, m = summed_over_grid(frame, log_c, np.linspace(-6, 0, 1000), sigma_sd=0.03)
     sigma = rb.HalfNormal(0.03)
-    value = by_quadrature(model_of(frame, sigma=sigma))
-    assert abs(value - truth) < 1e-4
+    found = weighed(model_of(frame, sigma=sigma))
+    assert_is(found, truth, 1e-4)
     priors = {"sigma": sigma}
     fit = rb.calibrate(
         rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=FEW, noise="iid"
     )
     assert_draws(fit, [m[:2], m[2:]])
-    return f"ln Z {value:.4f} for {truth:.4f}; c = {m[0]:.3f} ± {m[1]:.3f}, prior 1.382 ± 0.138"
+    return f"ln Z {found.value:.2f} for {truth:.2f}; c = {m[0]:.3f} ± {m[1]:.3f}, prior 1.382 ± 0.138"
 
 
 @hard_case(
@@ -370,31 +375,24 @@ def prior_twenty_sds_away():
     why="There are two modes: c near the rows with small errors, or c nearer to the prior with "
     "large errors (here 99.9 % of the mass). Ensembles that all start at the first agree with "
     "each other.",
-    expected="Not converged. The message gives the other mode and its log odds, to 0.2 of the sum "
-    "over 1,500 x 1,000 points. No evidence has the status ok.",
+    expected="Draws of both modes: log evidence (four standard errors) and moments (5 % of an sd) "
+    "from a plain sum over 1,500 x 1,000 points.",
 )
 def prior_and_rows_of_two_modes():
-    from ridgebayes.evidence.tables import evidences
-
     frame = made(rb.Modified(), [1.382 * math.exp(2)], error=0.03)
     log_sigma = np.linspace(-6, 1, 1000)
-    total, (mean, *_) = summed_over_grid(frame, np.linspace(0, 2.5, 1500), log_sigma, sigma_sd=0.06)
+    total, m = summed_over_grid(frame, np.linspace(0, 2.5, 1500), log_sigma, sigma_sd=0.06)
     near = summed_over_grid(
         frame, np.linspace(2.2, 2.5, 1500), log_sigma[log_sigma < -2.3], sigma_sd=0.06
     )[0]
     odds = total - near + math.log1p(-math.exp(near - total))
-    assert mean < 6
+    assert m[0] < 6
     priors = {"sigma": rb.HalfNormal(0.06)}
-    settings = rb.SampleSettings(n_walker=32)
-    fit = rb.calibrate(
-        rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=settings, noise="iid"
-    )
-    assert not fit.converged
-    said = next(line for line in fit.convergence_failures if line.startswith("several modes"))
-    told = float(said.split("ln evidence is ")[1].split()[0])
-    assert abs(told - odds) < 0.2
-    assert not any(evidence.ok for evidence in evidences(fit))
-    return f"{said} (by the sum {odds:+.1f})"
+    fit = rb.calibrate(rb.read_table(frame), rb.Modified(), priors=priors, rng=1, noise="iid")
+    assert_draws(fit, [m[:2], m[2:]])
+    found = weighed(model_of(frame, **priors))
+    assert_is(found, total)
+    return f"ln Z {found.value:.2f} for {total:.2f}; the far mode's log odds {odds:+.1f}"
 
 
 @hard_case(
@@ -402,15 +400,15 @@ def prior_and_rows_of_two_modes():
     why="A search that starts at the prior's centre starts at density zero: no slope, NaN "
     "curvature. A texture without a positive rate must not give the logarithm of a negative "
     "number.",
-    expected="Log evidence from a plain sum over 160 x 400 x 160 points: 2e-3.",
+    expected="Log evidence from a plain sum over 160 x 400 x 160 points: four standard errors and 2e-3.",
 )
 def negative_rate_at_the_centre():
     frame = made(rb.Hybrid(), [1.4, 0.0], error=0.03)
     model = model_of(frame, rb.Hybrid(), c2=rb.Normal(-0.5, 0.1))
     centre = np.zeros(3)
-    assert np.isneginf(model.log_density(centre))
-    laplace = fit_laplace(model)
-    value = quadrature_evidence(model.log_density, laplace, tol=1e-3).value
+    density = LatentIntegral(model).estimated(centre[None], np.random.default_rng(0), 8)
+    assert np.isneginf(density.log_density[0])
+    found = weighed(model)
     u1 = np.linspace(-4, 4, 160)
     c1, c2 = 1.382 * np.exp(0.1 * u1), np.linspace(-0.3, 0.06, 400)
     log_sigma = np.linspace(-5.5, -1, 160)
@@ -428,8 +426,8 @@ def negative_rate_at_the_centre():
         slices.append(logsumexp(np.nan_to_num(value_at, nan=-np.inf)))
     cell = (u1[1] - u1[0]) * (c2[1] - c2[0]) * (log_sigma[1] - log_sigma[0])
     truth = float(logsumexp(slices)) + math.log(cell)
-    assert abs(value - truth) < 2e-3
-    return f"density zero at the centre; ln Z {value:.3f} for {truth:.3f}"
+    assert_is(found, truth, 2e-3)
+    return f"density zero at the centre; ln Z {found.value:.2f} for {truth:.2f}"
 
 
 @functools.cache
@@ -459,7 +457,7 @@ def a_million_rows():
     model = model_of(frame)
     theta = np.array([[1.4, 0.03], [1.3, 0.1]])
     tracemalloc.start()
-    values = model.log_likelihood(theta)
+    values = log_likelihood(model, theta)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 1e6
@@ -480,7 +478,7 @@ def a_million_rows():
 def very_low_likelihoods():
     frame = made(rb.Modified(), [1.4], error=0.03)
     theta = np.array([[1.9, 1.2e-6], [1.9 * (1 + 1e-9), 1.2e-6]])
-    values = model_of(frame).log_likelihood(theta)
+    values = log_likelihood(model_of(frame), theta)
     r = modified_residuals(frame, np.longdouble)
     c, sigma = theta.astype(np.longdouble).T
     off = (r + 2 * np.log(c)[:, None]) / sigma[:, None]
@@ -495,7 +493,8 @@ def very_low_likelihoods():
 @hard_case(
     "Loads of 1e-302, 1e-12 and 10 in one table",
     why="Squares and products of loads underflow. Only their logarithms are of similar size.",
-    expected="With the priors of K moved alike, ln Z is that of ordinary loads (1e-9).",
+    expected="With the priors of K moved alike, ln Z is that of ordinary loads (1e-6, by draws "
+    "with the same seed).",
 )
 def loads_of_all_sizes():
     values, smallest = [], []
@@ -510,27 +509,26 @@ def loads_of_all_sizes():
         names = model_of(frame, rb.PowerLaw()).parameter_names
         pairs = zip(names[:3], medians, strict=True)
         model = model_of(frame, rb.PowerLaw(), **{n: rb.LogNormal(K, 0.3) for n, K in pairs})
-        assert np.isfinite(model.log_density(np.zeros(4)))
-        values.append(power_law_evidence(model).value)
+        values.append(weighed(model).value)
         smallest.append(frame["p_over_E"].min())
-    assert abs(values[0] - values[1]) < 1e-9
+    assert abs(values[0] - values[1]) < 1e-6
     assert smallest[0] < 1e-300
-    return f"loads from {smallest[0]:.1e} on; ln Z {values[0]:.9f} both"
+    return f"loads from {smallest[0]:.1e} on; ln Z {values[0]:.2f} both"
 
 
 @hard_case(
     "Known errors of 100,000 % and of 1e-13 %",
     why="Rows without information must leave the prior unchanged. Rows known to rounding must not "
     "lead to a division by zero where sigma is 0.",
-    expected="At 1e3: ln Z by the normal density with variance 1e6 (1e-4), and draws equal to the "
+    expected="At 1e3: ln Z by the normal density with variance 1e6 (four standard errors), and draws equal to the "
     "prior's to 5 %. At 1e-15 with sigma = 1e-300: the long double sum (relative 1e-9).",
 )
 def known_errors_of_any_size():
     frame = made(rb.Modified(), [1.4], error=0.03)
     vague = frame.assign(rel_se=1e3)
-    value = by_quadrature(model_of(vague))
+    found = weighed(model_of(vague))
     truth = -len(frame) * (math.log(1e3) + 0.5 * LOG_2PI)
-    assert abs(value - truth) < 1e-4
+    assert_is(found, truth, 1e-4)
     fit = rb.calibrate(rb.read_table(vague), rb.Modified(), rng=1, settings=FEW, noise="iid")
     mean = 1.382 * math.exp(0.005)
     half = 0.05 * math.sqrt(2 / math.pi)
@@ -539,8 +537,8 @@ def known_errors_of_any_size():
         (half, 0.05 * math.sqrt(1 - 2 / math.pi)),
     ]
     assert_draws(fit, expected)
-    sharp = model_of(frame.assign(rel_se=1e-15)).log_likelihood(np.array([1.4, 1e-300]))
+    sharp = log_likelihood(model_of(frame.assign(rel_se=1e-15)), np.array([1.4, 1e-300]))
     off = (modified_residuals(frame, np.longdouble) + 2 * np.log(np.longdouble(1.4))) / 1e-15
     exact = float((-0.5 * off * off).sum()) - len(frame) * (math.log(1e-15) + 0.5 * LOG_2PI)
-    assert abs(float(sharp) / exact - 1) < 1e-9
-    return f"ln Z {value:.4f} for {truth:.4f}; at 1e-15 a log-likelihood of {float(sharp):.4e}"
+    assert abs(sharp / exact - 1) < 1e-9
+    return f"ln Z {found.value:.2f} for {truth:.2f}; at 1e-15 a log-likelihood of {sharp:.4e}"
