@@ -526,7 +526,7 @@ def test_fit__done_is_exit_0_and_says_the_coefficients(command):
     said = command(*FIT, "modified", "-o", "out")
     assert said.code == 0
     assert said.out.startswith("out: 41 rows fitted, 3 held out.\n")
-    assert "modified, error model iid, drawn by emcee: converged\n" in said.out
+    assert "modified, error model iid, drawn by importance: converged\n" in said.out
     assert re.search(r"^c +1\.37\d\d +0\.003\d +1\.3\d{3} to 1\.3\d{3}$", said.out, flags=re.M)
     files = "evidence.csv, posterior-modified.nc, run.json, summary.csv, table.csv"
     assert said.out.endswith(f"\nWritten: out: {files}\n")
@@ -546,7 +546,7 @@ def test_fit__unconverged_writes_its_files_and_exits_1(command, quick):
     assert said.code == 1
     assert "Traceback" not in said.err
     last = said.err.splitlines()[-1]
-    assert last.startswith("ridgebayes: modified did not converge: c: tau was checked only once")
+    assert last.startswith("ridgebayes: modified did not converge: walk: c: tau was checked")
     assert "NOT converged" in said.out
     again = read_run(Path("ridgebayes-out"))  # the default folder
     assert not again.fits["modified"].converged
@@ -564,7 +564,6 @@ def test_compare__done_is_exit_0_and_prints_verdict_and_coefficients(command):
     words = (*COMPARE, "--forms", "modified, hybrid", "--seed", "4", "-o", "out")
     said = command(*words, "--accuracy", "quick", "--verbose")
     assert said.code == 0
-    assert "savage-dickey" in said.out
     assert "strong for hybrid (Kass & Raftery); rows are not independent" in said.out
     assert "The evidence supports Hybrid among the forms compared. " in said.out
     assert "Grade: supports." in said.out
@@ -598,7 +597,7 @@ def test_compare__a_form_that_fails_is_named_and_the_rest_kept(command, quick):
     perfect("perfect.csv")
     said = command("compare", "perfect.csv", *IID, "--forms", "classic,modified", "-o", "out")
     assert said.code == 1
-    assert "modified failed: modified: the posterior has no interior mode" in said.err
+    assert "modified failed: modified: the form reproduces all rows" in said.err
     assert "Traceback" not in said.err
     assert Path("out/posterior-classic.nc").is_file()
     assert not Path("out/posterior-modified.nc").exists()
@@ -613,7 +612,7 @@ def test_fit__that_fails_is_exit_1_and_no_run_folder(command):
     said = command("fit", "perfect.csv", *IID, "--form", "modified", "-o", "out")
     assert said.code == 1
     assert "Traceback" not in said.err
-    assert "modified: the posterior has no interior mode" in said.err
+    assert "sigma has no lower bound" in said.err
     assert not Path("out").exists()
 
 
@@ -725,10 +724,9 @@ def test_predict__is_the_table_of_the_library(command, run):
     # Bit for bit: floats are written in full.
     assert Path("b.csv").read_text() == expected.to_csv(index=False, lineterminator="\n")
     n_outside = int(expected["extrapolation"].sum())
-    error = expected.attrs["error"]
-    assert 0 < error < 1e-3
     first, *lines = said.out.splitlines()
-    assert first == (f"b.csv: 10 rows; error of probabilities up to {error:.1g}")
+    told = "error of probabilities up to 0.005 (from the number of draws)"
+    assert first == f"b.csv: 10 rows; {told}"
     assert len(lines) == 1 + 10
     for line, row in zip(lines[1:], expected.to_dict("records"), strict=True):
         low, high = row["q_lower"], row["q_upper"]

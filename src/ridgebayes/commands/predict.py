@@ -1,6 +1,5 @@
 """`ridgebayes predict`: bands on Q at textures and loads, from a finished run."""
 
-import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,6 +26,7 @@ from ridgebayes.scene.units import Body, number_and_unit
 from ridgebayes.table.files import check_name, write_frame
 
 _MOST_LOADS = 5  # of each texture on the terminal
+_ERROR = "0.005 (from the number of draws)"
 
 
 def command(asked: options.Predict) -> Answer:
@@ -131,9 +131,8 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] 
         columns["extrapolated in"] = shown["extrapolation_of"]
     if len(set(bands["kind_of_band"])) > 1:
         columns = {"band of the": shown["kind_of_band"], **columns}
-    beyond, error = bands["extrapolation_of"][bands["extrapolation"]], bands.attrs["error"]
-    known = "0.005 (from the number of draws)" if math.isnan(error) else f"{error:.1g}"
-    told = f"{files[0]}: {count(len(bands), 'row')}; error of probabilities up to {known}"
+    beyond = bands["extrapolation_of"][bands["extrapolation"]]
+    told = f"{files[0]}: {count(len(bands), 'row')}; error of probabilities up to {_ERROR}"
     if len(shown) < len(bands):
         told += f". {len(shown)} of the rows:"
     warnings = []

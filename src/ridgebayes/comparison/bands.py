@@ -47,8 +47,6 @@ def bands_table(
 ) -> pd.DataFrame:
     """Return bands on Q for each form and their average, texture by texture and load by load.
 
-    Weighted nodes stand for posteriors, see `predict_q`.
-
     Parameters
     ----------
     comparison : Comparison
@@ -72,8 +70,7 @@ def bands_table(
     Returns
     -------
     pandas.DataFrame
-        Its ``attrs["error"]`` holds the largest error of a probability, NaN where draws were
-        averaged. Columns form, noise, kind_of_band (curve, simulation), a_over_R, b_over_R, nu,
+        Columns form, noise, kind_of_band (curve, simulation), a_over_R, b_over_R, nu,
         p_over_E, q_mean, q_median, q_lower, q_upper, prob, extrapolation, extrapolation_of,
         p_q_ge_4, ... up to the first n that is nowhere more probable than 1e-6.
 
@@ -111,7 +108,7 @@ def bands_table(
         predicted = partial(_bands_of, kinds=kinds, where=where)
         found = map_ordered(predicted, tasks, executor, name=lambda task: task[0].form.name)
         known = {id(one): bands for one, bands in zip(posteriors, found, strict=True)}
-    blocks, errors = [], []
+    blocks = []
     for kind in kinds:
         for name, parts in mixtures.items():
             each = (
@@ -122,11 +119,8 @@ def bands_table(
             )
             q = mix_q(each, [weight for _, weight in parts])
             blocks.append(_of_form(name, parts, q.to_dataframe(prob)))
-            errors.append(q.error)
     known.clear()  # as large as the frame, which is held twice while it is put together
-    bands = _joined(blocks)
-    bands.attrs["error"] = float(np.max(errors))
-    return bands
+    return _joined(blocks)
 
 
 def loads_table(

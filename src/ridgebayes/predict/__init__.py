@@ -2,8 +2,8 @@
 
 `predict` has both, of one posterior and of weighted ones (`Predictive`); `q_distribution` and
 `load_distribution` the records that they return (`predicted` what both do, `load_draws` the draws
-of loads), and mixtures of them by given weights; `predictive_cdf` the averages over draws or
-nodes, `interpolant` their tables for many loads; `joint_draws` counts drawn at many loads, each
+of loads), and mixtures of them by given weights; `predictive_cdf` the averages over draws,
+`interpolant` their tables for many loads; `joint_draws` counts drawn at many loads, each
 body on its own texture; `extrapolation` what lies beyond the calibrated range. The room knows
 `inference` and `model`.
 

@@ -56,7 +56,7 @@ class QDistribution(Predicted):
     kind : str
         ``simulation`` or ``curve``.
     error : float, optional
-        Largest error of a probability, estimated from weighted nodes; NaN if draws were averaged.
+        Largest error of a probability; NaN where it is that of the number of draws.
     places : mapping of str to ndarray, shape (...), optional
         a_over_R, b_over_R, nu and p_over_E of each distribution.
 
