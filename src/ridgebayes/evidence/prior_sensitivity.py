@@ -85,7 +85,7 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
         Columns prior (c, which is also c1; c2, K, sigma, tau_..., length_..., df; nugget), factor,
         form, log_evidence. One prior is changed at a time, in all pairs that have it. Pairs are
         weighed anew where the Pareto k of the weights is above 0.5 and the pair may hold more than
-        e^-5 of its form's evidence; forms more than 12 below the best keep the weights' answer.
+        e^-5 of its form's evidence, unless it is more than 12 below the best under that change.
     """
     used = used_evidence(weighed.evidence).set_index(["form", "noise"])["log_evidence"]
     tasks = []
@@ -141,20 +141,28 @@ def _open_pairs(
     values: Mapping[tuple[_Key, _Change], float],
 ) -> list[tuple[_Key, _Change]]:
     """Return the pairs and changes that weights cannot tell, and that may matter."""
-    by_form = used.groupby(level="form").agg(lambda x: float(logsumexp(x)))
-    near = set(by_form[by_form > by_form.max() - MAX_GAP].index)
     found = []
-    for (form, noise), look in looks.items():
-        if form not in near:
-            continue
-        for change, (_, k) in look.items():
-            others = [
-                values.get(((form, other), change), float(v)) for other, v in used[form].items()
-            ]
-            value = values[(form, noise), change]
-            if k > MAX_REWEIGHTED_K and value + _MISSED > max(others) - _MIN_GAP:
-                found.append(((form, noise), change))
+    for change in dict.fromkeys(change for look in looks.values() for change in look):
+        least = {key: values.get((key, change), float(used[key])) for key in looks}
+        best = max(least.values())
+        # Weights that do not reach a new mode are too low: the old evidence may still hold.
+        most = {
+            key: max(value + _MISSED, float(used[key])) if _is_open(looks, key, change) else value
+            for key, value in least.items()
+        }
+        for key in looks:
+            best_of_form = max(value for (form, _), value in least.items() if form == key[0])
+            matters = most[key] > max(best_of_form - _MIN_GAP, best - MAX_GAP)
+            if _is_open(looks, key, change) and matters:
+                found.append((key, change))
     return found
+
+
+def _is_open(
+    looks: Mapping[_Key, Mapping[_Change, tuple[float, float]]], key: _Key, change: _Change
+) -> bool:
+    """Return whether a pair's weights cannot tell a change."""
+    return change in looks[key] and looks[key][change][1] > MAX_REWEIGHTED_K
 
 
 def _reweighted(task: _Scaled) -> dict[_Change, tuple[float, float]]:
