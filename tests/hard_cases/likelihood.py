@@ -367,7 +367,9 @@ def prior_twenty_sds_away():
         rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=FEW, noise="iid"
     )
     assert_draws(fit, [m[:2], m[2:]])
-    return f"ln Z {found.value:.2f} for {truth:.2f}; c = {m[0]:.3f} ± {m[1]:.3f}, prior 1.382 ± 0.138"
+    return (
+        f"ln Z {found.value:.2f} for {truth:.2f}; c = {m[0]:.3f} ± {m[1]:.3f}, prior 1.382 ± 0.138"
+    )
 
 
 @hard_case(
