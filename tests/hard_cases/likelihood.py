@@ -523,8 +523,9 @@ def loads_of_all_sizes():
     "Known errors of 100,000 % and of 1e-13 %",
     why="Rows without information must leave the prior unchanged. Rows known to rounding must not "
     "lead to a division by zero where sigma is 0.",
-    expected="At 1e3: ln Z by the normal density with variance 1e6 (four standard errors), and draws "
-    "equal to the prior's to 5 %. At 1e-15 with sigma = 1e-300: the long double sum (relative 1e-9).",
+    expected="At 1e3: ln Z by the normal density with variance 1e6 (four standard errors), and "
+    "draws equal to the prior's to 5 %. At 1e-15 with sigma = 1e-300: the long double sum "
+    "(relative 1e-9).",
 )
 def known_errors_of_any_size():
     frame = made(rb.Modified(), [1.4], error=0.03)
