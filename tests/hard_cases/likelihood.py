@@ -367,7 +367,9 @@ def prior_twenty_sds_away():
         rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=FEW, noise="iid"
     )
     assert_draws(fit, [m[:2], m[2:]])
-    return f"ln Z {found.value:.2f} for {truth:.2f}; c = {m[0]:.3f} ± {m[1]:.3f}, prior 1.382 ± 0.138"
+    return (
+        f"ln Z {found.value:.2f} for {truth:.2f}; c = {m[0]:.3f} ± {m[1]:.3f}, prior 1.382 ± 0.138"
+    )
 
 
 @hard_case(
@@ -400,7 +402,8 @@ def prior_and_rows_of_two_modes():
     why="A search that starts at the prior's centre starts at density zero: no slope, NaN "
     "curvature. A texture without a positive rate must not give the logarithm of a negative "
     "number.",
-    expected="Log evidence from a plain sum over 160 x 400 x 160 points: four standard errors and 2e-3.",
+    expected="Log evidence from a plain sum over 160 x 400 x 160 points: four standard errors and "
+    "2e-3.",
 )
 def negative_rate_at_the_centre():
     frame = made(rb.Hybrid(), [1.4, 0.0], error=0.03)
@@ -520,8 +523,9 @@ def loads_of_all_sizes():
     "Known errors of 100,000 % and of 1e-13 %",
     why="Rows without information must leave the prior unchanged. Rows known to rounding must not "
     "lead to a division by zero where sigma is 0.",
-    expected="At 1e3: ln Z by the normal density with variance 1e6 (four standard errors), and draws equal to the "
-    "prior's to 5 %. At 1e-15 with sigma = 1e-300: the long double sum (relative 1e-9).",
+    expected="At 1e3: ln Z by the normal density with variance 1e6 (four standard errors), and "
+    "draws equal to the prior's to 5 %. At 1e-15 with sigma = 1e-300: the long double sum "
+    "(relative 1e-9).",
 )
 def known_errors_of_any_size():
     frame = made(rb.Modified(), [1.4], error=0.03)
