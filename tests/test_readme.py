@@ -11,8 +11,9 @@ from scipy.special import logsumexp
 
 import ridgebayes as rb
 from ridgebayes.comparison.compare import DEFAULT_FORMS
-from ridgebayes.evidence.pairs import selected_error_model, weigh_pairs
+from ridgebayes.evidence.pairs import weigh_pairs
 from ridgebayes.evidence.prior_sensitivity import scale_factors
+from ridgebayes.evidence.tables import selected_error_model
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.model import Model

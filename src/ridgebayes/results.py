@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,15 +14,12 @@ from ridgebayes._types import Rng, Tabular, __version__
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.distributions.grammar import priors_to_json
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.bridge import bridge_evidence
-from ridgebayes.evidence.pairs import Pair, weigh_pairs
+from ridgebayes.evidence.pairs import weigh_pairs
+from ridgebayes.evidence.walk_pair import walk_pair
 from ridgebayes.inference.arviz_groups import all_groups
-from ridgebayes.inference.chains import N_WALKER_CHEAP, ProgressCallback, SampleSettings
+from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import arviz_object
-from ridgebayes.inference.emcee_sampling import Walked, walk
-from ridgebayes.inference.importance import Drawn
-from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.mixture import PosteriorMixture, fit_mixture
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior, walked_posterior
@@ -34,7 +31,7 @@ from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import OF_ERRORS, Priors, resolve_priors
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.predict import Predictive
-from ridgebayes.runtime.randomness import seed_of, stream
+from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable, read_table
 
 if TYPE_CHECKING:  # heavy
@@ -356,53 +353,6 @@ def calibrate(
         walked, _ = walk_pair(pair, drawn, settings, progress=progress, checkpoint=file)
         posterior = walked_posterior(posterior.model, walked, pair.own_seed, drawn.evidence)
     return Fit.of(posterior, weighed.weights(form.name), posteriors)
-
-
-def walk_pair(
-    pair: Pair,
-    drawn: Drawn,
-    settings: SampleSettings | None = None,
-    *,
-    progress: ProgressCallback | None = None,
-    checkpoint: Checkpoint | None = None,
-) -> tuple[Walked, LogEvidence]:
-    """Walk a pair's posterior by emcee, and bridge the walk to its evidence.
-
-    Parameters
-    ----------
-    pair : Pair
-        Form and error model.
-    drawn : Drawn
-        Draws by importance sampling, whose proposal the walk moves by.
-    settings : SampleSettings, optional
-        Lengths and thresholds; with 512 walkers where these cost little and are not set.
-    progress, checkpoint : optional
-        As for `calibrate`.
-
-    Returns
-    -------
-    walked : Walked
-        Draws of the outer parameters.
-    evidence : LogEvidence
-        By bridge sampling.
-    """
-    target, settings = pair.target(), settings or SampleSettings()
-    model, seed = target.model, pair.own_seed
-    if settings.n_walker is None and model.is_normal and not model.offsets.n_level:
-        settings = replace(settings, n_walker=N_WALKER_CHEAP)
-    walked = walk(
-        target,
-        drawn.proposal,
-        seed=seed,
-        settings=settings,
-        n_point=pair.effort.n_point,
-        progress=progress,
-        checkpoint=checkpoint,
-    )
-    evidence = bridge_evidence(
-        target, walked, rng=stream(seed, "bridge"), n_point=pair.effort.n_point
-    )
-    return walked, evidence
 
 
 def chain_checkpoint(

@@ -418,7 +418,7 @@ def test_failure__is_named_and_the_other_forms_are_kept():
 
 def test_failure__of_every_form_is_an_error_that_says_each_reason():
     with pytest.raises(
-        ComputationError, match=r"no form has an evidence.*: modified, iid: .*; hybrid, iid: "
+        ComputationError, match=r"no form has an evidence.*: modified: .*; hybrid: "
     ):
         rb.compare(perfect_table(), [rb.Modified(), rb.Hybrid()], settings=QUICK, noise="iid")
 

@@ -12,15 +12,16 @@ from scipy.special import softmax
 import ridgebayes as rb
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import pairs as pairs_module
-from ridgebayes.evidence.pairs import (
+from ridgebayes.evidence.pairs import Weighed, weigh_pairs
+from ridgebayes.evidence.tables import (
     AS_GOOD,
-    Weighed,
+    EVIDENCE_COLUMNS,
     error_model_weights,
+    evidence_table,
     mean_evidence,
     selected_error_model,
-    weigh_pairs,
+    used_evidence,
 )
-from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, evidence_table, used_evidence
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.noise import AUTO, Noise, error_models_for

@@ -20,7 +20,9 @@ PAGE = Path(__file__).parents[2] / "CONTRIBUTING.md"
 
 @pytest.fixture
 def named(monkeypatch):
-    (code,) = re.findall(r"```python\n(class Student4.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    (code,) = re.findall(
+        r"```python\n([^`]*class Student4.*?)```", PAGE.read_text("utf-8"), re.DOTALL
+    )
     assert len([line for line in code.splitlines() if line.strip()]) < 10
     space = {"StudentTail": tails.StudentTail}
     exec(compile(code, PAGE.name, "exec"), space)

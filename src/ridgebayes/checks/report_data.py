@@ -26,7 +26,7 @@ from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.drawing import MOST_TEXTURES
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence.pairs import mean_evidence
+from ridgebayes.evidence.tables import mean_evidence
 from ridgebayes.inference.presets import Preset
 from ridgebayes.results import Fit
 

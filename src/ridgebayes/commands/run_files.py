@@ -19,9 +19,8 @@ from ridgebayes.comparison.citations import citations
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.pairs import error_model_weights
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
-from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, used_evidence
+from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, error_model_weights, used_evidence
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import Preset

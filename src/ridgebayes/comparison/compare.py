@@ -16,15 +16,10 @@ from ridgebayes.comparison.bayes_factors import bayes_factor_table, summed_bayes
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.pairs import (
-    NEGLIGIBLE,
-    Pair,
-    WeighedPairs,
-    error_model_weights,
-    weigh_pairs,
-)
+from ridgebayes.evidence.pairs import NEGLIGIBLE, Pair, WeighedPairs, weigh_pairs
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
-from ridgebayes.evidence.tables import evidence_table
+from ridgebayes.evidence.tables import error_model_weights, evidence_table
+from ridgebayes.evidence.walk_pair import walk_pair
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.importance import Drawn
 from ridgebayes.inference.log_evidence import LogEvidence
@@ -34,7 +29,7 @@ from ridgebayes.model.forms import Classic, Form, Hybrid, Modified, PowerLaw, as
 from ridgebayes.model.noise import AUTO, Noise, error_models_for
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import Priors, resolve_priors
-from ridgebayes.results import Fit, chain_checkpoint, walk_pair
+from ridgebayes.results import Fit, chain_checkpoint
 from ridgebayes.runtime.pool import map_ordered, submit_or_defer
 from ridgebayes.runtime.progress import untimed
 from ridgebayes.runtime.randomness import seed_of

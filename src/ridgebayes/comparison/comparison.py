@@ -13,7 +13,8 @@ from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.comparison.same_loads import same_loads
 from ridgebayes.comparison.verdict import Verdict, verdict_of
 from ridgebayes.errors import ComputationError
-from ridgebayes.evidence.pairs import MIN_WEIGHT, NEGLIGIBLE
+from ridgebayes.evidence.pairs import NEGLIGIBLE
+from ridgebayes.evidence.tables import MIN_WEIGHT
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.noise import Noise

@@ -10,9 +10,8 @@ import pandas as pd
 from scipy.special import logsumexp
 
 from ridgebayes.comparison.bayes_factors import summed_evidence
-from ridgebayes.evidence.pairs import MIN_WEIGHT, mean_evidence
 from ridgebayes.evidence.prior_sensitivity import NUGGET
-from ridgebayes.evidence.tables import used_evidence
+from ridgebayes.evidence.tables import MIN_WEIGHT, mean_evidence, used_evidence
 from ridgebayes.model.noise import SERIES, Noise
 
 GRADES = ("decisive", "supports", "leans", "undecided")

@@ -13,13 +13,16 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol, TypeVar
 
-import numpy as np
 import pandas as pd
-from scipy.special import logsumexp
 
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import ComputationError
-from ridgebayes.evidence.tables import evidence_table, used_evidence
+from ridgebayes.evidence.tables import (
+    error_model_weights,
+    evidence_table,
+    selected_error_model,
+    used_evidence,
+)
 from ridgebayes.inference.chains import ProgressCallback
 from ridgebayes.inference.importance import Drawn, Effort, at_least, importance_sample
 from ridgebayes.inference.log_evidence import LogEvidence
@@ -35,8 +38,6 @@ from ridgebayes.model.prior_files import ResolvedPriors, priors_of
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import stream
 
-MIN_WEIGHT = 0.01  # of a pair of form and error model that predictions are averaged over
-AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apart by simplicity
 NEGLIGIBLE = 1e-4  # of a form's probability: it is not walked, and need not converge
 MAX_GAP = 12.0  # in ln evidence below the best, from where an evidence decides nothing
 _FEWER_ESTIMATES = 4  # times fewer draws are kept of densities that are dear estimates
@@ -233,30 +234,6 @@ def _completed(task: _Completion) -> Posterior:
     return posterior_of(target.model, drawn, seed)
 
 
-def error_model_weights(evidence: pd.DataFrame, form: str) -> dict[str, float]:
-    """Return the weights of the error models that a form's predictions are averaged over.
-
-    Parameters
-    ----------
-    evidence : pandas.DataFrame
-        `evidence.csv` of a run.
-    form : str
-        Name.
-
-    Returns
-    -------
-    dict of str to float
-        Posterior probabilities given the form, of those above one per cent; they sum to 1.
-    """
-    used = used_evidence(evidence)
-    own = used[used["form"] == form].set_index("noise")["log_evidence"]
-    if own.empty:
-        return {}
-    share = np.exp(own - logsumexp(own))
-    heavy = share[share >= MIN_WEIGHT]
-    return {str(name): float(weight) for name, weight in (heavy / heavy.sum()).items()}
-
-
 def weigh_pairs(
     data: Observations,
     forms: Sequence[Form],
@@ -364,63 +341,3 @@ def in_parallel(
     results = map_ordered(function, begun, executor, name=lambda task: task.name)
     by_place = dict(zip(order, results, strict=True))
     return [by_place[i] for i in range(len(tasks))]
-
-
-def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:
-    """Return the log of the mean evidence over the forms, by error model, highest first.
-
-    Parameters
-    ----------
-    evidence : pandas.DataFrame
-        `evidence.csv` of a run.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns noise, log_mean_evidence, probability (at equal prior), n_form. A form without an
-        evidence under an error model counts there as evidence zero.
-
-    Examples
-    --------
-    >>> rows = pd.DataFrame({"form": ["a", "b"] * 2, "noise": ["iid", "iid", "step", "step"],
-    ...     "method": "importance", "log_evidence": [0.0, 0.0, 1.0, 1.0], "used": True})
-    >>> mean_evidence(rows)["noise"].tolist()
-    ['step', 'iid']
-    """
-    used = used_evidence(evidence)
-    n_form = used["form"].nunique()
-    rows = [
-        (noise, float(logsumexp(part["log_evidence"])) - math.log(n_form), len(part))
-        for noise, part in used.groupby("noise", sort=False)
-    ]
-    frame = pd.DataFrame(rows, columns=["noise", "log_mean_evidence", "n_form"])
-    share = np.exp(frame["log_mean_evidence"] - logsumexp(frame["log_mean_evidence"]))
-    frame.insert(2, "probability", share)
-    return frame.sort_values("log_mean_evidence", ascending=False, kind="stable", ignore_index=True)
-
-
-def selected_error_model(evidence: pd.DataFrame) -> Noise:
-    """Return the simplest error model whose mean evidence is as good as the highest.
-
-    Parameters
-    ----------
-    evidence : pandas.DataFrame
-        `evidence.csv` of a run.
-
-    Returns
-    -------
-    Noise
-        Of the fewest parameters within `AS_GOOD`; of several the one with the most evidence.
-
-    Raises
-    ------
-    ComputationError
-        If no form has an evidence under any.
-    """
-    if used_evidence(evidence).empty:
-        why = "; ".join(dict.fromkeys(evidence["status"]))
-        raise ComputationError(f"no form has an evidence under any error model: {why}")
-    means = mean_evidence(evidence)
-    good = means[means["log_mean_evidence"] >= means["log_mean_evidence"].max() - AS_GOOD]
-    noises = [Noise.named(name) for name in good["noise"]]
-    return min(noises, key=lambda noise: len(noise.parameter_names))

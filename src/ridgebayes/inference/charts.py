@@ -163,7 +163,7 @@ def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
             log_rates = model.outer_log_rates(model.outer_theta(whole))
         some = u[np.isfinite(log_rates).all(axis=1)]
         if len(some):
-            return some[(some**2).sum(axis=1).argmin()]
+            return np.asarray(some[(some**2).sum(axis=1).argmin()])
     return np.zeros(k)
 
 

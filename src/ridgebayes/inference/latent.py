@@ -17,8 +17,9 @@ import numpy as np
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.inference.points import Batch, Estimate, PointIntegral
 from ridgebayes.inference.precision import Precision
+from ridgebayes.model.design import Design
 from ridgebayes.model.model import Model
-from ridgebayes.model.offsets import Design, Root
+from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import RowGroups
 
 _LOG_2PI = math.log(2 * math.pi)

@@ -16,8 +16,9 @@ from scipy.special import ndtri
 from ridgebayes._types import FloatArray
 from ridgebayes.inference.precision import Precision
 from ridgebayes.inference.sites import Sites
+from ridgebayes.model.design import Design
 from ridgebayes.model.linear_algebra import solve_lower
-from ridgebayes.model.offsets import Design, Root
+from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import Rows
 from ridgebayes.model.tails import Tail
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ridgebayes._types import FloatArray
+from ridgebayes.model.design import Design
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
-from ridgebayes.model.offsets import Design, Root
+from ridgebayes.model.offsets import Root
 
 
 @dataclass(frozen=True, eq=False)
