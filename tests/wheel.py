@@ -2,7 +2,7 @@
 
 With ``--lowest`` every dependency comes in the lowest version that pyproject.toml allows.
 Checks its size, the main job, a run on a table, and each optional extra with and without: what
-needs one says so, and works once it is there. (dynesty no command asks for: tests/evidence has it.)
+needs one says so, and works once it is there.
 """
 
 import os

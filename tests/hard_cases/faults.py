@@ -15,7 +15,7 @@ import pandas as pd
 import ridgebayes as rb
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence import error_models
+from ridgebayes.evidence import pairs as weighing
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.pool import workers
@@ -250,15 +250,15 @@ def interrupted(folder):
     here = place(folder, "weighing")
     words = ("run", "--table", "few.csv", "--forms", "modified", "--workers", "2", "-o", "out")
     begun = (
-        "from ridgebayes.evidence import error_models\nfrom ridgebayes.commands import run\n"
+        "from ridgebayes.evidence import pairs\nfrom ridgebayes.commands import run\n"
         "from pathlib import Path\n"
         + (
-            "look = error_models.map_ordered\n"
+            "look = pairs.map_ordered\n"
             "def looking(*given, **known):\n"
             "    for found in look(*given, **known):\n"
             "        Path('begun').touch()\n"
             "        yield found\n"
-            "error_models.map_ordered = looking\n"
+            "pairs.map_ordered = looking\n"
         )
     )
     program = started(here, *words, before=begun).until((here / "begun").exists)
@@ -410,7 +410,7 @@ def read_only_folder(folder):
         "from ridgebayes.simulate import generation\n"
         + (
             "def worked(*given, **known):\n    raise SystemExit(99)\n"
-            "compare.weigh_error_models = generation.generate = worked\n"
+            "compare.weigh_pairs = generation.generate = worked\n"
         )
     )
     commands = [
@@ -477,7 +477,7 @@ def two_at_once(folder):
             "out",
             ("compare", "few.csv", "--forms", "modified", "--noise", "iid", "-o", "out"),
             "comparison.compare",
-            "weigh_error_models",
+            "weigh_pairs",
         ),
         ("t.csv", tuple(SWEEP), "simulate.generation", "map_ordered"),
     ]
@@ -547,7 +547,7 @@ def damaged_chain(folder):
             same += 1
             assert all(
                 np.array_equal(getattr(walk, name), getattr(whole, name), equal_nan=True)
-                for name in ("u", "log_density", "coordinates", "last_log_density", "weights")
+                for name in ("u", "log_density", "extras", "last_log_density", "weights")
             )
             assert all(
                 np.array_equal(mine[1], other[1]) and mine[2:] == other[2:]
@@ -625,16 +625,19 @@ def damaged_run(folder):
 
 def weighed(executor, noises=("iid", "texture", "step")) -> pd.DataFrame:
     data = Observations.from_table(rb.paper_sweep())
-    noises = [error_models.Noise.named(name) for name in noises]
-    return error_models.weigh_error_models(
+    noises = [weighing.Noise.named(name) for name in noises]
+    return weighing.weigh_pairs(
         data, [rb.Classic(), rb.Modified()], noises, seed=2, executor=executor
     ).evidence
+
+
+_WEIGH = weighing.weigh
 
 
 def deadly(task):
     if task.noise.name == "texture":
         os.kill(os.getpid(), signal.SIGKILL)
-    return error_models.evaluate(task)
+    return _WEIGH(task)
 
 
 @hard_case(
@@ -657,10 +660,10 @@ def killed_worker(folder):
         assert not Path(f"/proc/{victim}").exists()
     pd.testing.assert_frame_equal(shared, alone, check_exact=True)
 
-    evaluate = error_models.evaluate
+    weigh = weighing.weigh
     try:
         with workers(1) as pool:
-            error_models.evaluate = deadly
+            weighing.weigh = deadly
             message = refused(
                 lambda: weighed(pool),
                 ComputationError,
@@ -669,5 +672,5 @@ def killed_worker(folder):
                 "they may need more memory",
             )
     finally:
-        error_models.evaluate = evaluate
+        weighing.weigh = weigh
     return message

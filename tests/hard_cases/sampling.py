@@ -9,11 +9,12 @@ from typing import ClassVar
 import numpy as np
 
 import ridgebayes as rb
-from ridgebayes.evidence import quadrature_evidence
-from ridgebayes.inference.emcee_sampling import sample
-from ridgebayes.inference.laplace import Laplace, fit_laplace
+from ridgebayes.inference.emcee_sampling import walk
+from ridgebayes.inference.importance import Effort, importance_sample
+from ridgebayes.inference.proposal import Mixture
+from ridgebayes.inference.target import PlainTarget
 from tests.hard_cases.case import hard_case, refused
-from tests.hard_cases.likelihood import FEW, THREE, made, model_of
+from tests.hard_cases.likelihood import FEW, THREE, made, weighed
 
 SETTLED = rb.SampleSettings(n_walker=64)  # tau to 1 %, as by default
 ROWS = functools.partial(made, rb.Modified(), [1.4], error=0.03)
@@ -81,27 +82,12 @@ def calibrated(form, **options):
     return rb.calibrate(rb.read_table(ROWS()), form, rng=1, **options)
 
 
-class Given:
-    """Whitened coordinates u = factor z."""
-
-    def __init__(self, factor):
-        self.factor = np.asarray(factor, float)
-        self.mode = np.zeros(len(self.factor))
-        self.n_curved = len(self.mode)
-        self.log_volume = float(np.linalg.slogdet(self.factor)[1])
-
-    def unwhiten(self, z):
-        return z @ self.factor.T, np.zeros(z.shape[:-1])
-
-    def whiten(self, u):
-        return u @ np.linalg.inv(self.factor).T, np.zeros(u.shape[:-1])
-
-
-def walked(log_density, factor, settings=SETTLED):
+def walked(log_density, *, proposal=None, settings=SETTLED):
     """Return the chains of a density of two coordinates."""
-    names = tuple("xy"[: len(factor)])
-    laplace: Laplace = Given(factor)
-    return sample(log_density, laplace, seed=1, names=names, settings=settings)
+    target = PlainTarget("density", ("x", "y"), log_density)
+    if proposal is None:
+        proposal = importance_sample(target, Effort(), 1).proposal
+    return walk(target, proposal, seed=1, settings=settings).chains
 
 
 @hard_case(
@@ -200,7 +186,8 @@ def stuck_apart():
     from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
 
     settings = rb.SampleSettings(n_walker=8, n_step_max=1_500, moves="stretch")
-    chains = walked(wells, np.diag([20.0, 1.0]), settings)
+    wide = Mixture(np.ones(1), np.zeros(1, int), np.zeros((1, 2)), np.diag([20.0, 1.0])[None])
+    chains = walked(wells, proposal=wide, settings=settings)
     convergence_failures = chains.convergence_failures + failed_diagnostics(
         summarise(chains.u, ("x", "y"))
     )
@@ -215,16 +202,12 @@ def stuck_apart():
     why="In the original coordinates nearly every proposal misses a ridge that is a thousand "
     "times longer than wide.",
     expected="sds of 1, correlation 0.999999, and the sd across the ridge 1e-3 to 3 % (Monte "
-    "Carlo), although whitening used a covariance of 0.999.",
+    "Carlo).",
 )
 def strongly_correlated():
     rho = 0.999999
     inverse = np.linalg.inv([[1, rho], [rho, 1]])
-    chains = walked(
-        lambda u: -0.5 * np.einsum("...i,ij,...j->...", u, inverse, u),
-        np.linalg.cholesky([[1, 0.999], [0.999, 1]]),
-        SETTLED,
-    )
+    chains = walked(lambda u: -0.5 * np.einsum("...i,ij,...j->...", u, inverse, u))
     assert not chains.convergence_failures
     x, y = chains.u.reshape(-1, 2).T
     across = (x - y).std() / math.sqrt(2)
@@ -247,7 +230,7 @@ def tails_and_edges():
         t, half = u[..., 0], u[..., 1]
         return -2 * np.log1p(t * t / 3) + np.where(half >= 0, -0.5 * half * half, -np.inf)
 
-    chains = walked(density, np.eye(2))
+    chains = walked(density)
     assert not chains.convergence_failures
     t, half = chains.u.reshape(-1, 2).T
     quartiles = np.quantile(t, [0.25, 0.75])
@@ -263,7 +246,7 @@ def tails_and_edges():
     why="A covariance with entries of 1e24 and 1e-24 is numerically singular. A step that suits "
     "one coefficient is far too small or too large for the other.",
     expected="In rescaled units, the draws and ln Z of Hybrid: 5 % of an sd (Monte Carlo), and "
-    "1e-8 in ln Z (the logarithms of the units cancel).",
+    "four standard errors of ln Z (the logarithms of the units cancel).",
 )
 def scales_far_apart():
     large, small = Scaled.units
@@ -274,12 +257,9 @@ def scales_far_apart():
         one, other = scaled.summary.iloc[i], plain.summary.iloc[i]
         assert abs(one["mean"] / unit - other["mean"]) < 0.05 * other["sd"]
         assert abs(one["sd"] / unit - other["sd"]) < 0.05 * other["sd"]
-    values = [
-        quadrature_evidence(fit.model.log_density, fit_laplace(fit.model)).value
-        for fit in (scaled, plain)
-    ]
-    assert abs(values[0] - values[1]) < 1e-8
-    return f"ln Z {values[0]:.6f} and {values[1]:.6f}"
+    one, other = (weighed(fit.model) for fit in (scaled, plain))
+    assert abs(one.value - other.value) < 4 * math.hypot(one.se, other.se) < 0.1
+    return f"ln Z {one.value:.2f} and {other.value:.2f}"
 
 
 @hard_case(
@@ -329,5 +309,4 @@ def replicates_of_one_texture():
     assert fit.converged
     assert len(fit.summary) == 2
     assert abs(row["sd"] / row["mean"] / expected - 1) < 0.1
-    assert model_of(frame).is_iid_gaussian
     return f"relative sd {row['sd'] / row['mean']:.5f} for {expected:.5f}"

@@ -67,6 +67,9 @@ class Conditional(NamedTuple):
         return np.concatenate([z, u[:, k:]], axis=1)
 
 
+_N_FEASIBLE, _FARTHEST_START = 256, 6.0  # starts tried where the centre has no rate, prior sds
+
+
 @dataclass(frozen=True, eq=False)
 class Chart:
     """Coordinates about a reference.
@@ -136,7 +139,7 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
         If the form reproduces all rows to rounding, so that sigma has no lower bound.
     """
     model, k = integral.model, integral.model.n_outer_coefficient
-    base = _least_squares(integral, np.zeros(k)) if k else np.zeros(0)
+    base = _least_squares(integral, _start(integral, rng)) if k else np.zeros(0)
     model.check_gradient(np.concatenate([base, np.zeros(model.n_outer - k)]))
     _refuse_perfect_rows(integral, base)
     if not k:
@@ -145,6 +148,23 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
     if model.noise.tail != "normal" and not {"step", SMOOTH} & set(model.noise.factors):
         references += _groups(integral, base, rng)
     return [Chart.about(integral, reference) for reference in references]
+
+
+def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
+    """Return scores of coefficients that have rates: the priors' centre, or what is nearest to it.
+
+    Of a number of draws up to six prior sds out.
+    """
+    model, k = integral.model, integral.model.n_outer_coefficient
+    wide = np.linspace(1, _FARTHEST_START, _N_FEASIBLE)[:, None]
+    for u in (np.zeros((1, k)), wide * rng.standard_normal((_N_FEASIBLE, k))):
+        whole = np.concatenate([u, np.zeros((len(u), model.n_outer - k))], axis=1)
+        with np.errstate(all="ignore"):
+            log_rates = model.outer_log_rates(model.outer_theta(whole))
+        some = u[np.isfinite(log_rates).all(axis=1)]
+        if len(some):
+            return np.asarray(some[(some**2).sum(axis=1).argmin()])
+    return np.zeros(k)
 
 
 def _refuse_perfect_rows(integral: LatentIntegral, base: FloatArray) -> None:
