@@ -32,6 +32,7 @@ _CANDIDATES = 24  # subsets of rows that references of outlier models are looked
 _LOWER_SHARE = 0.3  # of the rows, that a group of its own has at least
 _APART = 4.0  # largest residuals of a group, by which its fit differs from those of others
 _MOST_GROUPS = 2
+_FAR_START, _SAME = 2.0, 0.1  # prior sds: of other starts, and of minima that are one
 
 
 class Conditional(NamedTuple):
@@ -144,7 +145,7 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
     _refuse_perfect_rows(integral, base)
     if not k:
         return [Chart.about(integral, base)]
-    references = [base]
+    references = [base, *_other_minima(integral, base)]
     if model.noise.tail != "normal" and not {"step", SMOOTH} & set(model.noise.factors):
         references += _groups(integral, base, rng)
     return [Chart.about(integral, reference) for reference in references]
@@ -165,6 +166,19 @@ def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
         if len(some):
             return np.asarray(some[(some**2).sum(axis=1).argmin()])
     return np.zeros(k)
+
+
+def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray]:
+    """Return further least squares, from starts two prior sds away, that fit about as well."""
+    best = float(np.sqrt(np.mean(_linearised(integral, base)[1] ** 2)))
+    found: list[FloatArray] = []
+    for start in np.concatenate([np.eye(len(base)), -np.eye(len(base))]) * _FAR_START:
+        u = _least_squares(integral, start)
+        size = float(np.sqrt(np.mean(_linearised(integral, u)[1] ** 2)))
+        is_new = all(np.abs(u - other).max() > _SAME for other in (base, *found))
+        if is_new and size < 2 * best and len(found) < _MOST_GROUPS:
+            found.append(u)
+    return found
 
 
 def _refuse_perfect_rows(integral: LatentIntegral, base: FloatArray) -> None:

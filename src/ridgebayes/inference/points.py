@@ -113,7 +113,7 @@ class PointIntegral:
             return 1, n_point
         if not self.design.n_first:
             return n_point, 1
-        return max(n_point // 4, 4 if self.rows.exact.all() else 2 * _PAIRS), _INNER_POINTS
+        return max(n_point // 4, 2 * _PAIRS), _INNER_POINTS
 
     def approximation(self, batch: Batch) -> Approximation:
         """Return the scores' normal approximation: rows stand for normals of their own."""
