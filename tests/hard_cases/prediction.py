@@ -161,16 +161,16 @@ some = predict_q(fit, a[::50], b[::50], p[:, ::400])
 gap = max(abs(q.at_least(n)[few] - some.at_least(n)).max() for n in range(4, 12, 2))
 sums = float(abs(q.pmf.sum(axis=-1) - 1).max())
 unit = 1 if sys.platform == "darwin" else 1024
-print(json.dumps([q.survival.shape[:-1], peak * unit, q.error, float(gap), sums]))
+print(json.dumps([q.survival.shape[:-1], peak * unit, float(gap), sums]))
 """
     done = subprocess.run(
         [sys.executable, "-c", work], check=True, capture_output=True, text=True, timeout=300
     )
-    shape, peak, error, gap, sums = json.loads(done.stdout)
+    shape, peak, gap, sums = json.loads(done.stdout)
     assert shape == [250, 4000]
     assert peak < 1e9
     assert sums < 1e-12
-    assert gap < error + 0.01
+    assert gap < 0.01  # Monte Carlo error of the draws behind a curve
     return "10^6 distributions in under 1 GB, errors as promised"
 
 
