@@ -28,7 +28,6 @@ from ridgebayes.inference.importance import Drawn, Effort, at_least, importance_
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.posterior import Posterior, posterior_of
 from ridgebayes.inference.presets import STANDARD, Preset
-from ridgebayes.inference.proposal import Mixture
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
@@ -63,8 +62,6 @@ class Pair:
         Seed; a pair's draws depend on it and on the pair's names.
     effort : Effort
         Numbers of draws.
-    start : Mixture, optional
-        Proposal to begin with.
     """
 
     data: Observations
@@ -73,7 +70,6 @@ class Pair:
     priors: Mapping[str, Distribution]
     seed: int
     effort: Effort
-    start: Mixture | None = None
 
     @property
     def key(self) -> tuple[str, str]:
@@ -120,7 +116,7 @@ class Weighed:
 def weigh(pair: Pair) -> Weighed:
     """Return a pair's evidence and draws; the reason where there are none."""
     try:
-        drawn = importance_sample(pair.target(), pair.effort, pair.own_seed, pair.start)
+        drawn = importance_sample(pair.target(), pair.effort, pair.own_seed)
     except ComputationError as error:
         return Weighed(LogEvidence("importance", math.nan, math.nan, str(error)))
     return Weighed(drawn.evidence, drawn)

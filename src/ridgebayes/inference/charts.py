@@ -172,12 +172,17 @@ def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray
     """Return further least squares, from starts two prior sds away, that fit about as well."""
     best = float(np.sqrt(np.mean(_linearised(integral, base)[1] ** 2)))
     found: list[FloatArray] = []
+
+    def is_new(u: FloatArray) -> bool:
+        return all(np.abs(u - other).max() > _SAME for other in (base, *found))
+
     for start in np.concatenate([np.eye(len(base)), -np.eye(len(base))]) * _FAR_START:
-        u = _least_squares(integral, start)
-        size = float(np.sqrt(np.mean(_linearised(integral, u)[1] ** 2)))
-        is_new = all(np.abs(u - other).max() > _SAME for other in (base, *found))
-        if is_new and size < 2 * best and len(found) < _MOST_GROUPS:
-            found.append(u)
+        near = _least_squares(integral, start, scale=max(best, _LEAST_SCALE), n_pass=1)
+        if is_new(near):
+            u = _least_squares(integral, near)
+            size = float(np.sqrt(np.mean(_linearised(integral, u)[1] ** 2)))
+            if is_new(u) and size < 2 * best and len(found) < _MOST_GROUPS:
+                found.append(u)
     return found
 
 
@@ -202,7 +207,11 @@ def _refuse_perfect_rows(integral: LatentIntegral, base: FloatArray) -> None:
 
 
 def _least_squares(
-    integral: LatentIntegral, start: FloatArray, rows: IntArray | None = None
+    integral: LatentIntegral,
+    start: FloatArray,
+    rows: IntArray | None = None,
+    scale: float = 0.1,
+    n_pass: int = 3,
 ) -> FloatArray:
     """Return the coefficients' scores of the penalised least squares of some rows.
 
@@ -217,8 +226,8 @@ def _least_squares(
     def jacobian(u: FloatArray) -> FloatArray:
         return np.vstack([_linearised(integral, u)[0][every], scale * np.eye(len(u))])
 
-    u, scale = start, 0.1
-    for _ in range(3):
+    u = start
+    for _ in range(n_pass):
         with np.errstate(all="ignore"):
             try:
                 u = optimize.least_squares(

@@ -114,9 +114,7 @@ class Drawn:
         )
 
 
-def importance_sample(
-    target: Target, effort: Effort, seed: int, start: Mixture | None = None
-) -> Drawn:
+def importance_sample(target: Target, effort: Effort, seed: int) -> Drawn:
     """Draw from a posterior and estimate its evidence.
 
     Parameters
@@ -127,16 +125,13 @@ def importance_sample(
         Numbers of draws.
     seed : int
         Seed.
-    start : Mixture, optional
-        Proposal to begin with, such as that of nearly the same posterior; modes are searched for
-        if not given.
 
     Raises
     ------
     ComputationError
         If no start or no draw has a positive density.
     """
-    proposal = adapted(target, effort, stream(seed, "adaptation"), start)
+    proposal = adapted(target, effort, stream(seed, "adaptation"))
     return draw_from(target, proposal, effort, seed)
 
 
@@ -219,14 +214,11 @@ def _evidence(
     return LogEvidence("importance", value, se, status)
 
 
-def adapted(
-    target: Target, effort: Effort, rng: np.random.Generator, start: Mixture | None = None
-) -> Mixture:
+def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture:
     """Return a proposal fitted to a target, round by round."""
-    shape = _split(_modes(target, rng), rng) if start is None else start
+    shape = _split(_modes(target, rng), rng)
     prior = Mixture.prior(len(target.names))
-    share = _DEFENSIVE_FIRST if start is None else _DEFENSIVE
-    proposals = [shape.beside(prior, share)]
+    proposals = [shape.beside(prior, _DEFENSIVE_FIRST)]
     parts: list[Evaluated] = []
     n, few = effort.n_per_round, max(effort.n_point // _FEWER_POINTS, 4)
     enough = _ENOUGH if target.is_exact else _ENOUGH_ESTIMATES
@@ -235,11 +227,10 @@ def adapted(
         draws = joined(parts)
         log_weight, _ = log_weights(draws, proposals)
         if np.isfinite(log_weight).any():
-            weights = _tempered(log_weight, _DRAWS_PER_PARAMETER * len(target.names))
+            weights = _tempered(log_weight, len(target.names))
             shape = shape.fitted(draws.coordinates, draws.log_jacobian, weights)
         proposals.append(shape.beside(prior, _DEFENSIVE))
-        is_fitted = i > 0 or start is not None
-        if is_fitted and effective_share(log_weight[-n:]) > enough:
+        if i > 0 and effective_share(log_weight[-n:]) > enough:
             break
     return proposals[-1]
 
@@ -314,13 +305,13 @@ def log_mean(log_weight: FloatArray) -> float:
     return float(top + math.log(np.exp(log_weight - top).mean()))
 
 
-def _tempered(log_weight: FloatArray, n_effective: float) -> FloatArray:
-    """Return normalised weights, raised to the power up to 1 that leaves so many effective draws.
+def _tempered(log_weight: FloatArray, d: int) -> FloatArray:
+    """Return normalised weights, raised to a power up to 1 that leaves 20 d effective draws.
 
     Few draws of large weight would make the next proposal narrower than the posterior.
     """
     usable = np.isfinite(log_weight)
-    n_effective = min(n_effective, 0.5 * usable.sum())
+    n_effective = min(_DRAWS_PER_PARAMETER * d, 0.5 * usable.sum())
     log_weight = np.where(usable, log_weight - log_weight.max(), -np.inf)
 
     def weights(power: float) -> FloatArray:

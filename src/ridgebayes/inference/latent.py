@@ -6,7 +6,8 @@ parameters, with precision ``M = I + L' Z' W Z L`` and mean ``M^-1 L' Z' W r``, 
 .. math:: r' \Sigma^{-1} r = \sum W (r - Z L \hat s)^2 + \hat s'\hat s, \qquad
           \log|\Sigma| = \log|M| - \sum \log W,
 
-in which no large numbers cancel. Other rows have no closed form, see `ridgebayes.inference.points`.
+in which no large numbers cancel. Where smooth offsets have a level for each row, S itself is
+factorised. Other rows have no closed form, see `ridgebayes.inference.points`.
 """
 
 import math
@@ -18,12 +19,13 @@ from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.inference.points import Batch, Estimate, PointIntegral
 from ridgebayes.inference.precision import Precision
 from ridgebayes.model.design import Design
+from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.model import Model
 from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import RowGroups
 
 _LOG_2PI = math.log(2 * math.pi)
-_NUMBERS_AT_ONCE = 2**20  # numbers in the largest array of a batch, 8 MB
+_NUMBERS_AT_ONCE = 2**18  # numbers in the largest array of a batch, 2 MB: a core's cache
 
 
 class LatentIntegral:
@@ -41,6 +43,7 @@ class LatentIntegral:
         self.n_level = model.offsets.n_level
         self._points = PointIntegral(self.rows, self.design, self.tail)
         self._groups: RowGroups | None = None
+        self._by_rows = False
         if model.is_normal:
             first = self.design.first
             levels = self.design.rest if first is None else np.vstack([first, self.design.rest])
@@ -51,6 +54,8 @@ class LatentIntegral:
                 self.design.rest[:, groups.row],
                 self.design.n_rest,
             )
+            # A smooth offset's L is a factor of its own; S needs only the covariance.
+            self._by_rows = model.offsets.n_smooth >= len(groups.n)
 
     @property
     def is_exact(self) -> bool:
@@ -75,11 +80,22 @@ class LatentIntegral:
     def prepared(self, eta: FloatArray) -> "Prepared":
         """Return what depends on error model parameters (n_draw, n_noise) alone."""
         with np.errstate(all="ignore"):
+            if self._by_rows:
+                return Prepared(eta, None, None, self._row_factor(eta))
             root = self.model.offsets.root(eta)
-            if self._groups is None:
-                return Prepared(eta, root, None)
-            weight = self._groups.n / self._group_variance(eta)
-            return Prepared(eta, root, Precision.of(self._group_design, root, weight))
+            precision = None if self._groups is None else self._precision(eta, root)
+            return Prepared(eta, root, precision, None)
+
+    def _precision(self, eta: FloatArray, root: Root) -> Precision:
+        """Return M of normal rows."""
+        return Precision.of(self._group_design, root, self._group_weight(eta))
+
+    def _row_factor(self, eta: FloatArray) -> FloatArray:
+        """Return the Cholesky factor of S, of the means of groups."""
+        covariance = self.model.offsets.covariance(self._group_design, eta)
+        n = covariance.shape[-1]
+        covariance.reshape(len(eta), n * n)[:, :: n + 1] += 1 / self._group_weight(eta)
+        return cholesky_or_nan(covariance)
 
     def estimated(
         self,
@@ -116,7 +132,7 @@ class LatentIntegral:
             if self.n_level or self._groups is not None:
                 prepared = self.prepared(eta) if prepared is None else prepared
             if self._groups is not None and prepared is not None:
-                value = self._normal(log_rates, prepared)[0]
+                value = self._log_likelihood(log_rates, prepared)
                 found = Estimate(value, value, nothing)
             elif not self.n_level:
                 error, scale, df = self._errors(log_rates, eta)
@@ -154,7 +170,9 @@ class LatentIntegral:
         for i in range(0, len(u), n):
             log_rates, eta, _ = self._parts(u[i : i + n])
             with np.errstate(all="ignore"):
-                _, precision, first, rest = self._normal(log_rates, self.prepared(eta))
+                root = self.model.offsets.root(eta)
+                precision = self._precision(eta, root)
+                first, rest = self._mean(self._residual(log_rates), eta, root, precision)
             normal = rng.standard_normal((len(eta), self.n_level))
             n_first = self.design.n_first
             more = precision.back(normal[:, :n_first, None], normal[:, n_first:, None])
@@ -180,33 +198,56 @@ class LatentIntegral:
     def _batch(self, log_rates: FloatArray, prepared: "Prepared") -> Batch:
         error, scale, df = self._errors(log_rates, prepared.eta)
         far = self.model.offsets.prior_variance(prepared.eta)
-        return Batch(error, scale, df, prepared.root, far)
+        return Batch(error, scale, df, prepared.scores_root, far)
+
+    def _group_weight(self, eta: FloatArray) -> FloatArray:
+        """Return the precision of each group's mean, shape (n_draw, n_group)."""
+        assert self._groups is not None
+        value: FloatArray = self._groups.n / self._group_variance(eta)
+        return value
 
     def _group_variance(self, eta: FloatArray) -> FloatArray:
         assert self._groups is not None
         value: FloatArray = eta[:, :1] ** 2 + self.rows.rel_se[self._groups.row] ** 2
         return value
 
-    def _normal(
-        self, log_rates: FloatArray, prepared: "Prepared"
-    ) -> tuple[FloatArray, Precision, FloatArray, FloatArray]:
-        """Return the log-likelihood of normal rows, and precision and mean of the scores."""
-        groups, design = self._groups, self._group_design
+    def _residual(self, log_rates: FloatArray) -> FloatArray:
+        """Return the residuals of the groups' means, shape (n_draw, n_group)."""
+        assert self._groups is not None
+        value: FloatArray = (
+            self._groups.mean + 2 * log_rates[:, self.rows.texture[self._groups.row]]
+        )
+        return value
+
+    def _mean(
+        self, residual: FloatArray, eta: FloatArray, root: Root, precision: Precision
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the mean of the scores given normal rows."""
+        pull = self._group_design.gather(self._group_weight(eta) * residual)
+        return precision.solve(*root.transposed_times(*pull))
+
+    def _log_likelihood(self, log_rates: FloatArray, prepared: "Prepared") -> FloatArray:
+        """Return the log-likelihood of normal rows, shape (n_draw,)."""
+        groups, (eta, root, precision, row_factor) = self._groups, prepared
         assert groups is not None
-        variance, precision = self._group_variance(prepared.eta), prepared.precision
-        assert precision is not None
-        residual = groups.mean + 2 * log_rates[:, self.rows.texture[groups.row]]
-        weight, root = groups.n / variance, prepared.root
-        constant = groups.n * np.log(2 * math.pi * variance) + groups.sum_of_squares / variance
-        if not self.n_level:
-            square = constant + weight * residual**2
-            return -0.5 * square.sum(axis=-1), precision, root.first, root.rest
-        pull = root.transposed_times(*design.gather(weight * residual))
-        first, rest = precision.solve(*pull)
-        left = residual - design.spread(*root.times(first, rest))
-        square = (weight * left**2 + constant).sum(axis=-1)
-        square += (first**2).sum(axis=-1) + (rest**2).sum(axis=-1)
-        return -0.5 * square - precision.log_volume, precision, first, rest
+        residual = self._residual(log_rates)
+        variance, weight = self._group_variance(eta), self._group_weight(eta)
+        square: FloatArray = groups.n * np.log(2 * math.pi * variance)
+        square += groups.sum_of_squares / variance
+        if row_factor is not None:
+            half = solve_lower(row_factor, residual[..., None])[..., 0]
+            pivots = np.diagonal(row_factor, axis1=-2, axis2=-1)
+            square += half**2 + np.log(weight) + 2 * np.log(pivots)
+        elif root is not None and precision is not None and self.n_level:
+            first, rest = self._mean(residual, eta, root, precision)
+            left = residual - self._group_design.spread(*root.times(first, rest))
+            square += weight * left**2
+            of_scores = (first**2).sum(axis=-1) + (rest**2).sum(axis=-1)
+            value: FloatArray = square.sum(axis=-1) + of_scores + 2 * precision.log_volume
+            return -0.5 * value
+        else:
+            square += weight * residual**2
+        return np.asarray(-0.5 * square.sum(axis=-1))
 
     def products(self, columns: FloatArray, prepared: "Prepared") -> FloatArray:
         """Return X' S^-1 X of columns of the rows, S the covariance of rows taken as normal.
@@ -227,22 +268,22 @@ class LatentIntegral:
         with np.errstate(all="ignore"):
             if self._groups is not None:
                 columns, design = columns[self._groups.row], self._group_design
-                weight, precision = (
-                    self._groups.n / self._group_variance(prepared.eta),
-                    (prepared.precision),
-                )
+                weight, precision = self._group_weight(prepared.eta), prepared.precision
             else:
                 design, n = self.design, len(columns)
                 weight = self._working_weights(columns[:, -1], prepared.eta)
                 columns = np.concatenate([columns, np.zeros((design.n - n, columns.shape[1]))])
-                precision = Precision.of(design, prepared.root, weight)
+                precision = Precision.of(design, prepared.scores_root, weight)
+            if prepared.row_factor is not None:
+                half = solve_lower(prepared.row_factor, columns[None])
+                return np.swapaxes(half, -1, -2) @ half
             m = columns.shape[1]
             pairs = (columns[:, :, None] * columns[:, None, :]).reshape(len(columns), m * m)
             value = (weight @ pairs).reshape(-1, m, m)
             if not self.n_level or precision is None:
                 return value
             pulls = [
-                prepared.root.transposed_times(*design.gather(weight * column))
+                prepared.scores_root.transposed_times(*design.gather(weight * column))
                 for column in columns.T
             ]
             first, rest = (np.stack(block, axis=-1) for block in zip(*pulls, strict=True))
@@ -337,12 +378,21 @@ class Prepared(NamedTuple):
     ----------
     eta : ndarray of float, shape (n_draw, n_noise)
         Error model parameters.
-    root : Root
-        L.
+    root : Root or None
+        L, where it is needed.
     precision : Precision or None
         M of normal rows.
+    row_factor : ndarray of float, shape (n_draw, n_group, n_group), or None
+        Lower Cholesky factor of S, where it stands instead of L and M.
     """
 
     eta: FloatArray
-    root: Root
+    root: Root | None
     precision: Precision | None
+    row_factor: FloatArray | None
+
+    @property
+    def scores_root(self) -> Root:
+        """L of rows that are integrated over scores."""
+        assert self.root is not None
+        return self.root

@@ -192,6 +192,28 @@ class Offsets:
         covariance[..., :: n + 1] *= 1 + self.nugget
         return covariance.reshape(*lead, n, n)
 
+    def covariance(self, design: Design, eta: FloatArray) -> FloatArray:
+        """Return the covariance of a design's predictors by smooth and other offsets, (..., n, n).
+
+        Parameters
+        ----------
+        design : Design
+            Rows of `Offsets.design`.
+        eta : ndarray of float, shape (..., n_noise)
+            Error model parameters; the error model has a smooth offset.
+        """
+        place, n = design.rest[0], self.n_smooth
+        value = self._covariance(eta)
+        if not np.array_equal(place, np.arange(n)):
+            value = value.reshape(*eta.shape[:-1], n * n)[..., place[:, None] * n + place]
+        if design.first is not None:
+            own = np.where(np.eye(self.n_first, dtype=bool), self.first_root(eta)[..., None], 0.0)
+            value = value + (own**2)[..., design.first[:, None], design.first]
+        for series in design.rest[1:]:
+            tau = self.tau(SERIES, eta)[..., None, None]
+            value = value + tau**2 * (series[:, None] == series)
+        return value
+
     def _lengths(self, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
         return eta[..., self._at["length_h"]], eta[..., self._at["length_ratio"]]
 
