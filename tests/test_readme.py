@@ -99,6 +99,7 @@ def number(cell):
 def evidence_of(model):
     """Return a log evidence by many draws, and what it may differ from two printed digits."""
     found = drawn_posterior(model, n_draw=2_048).evidence
+    assert found.ok
     assert 0 < found.se < 0.01
     return found.value, 0.005 + 4 * found.se  # rounding, Monte Carlo
 

@@ -18,6 +18,7 @@ from ridgebayes.evidence.prior_sensitivity import (
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.default_priors import NOISE_PRIORS, coefficient_priors
 from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
 
 TEXTURES = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02))
 FORMS = {form.name: form for form in (rb.Modified(), rb.Hybrid(), rb.PowerLaw())}
@@ -83,6 +84,23 @@ def test_changes__are_those_of_pairs_weighed_under_the_changed_prior(
     assert found.ok
     assert abs(value[prior, factor] - found.value) < 4 * error
     assert abs(found.value - before.value) > 0.05  # there is something to be seen
+
+
+def test_form_far_behind__is_weighed_under_the_changed_prior_too():
+    """A verdict's range ends at the lead over the next form, however far behind that is."""
+    sweep = Observations.from_table(rb.paper_sweep())
+    noise = [Noise.named("step")]
+    weighed = weigh_pairs(sweep, [rb.Classic(), rb.Hybrid()], noise, seed=1)
+    before = {form: one.evidence.value for (form, _), one in weighed.weighed.items()}
+    assert before["classic"] < before["hybrid"] - 30
+    value = prior_sensitivity(weighed).set_index(["prior", "factor", "form"])["log_evidence"]
+    priors = {"noise": {"tau_step": NOISE_PRIORS["tau_step"].stretched(0.1)}}
+    truth = weigh_pairs(sweep, [rb.Classic()], noise, priors=priors, seed=2)
+    found = truth.weighed["classic", "step"].evidence
+    assert found.ok
+    assert found.value < before["classic"] - 3  # beyond what weights of draws reach
+    error = math.hypot(found.se, 0.03)  # Monte Carlo, as above
+    assert abs(value["tau_step", 0.1, "classic"] - found.value) < 4 * error
 
 
 def test_nugget__changes_the_evidence_as_two_evidences_say(observed):

@@ -1,16 +1,27 @@
 """Importance sampling of densities whose integrals are known."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
+import ridgebayes as rb
 from ridgebayes.errors import ComputationError
-from ridgebayes.inference.importance import Effort, at_least, draw_from, importance_sample
+from ridgebayes.inference.importance import (
+    Effort,
+    at_least,
+    draw_from,
+    importance_sample,
+    log_weights,
+)
+from ridgebayes.inference.pareto_smoothing import pareto_k
 from ridgebayes.inference.proposal import Mixture
-from ridgebayes.inference.target import PlainTarget
+from ridgebayes.inference.target import ModelTarget, PlainTarget
+from ridgebayes.model.model import Model
+from ridgebayes.model.observations import Observations
 
 FACTOR = np.array([[0.05, 0, 0], [-0.3, 0.1, 0], [0.4, -0.3, 0.6]])
 CENTRE = np.array([1.0, -1.5, 0.5])
@@ -95,6 +106,38 @@ def test_heavy_tails__are_reported():
         assert not found.ok
     assert found.kept().ok
     assert found.kept().status == f"first pass: {found.status}"
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_bounded_weights__are_ok_whatever_the_shape_of_their_tail(seed):
+    """A thousandth of the draws weighs up to five times the mean, in a tail of any shape."""
+    data = Observations.from_table(rb.reference_fe())
+    target = ModelTarget(Model(data, rb.HalfPlane()), seed)
+    proposal = importance_sample(target, SMALL, seed).proposal
+    found = draw_from(target, proposal, replace(SMALL, n_draw=4_096), seed)
+    rng = np.random.default_rng(seed)
+    draws = target.evaluate(*proposal.draw(rng, 2**16), rng, 4)
+    weights, _ = log_weights(draws, [proposal])
+    assert pareto_k(weights) > 0.5
+    assert np.exp(weights - weights.max()).mean() > 0.05
+    assert found.evidence.ok
+    assert found.evidence.se < 0.005
+
+
+@pytest.mark.parametrize("k", [0.8, 1.0])
+@pytest.mark.parametrize("n_draw", [64, 256])
+def test_weights_of_a_heavy_tail__are_never_taken_for_bounded(k, n_draw):
+    rng = np.random.default_rng(3)
+    one = Mixture(np.ones(1), np.zeros(1, int), np.zeros((1, 1)), np.eye(1)[None])
+    for seed in range(40):
+        noise = np.log(rng.pareto(1 / k, 16 * n_draw) + 1)
+        at = iter(np.split(noise, 4))
+        target = plain(
+            lambda u, at=at: next(at) + one.log_density(u[None], np.zeros((1, len(u)))), 1
+        )
+        found = draw_from(target, one, replace(SMALL, n_draw=n_draw), seed).evidence
+        assert found.ok == (found.status == "ok")
+        assert ("Pareto" in found.status) == (pareto_k(noise) > 0.7)
 
 
 def test_importance_sample__refuses_a_density_that_is_nowhere_positive():
