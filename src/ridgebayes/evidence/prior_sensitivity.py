@@ -32,9 +32,9 @@ _NUGGET_FACTORS = (0.1, 1.0, 10.0)
 _LEAST_COEFFICIENT = 0.3  # factor of the coefficients' scales
 # Pareto k of weights up to which their mean is taken: their variance is finite below 0.5.
 MAX_REWEIGHTED_K = 0.5
-# In ln evidence below a form's best pair under a change: e^-5 of the form's evidence decides
+# In ln evidence below a form's best pair under a change: 5 % of the evidence, a quoted error, decides
 # nothing. Weights that miss a new mode are too low by less than this, mostly.
-_MIN_GAP, _MISSED = 5.0, 3.0
+_MIN_GAP, _MISSED = 3.0, 3.0
 _LATENT_DRAWS = 256  # whose likelihoods are computed again
 
 _Key = tuple[str, str]
@@ -84,7 +84,7 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     pandas.DataFrame
         Columns prior (c, which is also c1; c2, K, sigma, tau_..., length_..., df; nugget), factor,
         form, log_evidence. One prior is changed at a time, in all pairs that have it. A pair is
-        weighed again where the Pareto k of its weights is above 0.5 and it may hold more than e^-5
+        weighed again where the Pareto k of its weights is above 0.5 and it may hold more than e^-3
         of its form's evidence.
     """
     used = used_evidence(weighed.evidence).set_index(["form", "noise"])["log_evidence"]
