@@ -18,7 +18,7 @@ import ridgebayes as rb
 from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.scene.effects import Plan
 
-# Of numpydoc's rules those about content; layout is ruff's business.
+# numpydoc's rules about content; ruff checks the layout.
 PRIVATE_FIELDS = {"_frame"}
 RETURNED = (Verdict, Plan)  # records that users get and never make
 INTERNAL = {"LoadDistribution.of"}  # made of what no user has
@@ -71,8 +71,8 @@ def problems(name: str, *, takes_arguments: bool) -> list[str]:
     """Return what numpydoc finds wrong with one docstring, a line each."""
     found = []
     for code, text in validate(name)["errors"]:
-        # What takes no argument and says in one line what it returns needs no section for it;
-        # a field that begins with an underscore is nobody's to give.
+        # A function without arguments that says in one line what it returns needs no section
+        # for it. Callers do not pass fields that begin with an underscore.
         if code == "PR01" and set(re.findall(r"'(\w+)'", text)) <= PRIVATE_FIELDS:
             continue
         if code in CHECKED and (takes_arguments or code == "GL08" or code.startswith("PR")):
