@@ -1,10 +1,10 @@
 """Forms against each other on one table: Bayes factors, probabilities, scores, verdict, bands.
 
 `compare` fits and compares; `comparison` has its record. `bayes_factors` and `scores` make their
-tables, `verdict` grades the most probable form, `same_loads` finds forms that no row can tell
-apart, and `deciding_priors` has forms weighed anew under priors that may decide. `ranking` reads
-all that for a page. `bands` predicts Q and loads as the files of a run hold them, averaged over
-forms and error models. The room knows fits and evidences, and neither draws nor writes.
+tables, `verdict` grades the most probable form, `same_loads` finds forms with equal loads at all
+rows, and `ranking` arranges the results for a page. `bands` predicts Q and loads as the files of a
+run hold them, averaged over forms and error models. The room knows fits and evidences, and neither
+draws nor writes.
 
 >>> import ridgebayes as rb
 >>> cmp = rb.compare(rb.paper_sweep(), [rb.Classic(), rb.Modified()], noise="iid", rng=1)

@@ -34,7 +34,7 @@ def reading(ln_bf: float, ln_bf_se: float, form_a: str, form_b: str, caution: st
     form_a, form_b : str
         Names.
     caution : str or None
-        What is added of the error model.
+        Note about the error model.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What a reader of a comparison has to be told beside the answer."""
+"""Cautions that a comparison prints beside its answer."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What to cite: the study, the methods that a result rests on, the packages that computed it."""
+"""Works to cite: the study, the methods behind a result, and the packages that computed it."""
 
 from collections.abc import Mapping
 
@@ -8,7 +8,7 @@ from ridgebayes._types import __version__
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.results import Fit
 
-# What was used, who published it, and its DOI or arXiv number.
+# Method or package, its authors, and its DOI or arXiv number.
 _ALWAYS = (
     ("this package", f"ridgebayes {__version__}", ""),
     (

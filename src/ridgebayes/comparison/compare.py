@@ -42,7 +42,7 @@ StageTimer = Callable[[str], AbstractContextManager[Callable[[float], None]]]
 
 @dataclass(frozen=True)
 class Execution:
-    """How a comparison is computed: how accurately, where, and who is told.
+    """How a comparison is computed: accuracy, executor and progress.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def _walked(
     """Walk what is printed and not negligible; return posteriors and evidences by form."""
     if not (execution.accuracy.walks or execution.settings):
         return {}
-    # What tells of progress cannot be sent to another process.
+    # A progress callback cannot be sent to another process.
     progress = None if execution.executor else execution.progress
     alone = replace(execution, executor=None, stage=untimed, progress=progress)
     tasks = []

@@ -1,4 +1,4 @@
-"""What a comparison of forms found, and its predictions averaged over forms and error models."""
+"""Results of a comparison of forms, and predictions averaged over forms and error models."""
 
 import math
 from dataclasses import dataclass, field
@@ -202,7 +202,7 @@ class Comparison(Predictive, Tabular):
     def averaged(self) -> list[tuple[Posterior, float]]:
         """The posteriors that predictions are averaged over, with their weights.
 
-        Those of every form and error model of more than one per cent.
+        Posteriors of every form and error model of more than one per cent.
 
         Raises
         ------

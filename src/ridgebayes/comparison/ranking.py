@@ -1,4 +1,4 @@
-"""What a comparison says, arranged for a reader: factors against the best form, and a verdict."""
+"""A comparison arranged for a reader: factors against the best form, and a verdict."""
 
 from dataclasses import dataclass
 
@@ -71,7 +71,7 @@ def _against(factors: pd.DataFrame, against: str) -> list[tuple[str, str, float,
 
 @dataclass(frozen=True)
 class Predicting:
-    """What predicts textures left out under a smooth offset: the form, or the offset.
+    """Whether the form or the smooth offset predicts textures left out.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Predicting:
 
 
 def predicting(comparison: Comparison) -> Predicting | None:
-    """Return what textures left out tell of the best form and its smooth offset.
+    """Return how well the best form and its smooth offset predict textures left out.
 
     None where the printed error model has no smooth offset, Classic was not compared or is the best
     form, or textures were not left out.

@@ -25,7 +25,7 @@ def same_loads(one: Posterior, other: Posterior) -> bool:
     Parameters
     ----------
     one, other : Posterior
-        Of two forms, given the same rows.
+        Posteriors of two forms, given the same rows.
 
     Returns
     -------

@@ -48,7 +48,7 @@ class Verdict:
     error_model_weights : dict of str to float
         Posterior probabilities, forms summed out, of those above one per cent.
     why : str
-        What the grade follows from, in words.
+        Reason for the grade, in words.
 
     Examples
     --------

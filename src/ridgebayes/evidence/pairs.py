@@ -1,7 +1,7 @@
 """Every form under every error model, weighed alike, and draws of the pairs that carry weight.
 
-Nobody knows which error model holds, so predictions and model probabilities are averaged over all
-of them. One is selected for what is printed: the simplest whose evidence, forms summed out, is
+The error model is unknown, so predictions and model probabilities are averaged over all of them.
+One error model is selected for printed fits: the simplest whose evidence, forms summed out, is
 within 1.1 of the highest.
 """
 
@@ -40,6 +40,9 @@ from ridgebayes.runtime.randomness import stream
 NEGLIGIBLE = 1e-4  # of a form's probability: it is not walked, and need not converge
 MAX_GAP = 12.0  # in ln evidence below the best, from where an evidence decides nothing
 _FEWER_ESTIMATES = 4  # times fewer draws are kept of densities that are dear estimates
+# Effective draws of a posterior that carries weight: with 300 in each of four sets R-hat of a dozen
+# parameters is under 1.01. A poor proposal makes at most 20 draws for each.
+_EFFECTIVE, _LEAST_SHARE = 1_200, 0.05
 _MOST_REFINED = 2  # times that draws and points are doubled
 _Result = TypeVar("_Result")
 
@@ -226,6 +229,8 @@ def _completed(task: _Completion) -> Posterior:
     """Return a posterior, with more draws where there are too few."""
     target, drawn, seed = task.pair.target(), task.drawn, task.pair.own_seed
     n = task.n_draw if target.is_exact else task.n_draw // _FEWER_ESTIMATES
+    if task.n_draw:
+        n = max(n, round(_EFFECTIVE / max(drawn.share, _LEAST_SHARE)))
     drawn = at_least(drawn, target, n, task.pair.effort, seed)
     return posterior_of(target.model, drawn, seed)
 
@@ -309,7 +314,7 @@ def _counts(found: Mapping[tuple[str, str], Weighed], key: tuple[str, str]) -> b
 
 
 class Task(Protocol):
-    """What a worker is given."""
+    """Task of a worker."""
 
     @property
     def name(self) -> str:
@@ -328,12 +333,12 @@ _Task = TypeVar("_Task", bound=Task)
 def in_parallel(
     function: Callable[[_Task], _Result], tasks: Sequence[_Task], executor: Executor | None
 ) -> list[_Result]:
-    """Return results in the order of the tasks; those of many parameters are begun first.
+    """Return results in the order of the tasks; tasks of many parameters start first.
 
-    Begun last they would keep one worker busy while the others have nothing to do.
+    A long task that starts last keeps one worker busy while the others have nothing to do.
     """
     order = sorted(range(len(tasks)), key=lambda i: tasks[i].cost, reverse=True)
-    begun = [tasks[i] for i in order]
-    results = map_ordered(function, begun, executor, name=lambda task: task.name)
+    started = [tasks[i] for i in order]
+    results = map_ordered(function, started, executor, name=lambda task: task.name)
     by_place = dict(zip(order, results, strict=True))
     return [by_place[i] for i in range(len(tasks))]

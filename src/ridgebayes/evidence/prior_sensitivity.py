@@ -32,8 +32,9 @@ _NUGGET_FACTORS = (0.1, 1.0, 10.0)
 _LEAST_COEFFICIENT = 0.3  # factor of the coefficients' scales
 # Pareto k of weights up to which their mean is taken: their variance is finite below 0.5.
 MAX_REWEIGHTED_K = 0.5
-# In ln evidence below a form's best pair under a change: 5 % of the evidence, a quoted error, decides
-# nothing. Weights that miss a new mode are too low by less than this, mostly.
+# In ln evidence below a form's best pair under a change: 5 % of the evidence, the largest standard
+# error that is accepted, decides nothing. Weights that miss a new mode are mostly too low by less
+# than 3.
 _MIN_GAP, _MISSED = 3.0, 3.0
 _LATENT_DRAWS = 256  # whose likelihoods are computed again
 

@@ -12,7 +12,7 @@ from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.noise import Noise
 
 MIN_WEIGHT = 0.01  # of a pair of form and error model that predictions are averaged over
-AS_GOOD = 1.1  # in ln evidence: error models so close to the best are told apart by simplicity
+AS_GOOD = 1.1  # in ln evidence: the simplest of the error models so close to the best is selected
 
 EVIDENCE_COLUMNS = [
     "form",
@@ -127,7 +127,7 @@ def selected_error_model(evidence: pd.DataFrame) -> Noise:
     Returns
     -------
     Noise
-        Of the fewest parameters within `AS_GOOD`; of several the one with the most evidence.
+        Fewest parameters within `AS_GOOD` of the best; the highest evidence among several.
 
     Raises
     ------

@@ -30,7 +30,7 @@ _PARAMETERS = {  # `PARAMETER` stands for each of c, c1, c2, sigma, tau_texture,
     "PARAMETER": (SAMPLE, "each parameter but K"),
     "K": ((*SAMPLE, "texture"), "slopes of the power law"),
 }
-# What a file of a posterior holds, group by group: dimensions and meaning of each variable. A file
+# Groups of a posterior's file: dimensions and meaning of each variable. A file
 # has those that its form, error model and rows call for.
 CONTENT: dict[str, dict[str, tuple[tuple[str, ...], str]]] = {
     "posterior": _PARAMETERS,
@@ -79,7 +79,7 @@ def all_groups(fit: Posterior) -> dict[str, "xr.Dataset"]:
     Returns
     -------
     dict of str to xarray.Dataset
-        Those of `labelled_groups`, each with the attributes of arviz.
+        Datasets of `labelled_groups`, each with the attributes of arviz.
     """
     return datasets(labelled_groups(fit), attributes(fit))
 
@@ -111,8 +111,8 @@ def labelled_groups(fit: Posterior, *, complete: bool = True) -> dict[str, Varia
         log_likelihood. A chain is an ensemble; its draws run step by step, walkers side by side.
         Complete ones have log_prior (of each parameter, that of K over all textures), prior and,
         unless there are very many rows, prior_predictive and posterior_predictive: 500 draws of
-        log loads of the rows, with shared offsets drawn anew. They are left out where hardly any
-        prior draw has a load.
+        log loads of the rows, with new draws of the shared offsets. They are left out where hardly
+        any prior draw has a load.
     """
     groups = _variables(fit)
     if complete:
@@ -222,7 +222,7 @@ def _labelled(fit: Posterior, group: Variables) -> Variables:
 
 
 def attributes(fit: Posterior) -> dict[str, str]:
-    """Return what arviz tells of the origin of data, of a date that is the same in every run."""
+    """Return arviz's attributes of the origin of data, with the same date in every run."""
     since = os.environ.get("SOURCE_DATE_EPOCH", "0")
     try:
         created = datetime.fromtimestamp(int(since), UTC)

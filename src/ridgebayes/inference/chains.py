@@ -1,4 +1,4 @@
-"""What a sampler is asked for, and the draws that it returns."""
+"""Settings of a sampler, and the draws that it returns."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -104,7 +104,7 @@ class Chains:
     tau : ndarray of float, shape (n_coordinate + 1,), steps
         Autocorrelation times of the coordinates and, last, of the log density.
     convergence_failures : tuple of str
-        What the stopping rule still lacked when sampling ended; empty if it was met.
+        Conditions of the stopping rule that were not met; empty if all were.
     """
 
     u: FloatArray

@@ -78,7 +78,7 @@ class Chart:
     Parameters
     ----------
     integral : LatentIntegral
-        Of the model.
+        Integral of the model.
     reference : ndarray of float, shape (n_outer_coefficient,)
         u*.
     columns : ndarray of float, shape (n_row, n_outer_coefficient + 1)
@@ -128,7 +128,7 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
     Parameters
     ----------
     integral : LatentIntegral
-        Of the model.
+        Integral of the model.
     rng : numpy.random.Generator
         Picks the subsets of rows that candidates are fitted to.
 
@@ -154,7 +154,7 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
 def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
     """Return scores of coefficients that have rates: the priors' centre, or what is nearest to it.
 
-    Of a number of draws up to six prior sds out.
+    The nearest of 256 draws up to six prior sds out.
     """
     model, k = integral.model, integral.model.n_outer_coefficient
     wide = np.linspace(1, _FARTHEST_START, _N_FEASIBLE)[:, None]

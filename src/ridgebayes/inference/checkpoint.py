@@ -1,6 +1,6 @@
 """Chains on disk while they grow, so that a killed run goes on where it was.
 
-What is kept is all a walk needs to go on bit for bit: the steps so far, where each walker is, and
+A checkpoint holds all that a walk needs to go on bit for bit: steps so far, walkers' places, and
 the state of each ensemble's random stream. Files are HDF5, written whole or not at all.
 """
 
@@ -33,7 +33,7 @@ class Walk:
     log_density : ndarray of float, shape (n_ensemble, n_step, n_walker)
         Log density of those.
     extras : ndarray of float, shape (n_ensemble, n_step, n_walker, n_extra)
-        What is kept beside each step, see `ridgebayes.inference.emcee_sampling`.
+        Extras of each step, see `ridgebayes.inference.emcee_sampling`.
     accepted : ndarray of float, shape (n_ensemble,)
         Accepted moves of all walkers so far.
     last_u, last_log_density, last_extras : ndarray of float, first axes (n_ensemble, n_walker)
@@ -78,7 +78,7 @@ class Checkpoint:
     path : Path
         HDF5 file.
     fingerprint : mapping of str to str
-        What has to be the same for the walk to go on, such as the table's digest and the form.
+        Values that must be equal for the walk to go on, such as the table's digest and the form.
     """
 
     path: Path

@@ -213,7 +213,7 @@ def leave_one_out(
     Parameters
     ----------
     log_likelihood : ndarray of float, shape (..., n_obs)
-        Of each row at each draw.
+        Log-likelihood of each row at each draw.
     reff : float
         Effective over actual number of draws.
     refitted : callable, optional

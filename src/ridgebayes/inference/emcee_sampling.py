@@ -56,7 +56,7 @@ class Walked:
 
 
 class _Density:
-    """Density of a target as emcee asks for it; beside each value it returns what a walk keeps.
+    """Density of a target in emcee's form; returns the extras of a walk beside each value.
 
     The extras are the log density of the proposal, log |du/dq| and the coordinates of the first
     chart, and the scores of the offsets.

@@ -90,7 +90,7 @@ class Drawn:
     share : float
         Share of the draws that count.
     proposal : Mixture
-        What they were drawn from.
+        Proposal of the draws.
     """
 
     u: FloatArray

@@ -258,7 +258,7 @@ class LatentIntegral:
             X. The last column is the residuals of the rows' middles, by which Student rows are
             weighed: outliers count little.
         prepared : Prepared
-            Of the error model parameters.
+            Factors of the error model parameters.
 
         Returns
         -------
@@ -372,7 +372,7 @@ class LatentIntegral:
 
 
 class Prepared(NamedTuple):
-    """What depends on error model parameters alone, for many draws.
+    """Factors that depend on error model parameters alone, for many draws.
 
     Parameters
     ----------

@@ -1,11 +1,12 @@
 """Rows left out: the posterior given the rest, and the density of the rows left out given it.
 
 A draw given all rows is weighed by one over the density of the rows left out given the others.
-Where the rest tells far less than all rows do, these draws do not reach what it allows: scores are
-too high then, and the weights' tail hardly shows it. There the posterior given the rest is drawn
-anew, and the score is the difference of the two log evidences. The mean density over the new draws
-would not do: the first steps of the embedded sweep, left out of Hybrid with independent errors,
-score -14.7 by evidences, and -57 with a standard error of 1 by four thousand draws.
+Where the rest constrains the posterior far less than all rows do, these draws miss much of it:
+scores are too high, and the weights' tail hardly shows it. In this case the engine draws from the
+posterior given the rest, and the score is the difference of the two log evidences. The mean density
+over the new draws is no substitute: the first steps of the embedded sweep, left out of Hybrid with
+independent errors, score -14.7 by evidences, and -57 with a standard error of 1 by four thousand
+draws.
 """
 
 import math
@@ -42,7 +43,7 @@ class LeftOut:
     Parameters
     ----------
     model : Model
-        Of the rows that stay.
+        Posterior of the rows that stay.
     u : ndarray of float, shape (n_draw, n_outer)
         Draws of equal weight: normal scores of its outer parameters.
     scores : ndarray of float, shape (n_draw, n_level) or (n_draw, 0)
@@ -79,18 +80,18 @@ class AllRows:
     Parameters
     ----------
     model : Model
-        Of all rows.
+        Posterior of all rows.
     evidence : LogEvidence
         Its log evidence.
     u : ndarray of float, shape (n_draw, n_outer)
         Some of its draws; none where it could not be drawn from.
     log_density : ndarray of float, shape (n_draw,)
-        Their log posterior density. Of an estimate it is the one that the draw came with, so that
+        Their log posterior density; for estimates the value that the draw came with, so that
         weights are unbiased.
     status : str
         ``ok``, or what the draws lack.
     effort : Effort, optional
-        Draws of a posterior that is drawn anew.
+        Effort for a posterior of fewer rows.
     """
 
     model: Model

@@ -47,11 +47,11 @@ class PosteriorMixture:
     transforms : tuple of Distribution, length n_parameter
         A parameter is the value with the normal score z under its transform.
     weights : ndarray of float, shape (n_component,)
-        Of the components; they add up to 1.
+        Weights of the components; they add up to 1.
     means : ndarray of float, shape (n_component, n_parameter)
-        Of z.
+        Means of z.
     covariances : ndarray of float, shape (n_component, n_parameter, n_parameter)
-        Of z.
+        Covariances of z.
     about : dict
         Where it comes from: form, noise, converged, priors, rows, range of validity, held-out
         scores, and its distance from the draws.
@@ -237,7 +237,7 @@ def fit_mixture(
 
 
 def _transform(prior: Distribution, draws: FloatArray) -> Distribution:
-    """Return the prior, or what stands for it where programs have no closed form of it."""
+    """Return the prior, or its approximation where programs have no closed form."""
     if isinstance(prior, Truncated):
         return Truncated(_transform(prior.base, draws), prior.low, prior.high)
     if isinstance(prior, Normal | LogNormal | HalfNormal | Uniform):

@@ -49,7 +49,7 @@ Read = TypeVar("Read")
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """What a fit is read from.
+    """Content of a file of a fit.
 
     Parameters
     ----------

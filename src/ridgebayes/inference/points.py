@@ -24,7 +24,7 @@ from ridgebayes.model.tails import Tail
 
 _LOG_2PI = math.log(2 * math.pi)
 # Points are logistic: a closed form, and tails as those of a Student distribution of nine degrees
-# of freedom. Of this scale the peak is the standard normal's, nearly.
+# of freedom. With this scale the peak is nearly the standard normal's.
 _POINT_SCALE = 0.65
 _EDGE = 1e-12  # least probability beyond a point
 _PAIRS = 4  # the first of so many pairs of points lies in the prior, where rows are intervals
@@ -117,7 +117,7 @@ class PointIntegral:
         return max(n_point // 4, 2 * _PAIRS), _INNER_POINTS
 
     def approximation(self, batch: Batch) -> Approximation:
-        """Return the scores' normal approximation: rows stand for normals of their own."""
+        """Return the scores' normal approximation, with a normal site in place of each row."""
         sites = Sites.begun(
             self.rows, batch.error, batch.scale, self.tail, batch.df, batch.prior_variance
         )

@@ -32,21 +32,21 @@ class Posterior:
     Parameters
     ----------
     model : Model
-        What was sampled: data, form, error model, priors.
+        Data, form, error model and priors.
     chains : Chains
         Draws: normal scores of the parameters, then of the offsets that rows share.
     summary : pandas.DataFrame
         One row per parameter, as `ridgebayes.inference.diagnostics.summarise` returns it.
     convergence_failures : tuple of str
-        What the fit lacks of convergence; empty if it converged.
+        Conditions of convergence that were not met; empty if all were.
     seed : int
         Seed of the run.
     sampler : str, optional
-        What drew it: ``emcee`` or ``importance``.
+        ``emcee`` or ``importance``.
     evidence : LogEvidence, optional
         Evidence by the same draws; a posterior from a file has none.
     log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
-        Of each row at `draws`, where `with_log_likelihood` has worked it out.
+        Log-likelihood of each row at `draws`, after `with_log_likelihood`.
 
     Examples
     --------
@@ -173,7 +173,7 @@ class Posterior:
         return integral.rows_given_offsets(self.draws, u[:, k:])
 
     def at_draws(self, u: FloatArray, seed: int) -> "Posterior":
-        """Return the posterior that some draws stand for.
+        """Return a posterior of some draws.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ class SharedOffsets:
 
 
 def posterior_of(model: Model, drawn: Drawn, seed: int) -> Posterior:
-    """Return the posterior that importance draws of a model stand for, with their diagnostics.
+    """Return a posterior of importance draws of a model, with their diagnostics.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def failed_walk(model: Model, walked: Walked) -> tuple[str, ...]:
 def walked_posterior(
     model: Model, walked: Walked, seed: int, evidence: LogEvidence | None
 ) -> Posterior:
-    """Return the posterior that a walk's draws stand for, with their diagnostics.
+    """Return a posterior of a walk's draws, with their diagnostics.
 
     Where offsets or log K have to be drawn beside the parameters, of at most `N_KEPT` draws.
     """

@@ -1,7 +1,7 @@
 """The three accuracies of posteriors that commands offer: target errors, and how they are reached.
 
-Those of loads are in `simulate.generation`. `ridgebayes cost` measures the curves that they are
-points of; docs/performance.md holds the measured errors.
+The accuracies of loads are in `simulate.generation`. `ridgebayes cost` measures errors against run
+time; docs/performance.md holds the measured errors.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Normals that stand for rows whose densities are not normal, to draw points around.
+"""Normal sites in place of rows whose densities are not normal, to draw points around.
 
 A Student row is a normal of unknown variance: its site has the mean precision given the residual.
 An interval's site is found by expectation propagation (Minka 2001), each end of a count by itself.
@@ -29,7 +29,7 @@ class Sites:
     error : ndarray of float, shape (n_draw, n_predictor)
         Errors without offsets.
     variance : ndarray of float, shape (n_draw, n_row)
-        Of the rows' own errors; of Student ones the squared scale.
+        Variance of the rows' own errors; the squared scale of Student errors.
     df : ndarray of float, shape (n_draw, 1), or None
         Degrees of freedom of Student errors.
     weight, mean : ndarray of float, shape (n_draw, n_predictor)
@@ -55,8 +55,8 @@ class Sites:
     ) -> "Sites":
         """Return sites before anything is known of offsets.
 
-        Rows far beyond all that errors and offsets explain count little; brackets stand for
-        normals of their middles, and counts say nothing.
+        Rows far beyond all that errors and offsets explain count little; brackets become
+        normals of their middles, and counts have weight 0.
         """
         n = len(rows.upper)
         middle, uniform = rows.centre

@@ -1,4 +1,4 @@
-"""What importance sampling and walks need to know of a posterior, and a model's own."""
+"""Posterior densities in the form that importance sampling and walks use."""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property

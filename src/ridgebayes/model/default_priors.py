@@ -29,8 +29,8 @@ NOISE_PRIORS: dict[str, Distribution] = {
     "tau_texture": HalfNormal(0.03),
     "tau_step": HalfNormal(0.03),
     "tau_series": HalfNormal(0.1),  # rigs and laboratories differ by more than textures and steps
-    # Of a smooth offset: in log h, where the steps 4 and 6 are 0.7 apart, and in a/pitch, which
-    # lies between 0 and 1.
+    # Lengths of a smooth offset in log h, where the steps 4 and 6 are 0.7 apart, and in a/pitch,
+    # which lies between 0 and 1.
     "length_h": LogNormal(1.0, 0.7),
     "length_ratio": LogNormal(0.3, 0.7),
     "df": Gamma(2.0, 0.1),
@@ -83,7 +83,7 @@ def default_priors(
 
 
 def coefficient_priors(form: Form) -> dict[str, Distribution | None]:
-    """Return the default prior of each coefficient of a form; None of those that have none.
+    """Return the default prior of each coefficient of a form; None where there is no default.
 
     Parameters
     ----------

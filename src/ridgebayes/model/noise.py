@@ -1,6 +1,6 @@
 """Error models: what stands between a form's load and the load in the table.
 
-An error model is a structure and a tail. What is left of finite-element loads after a form is
+An error model is a structure and a tail. The residual of finite-element loads after a form is
 fitted is not noise that differs from row to row: it repeats within a texture and from texture to
 texture at the same step. A structure says what is shared, a tail how far single rows may stray.
 Definitions and reasons: docs/derivations/error-models.md.
@@ -125,7 +125,7 @@ class Noise:
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """What has offsets of its own: of texture, step, step-smooth and series, in this order."""
+        """Groups that share offsets, of texture, step, step-smooth and series, in this order."""
         return () if self.structure == "iid" else tuple(self.structure.split("+"))
 
     @property
@@ -143,7 +143,7 @@ class Noise:
 
     @property
     def caution(self) -> str | None:
-        """What a reader of Bayes factors under this error model has to be told."""
+        """Caution for readers of Bayes factors under this error model."""
         return "rows are not independent" if self.structure in ("iid", SERIES) else None
 
 

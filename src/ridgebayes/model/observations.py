@@ -64,7 +64,7 @@ class Observations:
         Raises
         ------
         InputError
-            If there is no such row, or the body of one is laterally offset.
+            If there is no such row, or if a row's body is laterally offset.
         """
         rows = table.calibration
         frame = rows.frame

@@ -27,7 +27,7 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.text import clipped
 
 OF_ERRORS = "noise"
-# By form name or "noise", then by parameter: distributions, or texts that stand for them.
+# By form name or "noise", then by parameter: distributions, or their texts.
 Priors: TypeAlias = Mapping[str, Mapping[str, Distribution | str]]
 ResolvedPriors: TypeAlias = Mapping[str, Mapping[str, Distribution]]
 
@@ -47,15 +47,15 @@ def resolve_priors(
     ----------
     given : mapping, optional
         By form name, or ``noise``, and parameter name; K of the power law is that of every texture
-        without a K of its own. What was returned before may be given again.
+        without a K of its own. Resolved priors may be resolved again.
     forms : sequence of Form
-        What is fitted.
+        Forms that are fitted.
     noises : sequence of Noise
         Error models.
     data : Observations
         Rows, whose textures the power law has a K for.
     where : str, optional
-        What errors call it all.
+        Name of the priors in error messages.
     folder : Path, optional
         Folder that files of samples are relative to.
 

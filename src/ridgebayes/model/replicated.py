@@ -31,7 +31,7 @@ def simulate_log_loads(
     Returns
     -------
     ndarray of float, shape (n, ..., n_obs), dimensionless
-        Form, plus shared offsets drawn anew, plus each row's own error, its known relative error
+        Form, plus new draws of shared offsets, plus each row's own error, its known relative error
         in quadrature. A row that brackets its load, and one that counts, gets an exact load: that
         of its Q. NaN where there is none: at a count of 2, and where the form's rate is not
         positive.

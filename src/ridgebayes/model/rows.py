@@ -94,7 +94,7 @@ class Rows:
         """Each row's middle and the variance of a uniform error within its width.
 
         Where one end is infinite, or the width above 1 (a factor of 2.7 in load), a width of 1 at
-        the other end stands for it: a rough value for proposals, whose weights correct it.
+        the other end is taken: a rough value for proposals, whose weights correct it.
         """
         upper = np.where(np.isfinite(self.upper), self.upper, self.lower + 1)
         lower = np.maximum(self.lower, upper - 1)

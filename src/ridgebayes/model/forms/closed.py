@@ -20,7 +20,7 @@ def per_texture(theta: FloatArray, a: ArrayLike, b: ArrayLike) -> FloatArray:
 
 
 class OneCoefficient(Form):
-    """What the forms with the single coefficient c share."""
+    """Common part of the forms with the single coefficient c."""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
