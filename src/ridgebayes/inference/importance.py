@@ -13,7 +13,7 @@ doi:10.1111/j.1467-9469.2011.00756.x; Vehtari et al. (2024), Journal of Machine 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -59,12 +59,15 @@ class Effort:
         exact.
     n_point : int
         Points for the offsets of rows that are not normal, for each draw; a multiple of eight.
+    max_se : float
+        Largest standard error of a log evidence that is ok.
     """
 
     n_round: int = 4
     n_per_round: int = 512
     n_draw: int = 256
     n_point: int = 16
+    max_se: float = MAX_SE
 
     @property
     def doubled(self) -> "Effort":
@@ -97,8 +100,16 @@ class Drawn:
     log_density: FloatArray
     scores: FloatArray
     evidence: LogEvidence
+    coordinates: FloatArray
+    log_jacobian: FloatArray
     share: float
     proposal: Mixture
+
+    def proposal_for(self, log_weight: FloatArray) -> Mixture:
+        """Return the proposal fitted to the draws with weights of their own, shape (n,)."""
+        weights = _tempered(log_weight, self.u.shape[-1])
+        fitted = self.proposal.fitted(self.coordinates, self.log_jacobian, weights)
+        return fitted.beside(self.proposal, _DEFENSIVE)
 
     @property
     def chains(self) -> Chains:
@@ -115,7 +126,16 @@ class Drawn:
         )
 
 
-def importance_sample(target: Target, effort: Effort, seed: int) -> Drawn:
+LogFactor = Callable[[FloatArray], FloatArray]
+
+
+def importance_sample(
+    target: Target,
+    effort: Effort,
+    seed: int,
+    start: Mixture | None = None,
+    log_factor: LogFactor | None = None,
+) -> Drawn:
     """Draw from a posterior and estimate its evidence.
 
     Parameters
@@ -126,14 +146,18 @@ def importance_sample(target: Target, effort: Effort, seed: int) -> Drawn:
         Numbers of draws.
     seed : int
         Seed.
+    start : Mixture, optional
+        Proposal to begin with; modes are searched for if not given.
+    log_factor : callable, optional
+        (n, d) to (n,): log of a factor of the density, such as another prior over the target's.
 
     Raises
     ------
     ComputationError
         If no start or no draw has a positive density.
     """
-    proposal = adapted(target, effort, stream(seed, "adaptation"))
-    return draw_from(target, proposal, effort, seed)
+    proposal = adapted(target, effort, stream(seed, "adaptation"), start, log_factor)
+    return draw_from(target, proposal, effort, seed, log_factor)
 
 
 def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) -> Drawn:
@@ -146,7 +170,13 @@ def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) ->
     return replace(more, evidence=drawn.evidence)
 
 
-def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> Drawn:
+def draw_from(
+    target: Target,
+    proposal: Mixture,
+    effort: Effort,
+    seed: int,
+    log_factor: LogFactor | None = None,
+) -> Drawn:
     """Draw from a posterior by a proposal that is fitted to it already.
 
     Parameters
@@ -155,6 +185,8 @@ def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> D
         As for `importance_sample`.
     proposal : Mixture
         Proposal.
+    log_factor : callable, optional
+        As for `importance_sample`.
 
     Raises
     ------
@@ -165,30 +197,32 @@ def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> D
     n_draw = effort.n_draw * (_EXACT_DRAWS if target.is_exact else 1)
     for i in range(N_REPEAT):
         rng = stream(seed, f"set {i}")
-        draws = target.evaluate(*proposal.draw(rng, n_draw), rng, effort.n_point)
+        draws = _drawn(target, proposal, rng, n_draw, effort.n_point, log_factor)
         log_weight, half = log_weights(draws, [proposal])
         sets.append(draws)
         weights.append(log_weight)
         halves.append(half)
-    evidence = _evidence(target, weights, halves)
+    evidence = _evidence(target, weights, halves, effort.max_se)
     chosen = [
         _resampled(log_weight, stream(seed, f"resampling {i}"))
         for i, log_weight in enumerate(weights)
     ]
-    u, log_density, scores = (
-        np.stack([column[index] for column, index in zip(columns, chosen, strict=True)])
-        for columns in (
-            [draws.u for draws in sets],
-            [draws.log_density for draws in sets],
-            [draws.scores for draws in sets],
-        )
+    kept = [draws.at(index) for draws, index in zip(sets, chosen, strict=True)]
+    together = joined(kept)
+    return Drawn(
+        np.stack([draws.u for draws in kept]),
+        np.stack([draws.log_density for draws in kept]),
+        np.stack([draws.scores for draws in kept]),
+        evidence,
+        together.coordinates,
+        together.log_jacobian,
+        effective_share(np.concatenate(weights)),
+        proposal,
     )
-    share = effective_share(np.concatenate(weights))
-    return Drawn(u, log_density, scores, evidence, share, proposal)
 
 
 def _evidence(
-    target: Target, weights: Sequence[FloatArray], halves: Sequence[FloatArray]
+    target: Target, weights: Sequence[FloatArray], halves: Sequence[FloatArray], max_se: float
 ) -> LogEvidence:
     """Return the log evidence; its status says what is wrong with the weights."""
     together = np.concatenate(weights)
@@ -210,24 +244,42 @@ def _evidence(
     is_bounded = relative.max() / relative.sum() < _BOUNDED * len(relative) ** (K_MAX - 1)
     if not (k <= K_MAX or is_bounded):
         failed.append(f"Pareto k {k:.2f}, above {K_MAX}")
-    if not se <= MAX_SE:
-        failed.append(f"standard error {se:.2g}, above {MAX_SE:g}")
+    if not se <= max_se:
+        failed.append(f"standard error {se:.2g}, above {max_se:g}")
     if not gap <= MAX_HALF_GAP:
         failed.append(f"half of the points give {gap:.2g} less or more, above {MAX_HALF_GAP:g}")
     status = "importance weights: " + "; ".join(failed) if failed else "ok"
     return LogEvidence("importance", value, se, status)
 
 
-def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture:
+def _drawn(
+    target: Target,
+    proposal: Mixture,
+    rng: np.random.Generator,
+    n: int,
+    n_point: int,
+    log_factor: LogFactor | None,
+) -> Evaluated:
+    draws = target.evaluate(*proposal.draw(rng, n), rng, n_point)
+    return draws if log_factor is None else draws.times(log_factor(draws.u))
+
+
+def adapted(
+    target: Target,
+    effort: Effort,
+    rng: np.random.Generator,
+    start: Mixture | None = None,
+    log_factor: LogFactor | None = None,
+) -> Mixture:
     """Return a proposal fitted to a target, round by round."""
-    shape = _split(_modes(target, rng), rng)
+    shape = _split(_modes(target, rng), rng) if start is None else start
     prior = Mixture.prior(len(target.names))
     proposals = [shape.beside(prior, _DEFENSIVE_FIRST)]
     parts: list[Evaluated] = []
     n, few = effort.n_per_round, max(effort.n_point // _FEWER_POINTS, 4)
     enough = _ENOUGH if target.is_exact else _ENOUGH_ESTIMATES
     for i in range(effort.n_round):
-        parts.append(target.evaluate(*proposals[-1].draw(rng, n), rng, few))
+        parts.append(_drawn(target, proposals[-1], rng, n, few, log_factor))
         draws = joined(parts)
         log_weight, _ = log_weights(draws, proposals)
         if np.isfinite(log_weight).any():

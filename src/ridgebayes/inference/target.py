@@ -37,6 +37,22 @@ class Evaluated(NamedTuple):
     coordinates: FloatArray
     log_jacobian: FloatArray
 
+    def at(self, index: IntArray) -> "Evaluated":
+        """Return some of the draws."""
+        return Evaluated(
+            self.u[index],
+            self.log_density[index],
+            self.from_half[index],
+            self.scores[index],
+            self.coordinates[:, index],
+            self.log_jacobian[:, index],
+        )
+
+    def times(self, log_factor: FloatArray) -> "Evaluated":
+        """Return the draws with their densities multiplied."""
+        log_density, from_half = self.log_density + log_factor, self.from_half + log_factor
+        return self._replace(log_density=log_density, from_half=from_half)
+
 
 def joined(parts: Sequence[Evaluated]) -> Evaluated:
     """Return several sets of draws as one."""
