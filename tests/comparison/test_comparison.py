@@ -16,10 +16,11 @@ from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import factors_by_method
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence.pairs import NEGLIGIBLE
+from ridgebayes.evidence.pairs import NEGLIGIBLE, weigh_pairs
 from ridgebayes.evidence.prior_sensitivity import scale_factors
 from ridgebayes.inference.presets import QUICK as LOOK
 from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
 from ridgebayes.predict.predict import predict_load, predict_q
 
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
@@ -429,6 +430,22 @@ def test_unconverged__is_kept_and_says_what_is_missing(paper):
     assert not found.complete
     assert found.failures == {}
     assert found.fits["modified"].convergence_failures
+
+
+def test_unconverged__posteriors_that_are_averaged_count_too(paper):
+    noises = ["step", "texture+step"]
+    weighed = weigh_pairs(
+        Observations.from_table(paper), [rb.Hybrid()], [Noise.named(name) for name in noises]
+    )
+    posteriors = weighed.posteriors(["hybrid"], "step", 1_000)["hybrid"]
+    lacking = replace(posteriors["texture+step"], convergence_failures=("c1: R-hat 1.2",))
+    fit = rb.Fit.of(
+        posteriors["step"], weighed.weights("hybrid"), posteriors | {"texture+step": lacking}
+    )
+    whole = rb.compare(paper, [rb.Hybrid()], settings=QUICK, noise="iid")
+    found = replace(whole, fits={"hybrid": fit})
+    assert found.unconverged == {"hybrid": ("texture+step: c1: R-hat 1.2",)}
+    assert not found.complete
 
 
 def test_seed__same_numbers_again_and_others_for_another(paper):

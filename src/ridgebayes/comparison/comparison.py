@@ -190,13 +190,20 @@ class Comparison(Predictive, Tabular):
 
     @property
     def unconverged(self) -> dict[str, tuple[str, ...]]:
-        """Why forms did not converge; forms of negligible probability need not converge."""
-        shares = self.probabilities
-        return {
-            name: fit.convergence_failures
-            for name, fit in self.fits.items()
-            if not fit.converged and shares.get(name, 1.0) >= NEGLIGIBLE
-        }
+        """Why forms did not converge, under any error model that their predictions average over.
+
+        Forms of negligible probability need not converge.
+        """
+        shares, found = self.probabilities, {}
+        for name, fit in self.fits.items():
+            failures = list(fit.convergence_failures)
+            for posterior, _ in fit.averaged:
+                if posterior.noise.name != fit.noise.name:
+                    noise = posterior.noise.name
+                    failures += [f"{noise}: {why}" for why in posterior.convergence_failures]
+            if failures and shares.get(name, 1.0) >= NEGLIGIBLE:
+                found[name] = tuple(failures)
+        return found
 
     @property
     def averaged(self) -> list[tuple[Posterior, float]]:

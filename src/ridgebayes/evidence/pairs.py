@@ -40,9 +40,9 @@ from ridgebayes.runtime.randomness import stream
 NEGLIGIBLE = 1e-4  # of a form's probability: it is not walked, and need not converge
 MAX_GAP = 12.0  # in ln evidence below the best, from where an evidence decides nothing
 _FEWER_ESTIMATES = 4  # times fewer draws are kept of densities that are dear estimates
-# Effective draws of a posterior that carries weight: with 300 in each of four sets R-hat of a dozen
-# parameters is under 1.01. A poor proposal makes at most 20 draws for each.
-_EFFECTIVE, _LEAST_SHARE = 1_200, 0.05
+# Effective draws of a posterior that carries weight: with 400 in each of four sets R-hat of a
+# parameter is above 1.01 by chance once in 50,000. A poor proposal makes at most 20 draws for each.
+_EFFECTIVE, _LEAST_SHARE = 1_600, 0.05
 _MOST_REFINED = 2  # times that draws and points are doubled
 _Result = TypeVar("_Result")
 
