@@ -19,6 +19,7 @@ from ridgebayes.commands.cli import app
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.distributions.grammar import CLOSED, USAGE
+from ridgebayes.evidence.components import COMPONENT_COLUMNS
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
 from ridgebayes.fea.column_units import DIMENSIONS
@@ -180,6 +181,7 @@ def run_columns() -> list[str]:
         "summary.csv": ["form", "noise", *SUMMARY_COLUMNS],
         "evidence.csv": EVIDENCE_COLUMNS,
         "bayes_factors.csv": BAYES_FACTOR_COLUMNS,
+        "components.csv": COMPONENT_COLUMNS,
         "prior_sensitivity.csv": SENSITIVITY_COLUMNS,
         "loo.csv": LOO_COLUMNS,
         "left_out.csv": LEFT_OUT_COLUMNS,

@@ -30,6 +30,7 @@ COLUMNS = {
     "evidence.csv": "form,noise,method,log_evidence,log_evidence_se,used,prior_probability,"
     "model_probability,status",
     "bayes_factors.csv": "form_a,form_b,noise,method,ln_bf,ln_bf_se,log10_bf,reading",
+    "components.csv": "component,ln_bf,ln_bf_se,probability,reading",
     "loo.csv": "form,noise,elpd,se,p,n_bad_k,stacking_weight",
     "bands.csv": "form,noise,kind_of_band,a_over_R,b_over_R,nu,p_over_E,q_mean,q_median,q_lower,"
     "q_upper,prob,extrapolation,extrapolation_of",
@@ -43,6 +44,7 @@ COMPARED = {
     "summary.csv",
     "evidence.csv",
     "bayes_factors.csv",
+    "components.csv",
     "loo.csv",
     "prior_sensitivity.csv",
     "run.json",

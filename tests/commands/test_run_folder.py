@@ -270,6 +270,7 @@ def test_write_text__that_fails_leaves_the_old_file(tmp_path):
 def test_written__files_of_a_comparison(written):
     assert names(written) == [
         "bayes_factors.csv",
+        "components.csv",
         "evidence.csv",
         "loo.csv",
         "posterior-classic.nc",

@@ -80,7 +80,7 @@ def _write_posterior(task: tuple[Posterior, Path, bool]) -> None:
 def write_comparison(
     comparison: Comparison, folder: Path, executor: Executor | None = None
 ) -> None:
-    """Write what `write_fits` does, and the Bayes factors, scores and prior sensitivity.
+    """Write what `write_fits` does, Bayes factors of forms and components, scores, sensitivity.
 
     Left-out scores, coverage and costs are written where there are any. An executor has this
     machine's files.
@@ -90,6 +90,7 @@ def write_comparison(
         frame = getattr(comparison, name)
         if len(frame) or name not in _ONLY_IF_ANY:
             write_csv(frame, folder / file)
+    write_csv(comparison.components, folder / "components.csv")  # made of evidences: never read
 
 
 def other_file(form: str, noise: str) -> str:

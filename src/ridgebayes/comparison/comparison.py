@@ -13,6 +13,7 @@ from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.comparison.same_loads import same_loads
 from ridgebayes.comparison.verdict import Verdict, verdict_of
 from ridgebayes.errors import ComputationError
+from ridgebayes.evidence.components import component_table
 from ridgebayes.evidence.pairs import NEGLIGIBLE
 from ridgebayes.evidence.tables import MIN_WEIGHT
 from ridgebayes.inference.posterior import Posterior
@@ -79,6 +80,8 @@ class Comparison(Predictive, Tabular):
     [0.01, 0.99]
     >>> set(found.own_evidence["noise"]) | set(found.own_bayes_factors["noise"])
     {'iid'}
+    >>> len(found.components)  # one error model: nothing to compare
+    0
     >>> found.plot().get_xlabel()
     'ln Bayes factor over the most probable form'
     """
@@ -148,6 +151,15 @@ class Comparison(Predictive, Tabular):
     def own_bayes_factors(self) -> pd.DataFrame:
         """The rows of `bayes_factors` under the error model of the fits."""
         return self.bayes_factors[self.bayes_factors["noise"] == self.noise.name]
+
+    @property
+    def components(self) -> pd.DataFrame:
+        """Inclusion Bayes factors of the error model's components, forms summed out.
+
+        Columns component (``texture``, ``step``, ``smooth``, ``series``, ``student``), ln_bf,
+        ln_bf_se, probability, reading. Empty where one error model alone was weighed.
+        """
+        return component_table(self.evidence)
 
     @property
     def probabilities(self) -> dict[str, float]:

@@ -15,6 +15,7 @@ from ridgebayes.model.default_priors import REASONS
 from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
 from ridgebayes.report.wording import (
     ABSENT,
+    component_name,
     decimals,
     form_name,
     listed,
@@ -200,6 +201,7 @@ def error_models_section(data: ReportData) -> list[Block]:
             f"highest: {noise_name(comparison.noise.name)}."
         ),
         *_smooth(data),
+        *_components(data),
         Folded(
             "Evidence of each error model",
             [
@@ -220,6 +222,33 @@ def error_models_section(data: ReportData) -> list[Block]:
                 ),
             ],
         ),
+    ]
+
+
+def _components(data: ReportData) -> list[Block]:
+    """Return which components of the error model the rows support, where that can be asked."""
+    found = data.comparison.components
+    if not len(found):
+        return []
+    rows = [
+        [
+            component_name(row["component"]),
+            with_error(row["ln_bf"], row["ln_bf_se"], 1),
+            probability(row["probability"]),
+            row["reading"],
+        ]
+        for row in found.to_dict("records")
+    ]
+    return [
+        Table(
+            ["Component", "ln BF", "Probability", "Reading"],
+            rows,
+            "Which components of the error model the data support: mean evidence of the error "
+            "models with the component over that of those without, forms summed out. Probability: "
+            "of all error models with it. Components compete, so one may be disfavoured because "
+            "another does the same work.",
+            text=(0, 3),
+        )
     ]
 
 
