@@ -211,6 +211,14 @@ COMPARE = ("compare", SWEEP, *IID)
             for value in ("0", "-1", "nan", "inf")
         ),
         (("run", "--time-limit", "soon"), ["--time-limit", "valid number"]),
+        *(
+            ((*COMPARE, "--prior-odds", text), [f"--prior-odds {text!r}", "expected FORM=NUMBER"])
+            for text in ("hybrid", "hybrid=", "=2", "hybrid=two", "hybrid=1,hybrid=2", "hybrid=nan")
+        ),
+        ((*COMPARE, "--prior-odds", "cubic=2"), ["--prior-odds: expected forms", "got 'cubic'"]),
+        (("run", "--prior-odds", "half-plane=2"), ["(classic, power-law, modified, hybrid)"]),
+        ((*COMPARE, "--prior-odds", "hybrid=0"), ["hybrid: expected a finite number > 0, got 0.0"]),
+        ((*FIT, "hybrid", "--prior-odds", "hybrid=2"), ["No such option"]),
         (("run", "--priors", "none.toml"), ["none.toml: no such file"]),
         ((*COMPARE, "--priors", "."), [".: is not a file"]),
         ((*FIT, "hybrid", "--seed", "-1"), ["--seed", "0"]),
@@ -572,6 +580,24 @@ def test_compare__done_is_exit_0_and_prints_verdict_and_coefficients(command):
     assert content["seed"] == 4
     assert content["forms"] == ["modified", "hybrid"]
     assert content["verdicts"]["complete"] is True
+
+
+def test_compare__prior_odds_are_in_words_in_run_json_and_in_the_tables(command):
+    words = (*COMPARE, "--forms", "modified,hybrid", "--prior-odds", "modified=200, hybrid = 2")
+    said = command(*words, "--accuracy", "quick", "-o", "out")
+    assert said.code == 0
+    assert "The evidence supports Hybrid among the forms compared. " in said.out
+    told = "Probabilities are at prior probabilities of your own, Modified 0.990 and Hybrid 0.0099."
+    assert told in said.out
+    content = json.loads(Path("out/run.json").read_text())
+    assert content["options"]["prior_odds"] == {"modified": 200, "hybrid": 2}
+    assert content["verdicts"]["best"] == "modified"
+    assert content["verdict"]["form"] == "hybrid"
+    prior = content["verdicts"]["prior_probabilities"]
+    assert prior == pytest.approx({"modified": 200 / 202, "hybrid": 2 / 202}, rel=1e-14)
+    again = read_run(Path("out"))
+    assert again.prior_probabilities == pytest.approx(prior, rel=1e-14)
+    assert again.probabilities == pytest.approx(content["verdicts"]["probabilities"], rel=1e-14)
 
 
 def test_compare__force_replaces_a_run(command, run, quick):

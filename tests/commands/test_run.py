@@ -39,6 +39,7 @@ COLUMNS = {
     "prior_sensitivity.csv": "prior,factor,form,log_evidence",
 }
 STANDARD = {"noise": "iid", "accuracy": "standard", "priors": None, "time_limit": None}
+STANDARD |= {"prior_odds": None}
 COMPARED = {
     "table.csv",
     "summary.csv",

@@ -178,7 +178,9 @@ def report_data(comparison: Comparison) -> ReportData:
     transitions = seen[seen["kind"] == "transition"]
     textures = shown_textures(comparison)
     ranked, verdict = ranking.forms_by_probability(comparison), comparison.verdict
-    over = verdict.over if verdict is not None else ""
+    # With prior odds the form that is shown may be the second by evidence.
+    compared = () if verdict is None else (verdict.over, verdict.form)
+    over = next((name for name in compared if name != shown), "")
     bands = _panel_bands(comparison, [shown, *([over] if over else [])], seen, textures)
     own_bands = bands[bands["form"] == shown]
     is_exact = bool(fit.model.data.is_exact.any())

@@ -182,6 +182,7 @@ def _state(comparison: Comparison) -> dict[str, Any]:
         "complete": comparison.complete,
         "best": comparison.best if comparison.probabilities else None,
         "probabilities": comparison.probabilities,
+        "prior_probabilities": comparison.prior_probabilities,
         "converged": {name: fit.converged for name, fit in comparison.fits.items()},
         "missing": {
             name: fit.convergence_failures

@@ -76,6 +76,8 @@ class Comparison(Predictive, Tabular):
     (True, {}, 'supports')
     >>> {form: round(share, 2) for form, share in found.probabilities.items()}
     {'modified': 0.01, 'hybrid': 0.99}
+    >>> found.prior_probabilities
+    {'modified': 0.5, 'hybrid': 0.5}
     >>> [round(weight, 2) for _, weight in found.averaged]  # over these predictions are averaged
     [0.01, 0.99]
     >>> set(found.own_evidence["noise"]) | set(found.own_bayes_factors["noise"])
@@ -163,9 +165,16 @@ class Comparison(Predictive, Tabular):
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Posterior probabilities of the forms at equal prior, error models summed out."""
+        """Posterior probabilities of the forms, error models summed out."""
         used = self.evidence[self.evidence["used"]]
         sums = used.groupby("form", sort=False)["model_probability"].sum()
+        return {str(name): float(share) for name, share in sums.items()}
+
+    @property
+    def prior_probabilities(self) -> dict[str, float]:
+        """Prior probabilities of the fitted forms, all alike unless prior odds were given."""
+        pairs = self.evidence.drop_duplicates(["form", "noise"])
+        sums = pairs.groupby("form", sort=False)["prior_probability"].sum()
         return {str(name): float(share) for name, share in sums.items()}
 
     @cached_property

@@ -57,6 +57,17 @@ class Folded:
 
 
 @dataclass(frozen=True)
+class Odds:
+    """Fields for a reader's own prior probabilities, which a script turns into posterior ones.
+
+    A row has a form's name, its ln evidence and its prior probability in the run.
+    """
+
+    rows: Sequence[tuple[str, float, float]]
+    kind: ClassVar[str] = "odds"
+
+
+@dataclass(frozen=True)
 class Part:
     """A heading inside a section."""
 
@@ -64,7 +75,7 @@ class Part:
     kind: ClassVar[str] = "part"
 
 
-Block: TypeAlias = Text | Table | Picture | Folded | Part
+Block: TypeAlias = Text | Table | Picture | Folded | Odds | Part
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,10 @@ import pandas as pd
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bayes_factors import SUMMED
+from ridgebayes.comparison.verdict import ranked_forms
 from ridgebayes.model.default_priors import REASONS
-from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
+from ridgebayes.report.blocks import Block, Folded, Odds, Picture, Table, Text
+from ridgebayes.report.first_screen import prior_words
 from ridgebayes.report.wording import (
     ABSENT,
     component_name,
@@ -39,6 +41,7 @@ def evidence_section(data: ReportData) -> list[Block]:
     )
     blocks: list[Block] = [Text(words), ranking_table(data)]
     if len(data.comparison.probabilities) > 1:
+        blocks.append(_odds(data))
         factors = data.comparison.bayes_factors
         summed = factors[factors["noise"] == SUMMED]
         caption = "ln Bayes factor of each form against the best, by every method."
@@ -48,13 +51,21 @@ def evidence_section(data: ReportData) -> list[Block]:
                 "Star and number: ln Bayes factor of each form against the best, with error models "
                 "summed out. Other marks: by each method, under the printed error model alone."
             )
-            words = "Bayes factors with the error models summed out, at equal prior probabilities."
+            words = "Bayes factors with the error models summed out."
             pairs.insert(0, _pairs(summed, words))
         blocks += [
             Picture("evidence", caption, _evidence_alt(data)),
             Folded("Bayes factors of all pairs", pairs),
         ]
     return blocks
+
+
+def _odds(data: ReportData) -> Odds:
+    """Return fields for the prior probability of each form, the most probable first."""
+    values, prior = ranked_forms(data.comparison.evidence), data.comparison.prior_probabilities
+    return Odds(
+        [(form_name(name), values[name], prior[name]) for name in data.ranked if name in values]
+    )
 
 
 def _evidence_alt(data: ReportData) -> str:
@@ -92,7 +103,7 @@ def ranking_table(data: ReportData) -> Table:
         ["Form", "Parameters", "ln evidence", "ln BF against the best", "Probability", "Converged"],
         rows,
         "Natural logarithms. Evidence of the log loads under the printed error model. Bayes "
-        "factors, and probabilities at equal prior odds, with error models summed out."
+        f"factors, and probabilities {prior_words(comparison)}, with error models summed out."
         + (_NEGLIGIBLE if any(row[-1] == "no: negligible" for row in rows) else ""),
         text=(0, 5),
         strong=(0,) if best is not None else (),
