@@ -28,6 +28,7 @@ from ridgebayes.friction.table import COLUMNS as FRICTION_COLUMNS
 from ridgebayes.inference.arviz_groups import CONTENT
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.inference.netcdf import ATTRIBUTES
+from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.default_priors import NOISE_PRIORS, REASONS, coefficient_priors
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.report.inputs import GLOSSARY
@@ -84,6 +85,14 @@ def write_pages(folder: Path) -> None:
         path = folder / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
+
+
+def write_report(folder: Path) -> None:
+    """Write the report of a quick run on the embedded sweep, unless it is there: half a minute."""
+    folder.mkdir(exist_ok=True)
+    path = folder / "sweep-report.html"
+    if not path.is_file():
+        rb.write_report(rb.compare(rb.paper_sweep(), accuracy=QUICK), path)
 
 
 def copy_notebooks(source: Path, folder: Path) -> None:

@@ -23,6 +23,8 @@ from ridgebayes.report.first_screen import first_screen, headline
 from ridgebayes.report.wording import decimals, interval, number, probability, with_error
 from ridgebayes.results import Fit
 
+SCRIPTS = [{"type": "application/json"}, {}]  # a table, and the page's own code
+
 
 class Page(HTMLParser):
     """Tags with their attributes, and the text between them."""
@@ -81,7 +83,7 @@ def undrawn(monkeypatch):
 
 def test_page_is_well_formed_and_self_contained(full, page):
     assert page.open == []
-    assert page.all("script") == [{}]  # its own, in the page
+    assert page.all("script") == SCRIPTS
     assert not page.all("link")
     starts = ("data:image/png;base64,", "data:image/svg+xml;base64,")
     assert all(image["src"].startswith(starts) for image in page.all("img"))
@@ -98,6 +100,7 @@ def test_every_link_has_its_section(page):
 @pytest.mark.parametrize(
     "section",
     [
+        "Your own texture",
         "Data and priors",
         "Forms and evidence",
         "Predictions",
@@ -116,7 +119,16 @@ def test_details_are_closed_and_the_order_is_kept(page):
     assert len(page.all("details")) > 10
     assert not any("open" in attrs for attrs in page.all("details"))
     anchors = [attrs["id"] for attrs in page.all("h2")]
-    wanted = ["data", "evidence", "predictions", "checks", "computation", "reference", "study"]
+    wanted = [
+        "texture",
+        "data",
+        "evidence",
+        "predictions",
+        "checks",
+        "computation",
+        "reference",
+        "study",
+    ]
     assert anchors == [*wanted, "appendix"]
 
 
@@ -191,7 +203,7 @@ def test_labels_are_escaped_and_shown(odd):
     html, text = render_report(odd), render_report(odd, ".md")
     page = Page(html)
     assert page.open == []
-    assert page.all("script") == [{}]
+    assert page.all("script") == SCRIPTS
     assert not page.all("b")
     assert not page.all("i")
     assert "<script>alert('$x$')</script> & | *" in page.text

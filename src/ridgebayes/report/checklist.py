@@ -7,7 +7,7 @@ doi:10.1037/met0000065.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ridgebayes.report.blocks import Block, Folded, Odds, Picture, Section, Table
+from ridgebayes.report.blocks import Block, Folded, Odds, OwnTexture, Picture, Section, Table
 from ridgebayes.report.first_screen import FirstScreen
 
 ANSWER = "answer"
@@ -125,6 +125,6 @@ def _words(blocks: Sequence[Block]) -> list[str]:
             found.append(block.caption)
         elif isinstance(block, Folded):
             found += [block.title, *_words(block.blocks)]
-        elif not isinstance(block, Odds):
+        elif not isinstance(block, Odds | OwnTexture):
             found.append(block.words)
     return found
