@@ -20,6 +20,7 @@ from ridgebayes.report import _rendered, render_report, write_report
 from ridgebayes.report.evidence import error_models_section
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen, headline
+from ridgebayes.report.predictions import _agreement
 from ridgebayes.report.wording import decimals, interval, number, probability, with_error
 from ridgebayes.results import Fit
 
@@ -320,6 +321,15 @@ def test_tables_that_a_run_did_not_write_leave_their_sections_out(single):
     assert "Priors of this run" in text
     assert "log-normal, median 1.382, log-sd 0.1" in text
     assert "is varied by a factor of" not in text
+
+
+def test_agreeing_scores_do_not_lead_where_the_verdict_is_undecided(gallery):
+    data = gallery.data
+    open_ = replace(data, verdict=replace(data.verdict, grade="undecided"))
+    leaders = {"row": ("hybrid", "hybrid")}
+    assert _agreement(data, leaders) == "All agree with the Bayes factors: Hybrid leads."
+    said = "Bayes factors do not decide. All of these scores put Hybrid first."
+    assert _agreement(open_, leaders) == said
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -50,11 +50,28 @@ def parse_names(text: str, option: str = "--forms") -> list[str]:
     return names
 
 
+def parse_form(text: str) -> str:
+    """Return a form's name as pages write it: ``Hybrid`` and ``Power law`` are known, too.
+
+    Examples
+    --------
+    >>> parse_form("Power law"), parse_form("half-plane")
+    ('power-law', 'half-plane')
+    """
+    return "-".join(text.lower().split())
+
+
+def parse_forms(text: str) -> list[str]:
+    """Return names of forms with commas between them."""
+    return [parse_form(name) for name in parse_names(text)]
+
+
 def parse_odds(text: str) -> dict[str, float]:
     """Return prior odds by form, of FORM=NUMBER with commas between them."""
     found: dict[str, float] = {}
     for part in text.split(",") if text else []:
-        name, _, odds = (word.strip() for word in part.partition("="))
+        name, _, odds = part.partition("=")
+        name = parse_form(name)
         try:
             number = float(odds)
         except ValueError:

@@ -312,8 +312,9 @@ def _foreign(path: Path) -> InputError:
 
 def _why_no_run(folder: Path) -> str:
     """Say why a folder is none of a finished run."""
-    own = folder.name.startswith(".") and folder.name.endswith(PARTIAL)
-    partial = folder if own else folder.with_name(f".{folder.name}{PARTIAL}")
+    name = folder.absolute().name  # that of "." is empty
+    own = name.startswith(".") and name.endswith(PARTIAL)
+    partial = folder if own else folder.absolute().parent / f".{name}{PARTIAL}"
     if partial.is_dir():
         return f"the run is not finished, its parts are in {partial}; continue it with --resume"
     if not folder.exists():
