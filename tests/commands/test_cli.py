@@ -654,10 +654,12 @@ def test_rows_that_are_not_ok__are_counted_aloud(command, quick, paper):
 
 def test_rows_of_two_sources_with_one_load__are_told(command, quick, paper):
     rows = paper.calibration.frame
-    both = pd.concat([rows.assign(source="A"), rows.iloc[:2].assign(source="B")])
+    both = pd.concat([rows.assign(source="A"), rows.iloc[:5].assign(source="B")])
     rb.ContactTable.from_frame(both).write("mine.csv")
     said = command("compare", "mine.csv", *IID, "--forms", "modified", "-o", "out")
-    told = "2 rows with the load of another source, solver or series to all digits."
+    told = (
+        "5 rows of curves whose loads are those of another source, solver or series to all digits."
+    )
     assert f"{told} Copies count twice: leave one of each out." in said.out
 
 
