@@ -45,6 +45,7 @@ sphinx_gallery_conf = {
     "thumbnail_size": (600, 340),
 }
 html_static_path = ["_static"]
+html_extra_path = ["_generated/extra"]
 html_css_files = ["site.css"]
 
 # Notebooks are shown as they are stored; tests run them.
@@ -66,5 +67,6 @@ nitpick_ignore_regex = [
 ]
 
 generated.write_pages(HERE / "_generated")
+generated.write_report(HERE / "_generated" / "extra")
 generated.write_names(HERE / "names")
 generated.copy_notebooks(HERE.parent / "notebooks", HERE / "notebooks")

@@ -19,6 +19,7 @@ from ridgebayes.commands.cli import app
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.distributions.grammar import CLOSED, USAGE
+from ridgebayes.evidence.components import COMPONENT_COLUMNS
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
 from ridgebayes.fea.column_units import DIMENSIONS
@@ -27,6 +28,7 @@ from ridgebayes.friction.table import COLUMNS as FRICTION_COLUMNS
 from ridgebayes.inference.arviz_groups import CONTENT
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.inference.netcdf import ATTRIBUTES
+from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.default_priors import NOISE_PRIORS, REASONS, coefficient_priors
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.report.inputs import GLOSSARY
@@ -83,6 +85,14 @@ def write_pages(folder: Path) -> None:
         path = folder / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
+
+
+def write_report(folder: Path) -> None:
+    """Write the report of a quick run on the embedded sweep, unless it is there: half a minute."""
+    folder.mkdir(exist_ok=True)
+    path = folder / "sweep-report.html"
+    if not path.is_file():
+        rb.write_report(rb.compare(rb.paper_sweep(), accuracy=QUICK), path)
 
 
 def copy_notebooks(source: Path, folder: Path) -> None:
@@ -180,6 +190,7 @@ def run_columns() -> list[str]:
         "summary.csv": ["form", "noise", *SUMMARY_COLUMNS],
         "evidence.csv": EVIDENCE_COLUMNS,
         "bayes_factors.csv": BAYES_FACTOR_COLUMNS,
+        "components.csv": COMPONENT_COLUMNS,
         "prior_sensitivity.csv": SENSITIVITY_COLUMNS,
         "loo.csv": LOO_COLUMNS,
         "left_out.csv": LEFT_OUT_COLUMNS,

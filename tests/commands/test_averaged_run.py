@@ -189,6 +189,16 @@ def test_summary__has_rows_of_every_posterior(folder):
     assert set(frame.query("noise == 'texture'")["parameter"]) >= {"c", "sigma", "tau_texture"}
 
 
+def test_components__are_written_read_back_and_in_the_report(folder):
+    found = read_run(folder).components
+    pd.testing.assert_frame_equal(pd.read_csv(folder / "components.csv"), found, rtol=1e-12)
+    assert found["component"].tolist() == ["texture", "step"]
+    reading = found["reading"].iloc[0]
+    rows = (folder / "report.md").read_text(encoding="utf-8").splitlines()
+    (row,) = (row for row in rows if row.startswith("| Texture offsets |"))
+    assert row.endswith(f"| {reading} |")
+
+
 @pytest.mark.parametrize("damage", ["gone", "cut", "another"])
 def test_read_run__a_damaged_posterior_of_an_average_is_named(folder, tmp_path, damage):
     run = shutil.copytree(folder, tmp_path / "run")

@@ -1,6 +1,7 @@
 """Commands as a person types them: exit codes, what is said, and what is (not) written."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -191,7 +192,7 @@ COMPARE = ("compare", SWEEP, *IID)
         ((*FIT, "quadratic"), ["form 'quadratic': unknown", "classic, power-law, modified"]),
         ((*COMPARE, "--forms", "hybrid,cubic"), ["form 'cubic': unknown"]),
         ((*COMPARE, "--forms", "hybrid,,classic"), ["--forms 'hybrid,,classic': an empty name"]),
-        (("run", "--forms", "Hybrid"), ["form 'Hybrid': unknown"]),
+        ((*COMPARE, "--forms", "hybrid,Hybrid"), ["forms: expected each once, got hybrid, hybrid"]),
         ((*COMPARE, "--forms", "hybrid,hybrid"), ["forms: expected each once, got hybrid, hybrid"]),
         ((*FIT, "half-plane"), ["41 calibration rows have solver 'half-plane'", "circular"]),
         ((*COMPARE, "--forms", "classic,half-plane"), ["solver 'half-plane'", "circular"]),
@@ -211,6 +212,14 @@ COMPARE = ("compare", SWEEP, *IID)
             for value in ("0", "-1", "nan", "inf")
         ),
         (("run", "--time-limit", "soon"), ["--time-limit", "valid number"]),
+        *(
+            ((*COMPARE, "--prior-odds", text), [f"--prior-odds {text!r}", "expected FORM=NUMBER"])
+            for text in ("hybrid", "hybrid=", "=2", "hybrid=two", "hybrid=1,hybrid=2", "hybrid=nan")
+        ),
+        ((*COMPARE, "--prior-odds", "cubic=2"), ["--prior-odds: expected forms", "got 'cubic'"]),
+        (("run", "--prior-odds", "half-plane=2"), ["(classic, power-law, modified, hybrid)"]),
+        ((*COMPARE, "--prior-odds", "hybrid=0"), ["hybrid: expected a finite number > 0, got 0.0"]),
+        ((*FIT, "hybrid", "--prior-odds", "hybrid=2"), ["No such option"]),
         (("run", "--priors", "none.toml"), ["none.toml: no such file"]),
         ((*COMPARE, "--priors", "."), [".: is not a file"]),
         ((*FIT, "hybrid", "--seed", "-1"), ["--seed", "0"]),
@@ -574,6 +583,24 @@ def test_compare__done_is_exit_0_and_prints_verdict_and_coefficients(command):
     assert content["verdicts"]["complete"] is True
 
 
+def test_compare__prior_odds_are_in_words_in_run_json_and_in_the_tables(command):
+    words = (*COMPARE, "--forms", "modified,hybrid", "--prior-odds", "modified=200, hybrid = 2")
+    said = command(*words, "--accuracy", "quick", "-o", "out")
+    assert said.code == 0
+    assert "The evidence supports Hybrid among the forms compared. " in said.out
+    told = "Probabilities are at prior probabilities of your own, Modified 0.990 and Hybrid 0.0099."
+    assert told in said.out
+    content = json.loads(Path("out/run.json").read_text())
+    assert content["options"]["prior_odds"] == {"modified": 200, "hybrid": 2}
+    assert content["verdicts"]["best"] == "modified"
+    assert content["verdict"]["form"] == "hybrid"
+    prior = content["verdicts"]["prior_probabilities"]
+    assert prior == pytest.approx({"modified": 200 / 202, "hybrid": 2 / 202}, rel=1e-14)
+    again = read_run(Path("out"))
+    assert again.prior_probabilities == pytest.approx(prior, rel=1e-14)
+    assert again.probabilities == pytest.approx(content["verdicts"]["probabilities"], rel=1e-14)
+
+
 def test_compare__force_replaces_a_run(command, run, quick):
     before = (run / "summary.csv").read_bytes()
     said = command(*COMPARE, "--forms", "modified", "--force", "-o", run)
@@ -627,10 +654,12 @@ def test_rows_that_are_not_ok__are_counted_aloud(command, quick, paper):
 
 def test_rows_of_two_sources_with_one_load__are_told(command, quick, paper):
     rows = paper.calibration.frame
-    both = pd.concat([rows.assign(source="A"), rows.iloc[:2].assign(source="B")])
+    both = pd.concat([rows.assign(source="A"), rows.iloc[:5].assign(source="B")])
     rb.ContactTable.from_frame(both).write("mine.csv")
     said = command("compare", "mine.csv", *IID, "--forms", "modified", "-o", "out")
-    told = "2 rows with the load of another source, solver or series to all digits."
+    told = (
+        "5 rows of curves whose loads are those of another source, solver or series to all digits."
+    )
     assert f"{told} Copies count twice: leave one of each out." in said.out
 
 
@@ -1091,7 +1120,72 @@ def test_interrupted__is_not_a_traceback(command, monkeypatch):
     monkeypatch.setattr("ridgebayes.commands.run.run_job", interrupted)
     said = command("run")
     assert said.code == 130
-    assert "Traceback" not in said.err
+    assert said.err == "ridgebayes: interrupted; continue run with --resume\n"
+
+
+@pytest.mark.parametrize("name", ["compare", "cost", "coverage"])
+def test_interrupted__what_has_no_resume_advises_none_and_leaves_nothing(
+    command, monkeypatch, name
+):
+    def interrupted(*_, **__):
+        assert list(Path().glob(".*.partial"))
+        raise KeyboardInterrupt
+
+    for inner in ("request.compare_with", "cost.map_ordered", "coverage.coverage"):
+        monkeypatch.setattr(f"ridgebayes.commands.{inner}", interrupted)
+    said = command(name, SWEEP)
+    assert said.code == 130
+    assert said.err.splitlines()[-1] == "ridgebayes: interrupted"
+    assert everything() == {}
+
+
+def test_interrupted__fit_leaves_what_it_continues_with(command, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ridgebayes.commands.request.compare_with", interrupted)
+    assert "continue fit with --resume" in command(*FIT, "hybrid").err
+    assert Path(".ridgebayes-out.partial").is_dir()
+
+
+@pytest.mark.parametrize("form", ["Hybrid", "HYBRID", "Power law", "power-law"])
+def test_form__is_known_as_pages_write_it(command, form):
+    said = command(*FIT, form, "--accuracy", "quick", "-o", "out")
+    assert said.code == 0
+    name = "power-law" if form.lower().startswith("p") else "hybrid"
+    assert Path(f"out/posterior-{name}.nc").is_file()
+    words = ("predict", "out", *AT, *OVER, "--form", form, "-o", "b.csv")
+    assert command(*words).code == 0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("predict", "{}", "--texture", "0.02,0.02", "--p-over-E", "0.01", "-o", "b.csv"),
+        ("report", "{}"),
+    ],
+)
+@pytest.mark.parametrize("folder", [".", "..", "/"])
+def test_folder__that_is_no_run_is_said_whatever_it_is_called(refused, words, folder):
+    refused([word.format(folder) for word in words], "not a run folder, no run.json in it")
+
+
+@pytest.mark.process
+def test_output__that_nobody_reads_to_its_end_is_no_failure(tmp_path):
+    words = ["generate", "--texture", "0.02,0.02", "--p-max", "0.001"]
+    code = "from ridgebayes.commands.cli import main; main()"
+    nobody, into = os.pipe()
+    os.close(nobody)  # as `| head` does when it has seen enough
+    said = subprocess.run(
+        [sys.executable, "-c", code, *words, "-o", tmp_path / "t.csv"],
+        stdout=into,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    os.close(into)
+    assert said.returncode == 0
+    assert "pipe" not in said.stderr
+    assert (tmp_path / "t.csv").is_file()
 
 
 def program(*words, **options):

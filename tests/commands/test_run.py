@@ -30,6 +30,7 @@ COLUMNS = {
     "evidence.csv": "form,noise,method,log_evidence,log_evidence_se,used,prior_probability,"
     "model_probability,status",
     "bayes_factors.csv": "form_a,form_b,noise,method,ln_bf,ln_bf_se,log10_bf,reading",
+    "components.csv": "component,ln_bf,ln_bf_se,probability,reading",
     "loo.csv": "form,noise,elpd,se,p,n_bad_k,stacking_weight",
     "bands.csv": "form,noise,kind_of_band,a_over_R,b_over_R,nu,p_over_E,q_mean,q_median,q_lower,"
     "q_upper,prob,extrapolation,extrapolation_of",
@@ -38,11 +39,13 @@ COLUMNS = {
     "prior_sensitivity.csv": "prior,factor,form,log_evidence",
 }
 STANDARD = {"noise": "iid", "accuracy": "standard", "priors": None, "time_limit": None}
+STANDARD |= {"prior_odds": None}
 COMPARED = {
     "table.csv",
     "summary.csv",
     "evidence.csv",
     "bayes_factors.csv",
+    "components.csv",
     "loo.csv",
     "prior_sensitivity.csv",
     "run.json",
@@ -158,7 +161,7 @@ def test_run__the_table_as_used_stands_in_the_folder(runs, table):
 def test_run__the_same_seed_gives_the_same_bytes(runs):
     folder, _, _, _ = runs
     files = sorted(path.name for path in (folder / "first").glob("*.csv"))
-    assert len(files) == 11
+    assert len(files) == 12
     files.remove("costs.csv")  # seconds, which no two runs share
     costs = [pd.read_csv(folder / name / "costs.csv") for name in ("first", "again")]
     for column in ("task", "method", "error"):

@@ -135,8 +135,14 @@ def test_new_folder__bad_input_inside_leaves_nothing(tmp_path):
 @pytest.mark.parametrize("error", [ComputationError("x"), ZeroDivisionError(), KeyboardInterrupt()])
 def test_new_folder__a_failure_inside_leaves_no_final_folder(tmp_path, error):
     with pytest.raises(type(error)):
-        fail_inside(error, tmp_path / "out")
+        fail_inside(error, tmp_path / "out", resume=False)
     assert names(tmp_path) == [".out.partial", ".out.partial/a.csv"]
+
+
+def test_new_folder__interrupted_leaves_nothing_where_nobody_can_go_on(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        fail_inside(KeyboardInterrupt(), tmp_path / "out")
+    assert names(tmp_path) == []
 
 
 @pytest.mark.parametrize("error", [InputError("x"), ComputationError("x"), OSError("disk full")])
@@ -270,6 +276,7 @@ def test_write_text__that_fails_leaves_the_old_file(tmp_path):
 def test_written__files_of_a_comparison(written):
     assert names(written) == [
         "bayes_factors.csv",
+        "components.csv",
         "evidence.csv",
         "loo.csv",
         "posterior-classic.nc",

@@ -27,7 +27,8 @@ def test_cautions__loads_that_contradict_the_prior(paper):
 @pytest.mark.parametrize(("factor", "shown"), [(1e-3, "0.00085"), (30, "26")])
 def test_cautions__loads_in_other_units(paper, factor, shown):
     frame = paper.calibration.frame
-    (told,) = cautions(_compared(frame.assign(p_over_E=factor * frame["p_over_E"])))
+    *high, told = cautions(_compared(frame.assign(p_over_E=factor * frame["p_over_E"])))
+    assert len(high) == (factor == 30)  # p/E to 0.58
     # The printed loads are 0.85 times those of eqs (3, 4) of the study, by the median of 41 rows.
     assert told == (
         f"The loads are {shown} times those that make a smooth body touch as far (Hertz, median of "
@@ -51,9 +52,30 @@ def test_cautions__rows_that_the_evidence_says_are_independent(paper):
 
 def test_cautions__counts_rows_that_repeat_a_load(comparison):
     table = comparison.table
-    both = pd.concat([table.frame, table.calibration.frame.iloc[:2].assign(source="copy")])
+    both = pd.concat([table.frame, table.calibration.frame.iloc[:5].assign(source="copy")])
     told = cautions(replace(comparison, table=rb.ContactTable.from_frame(both)))
-    assert told[0].startswith("2 rows with the load of another source")
+    assert told[0].startswith("5 rows of curves whose loads are those of another source")
+
+
+def test_cautions__what_no_body_can_have_is_told_with_the_worst_row(comparison, paper):
+    rows = paper.calibration.frame
+
+    def told(**columns):
+        table = rb.ContactTable.from_frame(rows.assign(**columns))
+        return cautions(replace(comparison, table=table))
+
+    # Widths in mm of a body of 8 mm: Q = 18 of the finest texture, 8 pitches from its groove.
+    a, b = 8 * rows["a_over_R"], 8 * rows["b_over_R"]
+    reach = b / 2 + (rows["Q"] / 2 - 1) * (a + b)
+    words = told(a_over_R=a, b_over_R=b)
+    wide = next(one for one in words if "wider than the body" in one)
+    assert wide.startswith(f"{int((reach > 1).sum())} rows with a contact wider than the body")
+    assert f"ends {reach.max():.2g} R from the axis. Check that widths are over R" in wide
+    loads = told(p_over_E=60 * rows["p_over_E"])  # in kPa
+    high = next(one for one in loads if "p/E above 0.5" in one)
+    n = int((60 * rows["p_over_E"] > 0.5).sum())
+    assert high.startswith(f"{n} rows with p/E above 0.5, up to 1.16: no model here holds there.")
+    assert not any("wider" in one or "p/E above" in one for one in told())
 
 
 def test_cautions__series_that_have_no_texture_in_common(paper):

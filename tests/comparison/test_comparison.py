@@ -22,6 +22,7 @@ from ridgebayes.inference.presets import QUICK as LOOK
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.predict import predict_load, predict_q
+from ridgebayes.report import render_report
 
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
 QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
@@ -74,6 +75,62 @@ def test_evidence__has_the_columns_of_the_contract(comparison):
     }
     assert set(comparison.evidence["noise"]) == {"iid"}
     assert set(comparison.evidence["prior_probability"]) == {0.25}
+
+
+@pytest.fixture(scope="module")
+def odds(paper):
+    """Two forms by rows that favour Hybrid by exp(4.5), 90 to 1: equal, and 200 to 1 against it."""
+    asked = [rb.Modified(), rb.Hybrid()]
+    return [
+        rb.compare(paper, asked, noise="iid", rng=1, accuracy=LOOK, prior_odds=prior)
+        for prior in (None, {"modified": 200.0})
+    ]
+
+
+def test_prior_odds__move_probabilities_and_averages_and_no_bayes_factor(odds):
+    equal, own = odds
+    assert own.prior_probabilities == pytest.approx({"modified": 200 / 201, "hybrid": 1 / 201})
+    ln_bf = own.bayes_factors["ln_bf"].iloc[0]  # of Modified over Hybrid
+    assert ln_bf == pytest.approx(-4.52, abs=0.05)  # Monte Carlo; 4.5241 by quadrature
+    expected = 200 * math.exp(ln_bf) / (200 * math.exp(ln_bf) + 1)
+    assert own.probabilities["modified"] == pytest.approx(expected, rel=1e-12)  # algebra
+    assert (equal.best, own.best) == ("hybrid", "modified")
+    assert [weight for _, weight in own.averaged] == pytest.approx(
+        [expected, 1 - expected], rel=1e-12
+    )
+    pd.testing.assert_frame_equal(own.bayes_factors, equal.bayes_factors)
+    assert own.verdict == equal.verdict
+    place = (0.022, 0.02, 0.009)
+    parts = [fit.predict(*place).at_least(8) for fit in own.fits.values()]
+    mixed = expected * parts[0] + (1 - expected) * parts[1]
+    assert float(own.predict(*place).at_least(8)) == pytest.approx(mixed, abs=0.01)  # Monte Carlo
+
+
+def test_prior_odds__are_told_in_words_where_they_were_set(odds):
+    equal, own = (render_report(one, ".md") for one in odds)
+    assert "at equal prior odds" in equal
+    assert "of your own" not in equal
+    assert "at prior probabilities of your own, Modified 0.995 and Hybrid 0.0050" in own
+    assert "**The evidence supports Hybrid among the forms compared.**" in own
+    assert "at equal prior odds" not in own
+    assert "Modified and Modified" not in own
+
+
+@pytest.mark.parametrize(
+    ("prior", "words"),
+    [
+        ({"classic": 2}, r"forms that are compared \(modified\), got 'classic'"),
+        ({"Modified": 2}, "got 'Modified'"),
+        ({"modified": 0}, "prior_odds: modified: expected a finite number > 0, got 0"),
+        ({"modified": math.inf}, "got inf"),
+        ({"modified": math.nan}, "got nan"),
+        ({"modified": "2"}, "got '2'"),
+        ({"modified": True}, "got True"),
+    ],
+)
+def test_prior_odds__that_make_no_sense_are_refused(paper, prior, words):
+    with pytest.raises(InputError, match=words):
+        rb.compare(paper, rb.Modified(), noise="iid", prior_odds=prior)
 
 
 def test_evidence__that_of_importance_sampling_is_used(comparison):

@@ -182,6 +182,20 @@ def test_selected__forms_are_summed_out_and_none_is_said():
         selected_error_model(none)
 
 
+def test_evidence_table__prior_odds_are_shared_by_the_error_models_of_a_form():
+    values = {("a", "iid"): 1.0, ("a", "step"): 3.0, ("b", "iid"): 2.0, ("b", "step"): 4.0}
+    found = {key: [LogEvidence("importance", math.log(v), 0.0)] for key, v in values.items()}
+    table = evidence_table(found, {"a": 3.0})  # 3 to 1, by 1 + 3 to 2 + 4
+    np.testing.assert_allclose(table["prior_probability"], [3 / 8, 3 / 8, 1 / 8, 1 / 8], rtol=1e-14)
+    expected = np.array([3, 9, 2, 4]) / 18
+    np.testing.assert_allclose(table["model_probability"], expected, rtol=1e-14)  # algebra
+    equal = evidence_table(found)
+    pd.testing.assert_frame_equal(evidence_table(found, {"a": 2.0, "b": 2.0}), equal)
+    assert set(equal["prior_probability"]) == {0.25}
+    weights = [error_model_weights(one, "a") for one in (table, equal)]
+    assert weights[0] == pytest.approx(weights[1], rel=1e-14)
+
+
 def test_evidence_table__uses_the_first_that_can_be_used():
     bad = LogEvidence("importance", 9.0, 0.1, "importance weights: Pareto k 0.90, above 0.7")
     kept = replace(bad, value=-20.0).kept()

@@ -93,6 +93,20 @@ def test_write_netcdf__opens_with_the_installed_arviz(fits, files, name):
     assert {"lp", "acceptance_rate", "tau"} <= set(data["sample_stats"].data_vars)
 
 
+class Own(Modified):
+    """A form of the user's own, known in no other process."""
+
+    name = "own"
+
+
+def test_read_netcdf__says_that_a_form_of_ones_own_cannot_be_read_back(paper, tmp_path):
+    fit = calibrate(paper, Own(), noise="iid", rng=1)
+    fit.to_netcdf(tmp_path / "own.nc")
+    with pytest.raises(InputError, match=r"holds form 'own'.*a form of your own") as refused:
+        Fit.from_netcdf(tmp_path / "own.nc")
+    assert "damaged" not in str(refused.value)
+
+
 def test_files__hold_what_their_contract_says(fits, observed, tmp_path):
     rng = np.random.default_rng(1)
     texture, Q = np.arange(24) % 4, 4 + 2 * (np.arange(24) // 8)

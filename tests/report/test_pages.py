@@ -7,9 +7,11 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ridgebayes.report import write_report
+from ridgebayes.report.wording import probability
 from tests.report.browser import CHROMIUM, Browser
 
 SCREEN = 800  # pixels of height
@@ -54,6 +56,7 @@ LAYOUT = r"""
 })()
 """
 OPEN = "document.querySelectorAll('details').forEach(one => { one.open = true; })"
+POSTERIOR = "document.querySelector('[aria-label=\"Posterior probability of {}\"]').value"
 HEIGHT = "document.documentElement.scrollHeight"
 
 
@@ -111,6 +114,44 @@ def test_page__is_short_and_its_first_screen_holds_the_answer(browser, pages, na
     # What is not complete is listed above the answer.
     assert bottom <= SCREEN or name == "failed"
     assert browser.pdf(tmp_path / "page.pdf") <= 12
+
+
+def typed(browser, label, text):
+    """Replace what a field holds by keyboard alone."""
+    browser.run(f"document.querySelector('[aria-label=\"{label}\"]').select()")
+    browser.ask("Input.insertText", text=text)
+
+
+@pytest.mark.parametrize("own", [("1e-3", "2"), ("0,25", "1e30"), ("1", "0"), ("1e-290", "1e5")])
+def test_own_priors__give_posterior_probabilities_at_once(browser, pages, odd, own):
+    browser.open(pages("user"), 1280)
+    titles = {"modified": "Modified", "power-law": "Power law"}
+    for title, text in zip(titles.values(), own, strict=True):
+        typed(browser, f"Prior probability of {title}", text)
+    used = odd.evidence[odd.evidence["used"]].set_index("form")["log_evidence"]
+    priors = [float(text.replace(",", ".")) for text in own]
+    weights = np.array(priors) * np.exp(used[list(titles)].to_numpy())  # algebra
+    for title, share in zip(titles.values(), (weights / weights.sum()).tolist(), strict=True):
+        written = probability(share) if share else "0"
+        assert browser.run(POSTERIOR.format(title)) == written
+    assert browser.messages == []
+
+
+def test_own_priors__that_make_no_sense_are_said_and_reset(browser, pages, odd):
+    browser.open(pages("user"), 1280)
+    form = "document.querySelector('form[data-odds]')"
+    for bad in ("-1", "", "much", "inf"):
+        typed(browser, "Prior probability of Modified", bad)
+        assert browser.run(POSTERIOR.format("Modified")) == "–"
+        assert browser.run("document.activeElement.getAttribute('aria-invalid')") == "true"
+        said = browser.run(f"{form}.querySelector('[role=status]').textContent")
+        assert said == "Type a number of 0 or more for each form, one above 0."
+    browser.run(f"{form}.querySelector('button').click()")
+    browser.run("new Promise(done => setTimeout(done, 20))")
+    for form, title in {"modified": "Modified", "power-law": "Power law"}.items():
+        expected = probability(odd.probabilities[form])
+        assert browser.run(POSTERIOR.format(title)) == expected
+    assert browser.messages == []
 
 
 def test_layout_script__sees_what_it_looks_for(browser, tmp_path):

@@ -20,8 +20,11 @@ from ridgebayes.report import _rendered, render_report, write_report
 from ridgebayes.report.evidence import error_models_section
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen, headline
+from ridgebayes.report.predictions import _agreement
 from ridgebayes.report.wording import decimals, interval, number, probability, with_error
 from ridgebayes.results import Fit
+
+SCRIPTS = [{"type": "application/json"}, {}]  # a table, and the page's own code
 
 
 class Page(HTMLParser):
@@ -34,14 +37,14 @@ class Page(HTMLParser):
 
     def handle_starttag(self, tag, attrs):
         self.tags.append((tag, dict(attrs)))
-        if tag not in {"meta", "img", "br"}:
+        if tag not in {"meta", "img", "br", "input"}:
             self.open.append(tag)
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
 
     def handle_data(self, data):
-        if self.open and self.open[-1] != "style":
+        if self.open and self.open[-1] not in ("style", "script"):
             self.words.append(data)
 
     @property
@@ -81,7 +84,7 @@ def undrawn(monkeypatch):
 
 def test_page_is_well_formed_and_self_contained(full, page):
     assert page.open == []
-    assert not page.all("script")
+    assert page.all("script") == SCRIPTS
     assert not page.all("link")
     starts = ("data:image/png;base64,", "data:image/svg+xml;base64,")
     assert all(image["src"].startswith(starts) for image in page.all("img"))
@@ -98,6 +101,7 @@ def test_every_link_has_its_section(page):
 @pytest.mark.parametrize(
     "section",
     [
+        "Your own texture",
         "Data and priors",
         "Forms and evidence",
         "Predictions",
@@ -116,7 +120,16 @@ def test_details_are_closed_and_the_order_is_kept(page):
     assert len(page.all("details")) > 10
     assert not any("open" in attrs for attrs in page.all("details"))
     anchors = [attrs["id"] for attrs in page.all("h2")]
-    wanted = ["data", "evidence", "predictions", "checks", "computation", "reference", "study"]
+    wanted = [
+        "texture",
+        "data",
+        "evidence",
+        "predictions",
+        "checks",
+        "computation",
+        "reference",
+        "study",
+    ]
     assert anchors == [*wanted, "appendix"]
 
 
@@ -191,7 +204,7 @@ def test_labels_are_escaped_and_shown(odd):
     html, text = render_report(odd), render_report(odd, ".md")
     page = Page(html)
     assert page.open == []
-    assert not page.all("script")
+    assert page.all("script") == SCRIPTS
     assert not page.all("b")
     assert not page.all("i")
     assert "<script>alert('$x$')</script> & | *" in page.text
@@ -308,6 +321,15 @@ def test_tables_that_a_run_did_not_write_leave_their_sections_out(single):
     assert "Priors of this run" in text
     assert "log-normal, median 1.382, log-sd 0.1" in text
     assert "is varied by a factor of" not in text
+
+
+def test_agreeing_scores_do_not_lead_where_the_verdict_is_undecided(gallery):
+    data = gallery.data
+    open_ = replace(data, verdict=replace(data.verdict, grade="undecided"))
+    leaders = {"row": ("hybrid", "hybrid")}
+    assert _agreement(data, leaders) == "All agree with the Bayes factors: Hybrid leads."
+    said = "Bayes factors do not decide. All of these scores put Hybrid first."
+    assert _agreement(open_, leaders) == said
 
 
 @pytest.mark.usefixtures("undrawn")

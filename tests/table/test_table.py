@@ -716,7 +716,7 @@ def test_read_table__truth_values_are_no_numbers(tmp_path, row, cell):
         read_table(path)
 
 
-def test_repeated__are_rows_to_fit_with_a_load_of_another_source_to_all_digits():
+def test_repeated__are_rows_to_fit_of_curves_with_the_loads_of_another_source_to_all_digits():
     one, other = sweep().assign(source="A"), sweep().assign(source="B")
     other.loc[[0, 4], "p_over_E"] *= 1 + 1e-15
     other.loc[1, "p_over_E"] *= 1.01
@@ -727,7 +727,33 @@ def test_repeated__are_rows_to_fit_with_a_load_of_another_source_to_all_digits()
     assert len(ContactTable.from_frame(one).repeated) == 0
     found = table.repeated
     assert set(found.column("source")) == {"B"}
-    assert found.column("p_over_E").tolist() == other["p_over_E"].iloc[5:].tolist()
+    assert found.column("p_over_E").tolist() == other["p_over_E"].iloc[6:].tolist()
+
+
+def repeats(loads):
+    """Curves of one texture, a series each."""
+    parts = [
+        pd.DataFrame({"Q": 4 + 2 * np.arange(len(p)), "p_over_E": p, "series": f"{i}"})
+        for i, p in enumerate(loads)
+    ]
+    frame = pd.concat(parts).assign(a_over_R=0.02, b_over_R=0.02)
+    return ContactTable.from_frame(frame).repeated.column("series").tolist()
+
+
+def test_repeated__honest_repeats_of_few_digits_are_none():
+    # Each load stands twice or more, and no curve is another's.
+    assert (
+        repeats([[0.0013, 0.0052, 0.012], [0.0013, 0.0055, 0.013], [0.0014, 0.0052, 0.013]]) == []
+    )
+    assert repeats([[0.0013], [0.0013]]) == []
+    assert repeats([[0.0013, 0.0052], [0.0013, 0.0052]]) == []
+
+
+def test_repeated__a_curve_within_another_is_one_whichever_comes_first():
+    long, short = [0.0013, 0.0052, 0.012, 0.021], [0.0013, 0.0052, 0.012]
+    assert repeats([long, short]) == ["1"] * 3
+    assert repeats([short, long]) == ["0"] * 3
+    assert repeats([short, short, short]) == ["1"] * 3 + ["2"] * 3
 
 
 def test_read_table__takes_a_table_a_frame_or_a_path_and_nothing_else(tmp_path):

@@ -21,6 +21,7 @@ from ridgebayes.comparison import ranking
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.cautions import cautions
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.own_texture import OwnTexture, own_texture
 from ridgebayes.comparison.ranking import Predicting, best_form
 from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.contact.scaling import Texture
@@ -108,6 +109,8 @@ class ReportData:
         The shown fit drawn again; None in a quick run, and where that would take long.
     against_priors : pandas.DataFrame
         Where the shown fit's means lie in their priors.
+    own_texture : OwnTexture
+        What the page predicts textures from that were not fitted.
     study : Study or None
         The study's claims; None for any table but the embedded sweep.
     """
@@ -137,6 +140,7 @@ class ReportData:
     power_scaling: pd.DataFrame
     repeat: Repeat | None
     against_priors: pd.DataFrame
+    own_texture: OwnTexture
     study: Study | None
 
     @property
@@ -178,7 +182,9 @@ def report_data(comparison: Comparison) -> ReportData:
     transitions = seen[seen["kind"] == "transition"]
     textures = shown_textures(comparison)
     ranked, verdict = ranking.forms_by_probability(comparison), comparison.verdict
-    over = verdict.over if verdict is not None else ""
+    # With prior odds the form that is shown may be the second by evidence.
+    compared = () if verdict is None else (verdict.over, verdict.form)
+    over = next((name for name in compared if name != shown), "")
     bands = _panel_bands(comparison, [shown, *([over] if over else [])], seen, textures)
     own_bands = bands[bands["form"] == shown]
     is_exact = bool(fit.model.data.is_exact.any())
@@ -208,6 +214,7 @@ def report_data(comparison: Comparison) -> ReportData:
         power_scaling(fit),
         repeat_posterior(fit) if preset.extras and is_cheap(fit) else None,
         against_priors(fit),
+        own_texture(comparison),
         study_of(comparison),
     )
 

@@ -119,7 +119,9 @@ def _done(name: str, module: str, asked: Any, output: Output) -> int:
     except OSError as failed:
         code, error = 1, _words(failed)
     except (KeyboardInterrupt, _Interrupted):
-        code, error = 130, "interrupted; continue run, fit or generate with --resume"
+        code, error = 130, "interrupted"
+        if hasattr(asked, "resume"):
+            error += f"; continue {name} with --resume"
     finally:
         progress.VERBOSITY.reset(level)
     try:
@@ -127,6 +129,8 @@ def _done(name: str, module: str, asked: Any, output: Output) -> int:
     except OSError as failed:
         # Nobody takes what is told: nothing is left to be written when Python ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(failed, BrokenPipeError):  # `| head` has seen what it wants
+            return code
         print(f"ridgebayes: {_words(failed)}", file=sys.stderr)
         return 1
     return code

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ridgebayes.commands import options
 from ridgebayes.commands.answers import comparison_answer
-from ridgebayes.commands.parsing import parse_names
+from ridgebayes.commands.parsing import parse_forms
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.run_files import write_comparison, write_fits, write_run_json
 from ridgebayes.commands.run_folder import new_folder
@@ -15,8 +15,8 @@ from ridgebayes.runtime.progress import Progress
 
 def command(asked: options.Compare) -> Answer:
     """Do what the command line asks for."""
-    request = FitRequest.of(asked, parse_names(asked.forms))
-    done = compare_job(asked.out, request, force=asked.force)
+    request = FitRequest.of(asked, parse_forms(asked.forms))
+    done = compare_job(asked.out, request, force=asked.force, resume=None)
     return comparison_answer(done, asked.out)
 
 
@@ -26,7 +26,7 @@ def compare_job(
     *,
     scores: bool = True,
     force: bool = False,
-    resume: bool = False,
+    resume: bool | None = False,
 ) -> Comparison:
     """Fit forms to a table and write a run folder.
 
@@ -39,8 +39,10 @@ def compare_job(
     scores : bool, optional
         Whether forms are also compared by Bayes factors and scores, as `ridgebayes compare` does;
         `ridgebayes fit` writes posteriors and evidences alone.
-    force, resume : bool, optional
+    force : bool, optional
         As for `ridgebayes.commands.run.run_job`.
+    resume : bool or None, optional
+        As for `ridgebayes.commands.run_folder.new_folder`.
 
     Returns
     -------

@@ -8,7 +8,7 @@ import pandas as pd
 from ridgebayes import drawing
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.commands.options import Coverage
-from ridgebayes.commands.parsing import parse_names
+from ridgebayes.commands.parsing import parse_forms, parse_names
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.run_files import about_run
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_json
@@ -26,7 +26,7 @@ def command(asked: Coverage) -> Answer:
 
     The folder holds coverage.csv, its figure as PNG and SVG, and coverage.json.
     """
-    names, noises = parse_names(asked.forms), parse_names(asked.noise, "--noise")
+    names, noises = parse_forms(asked.forms), parse_names(asked.noise, "--noise")
     inputs = FitRequest(asked.table, names).resolve()
     if len(set(noises)) < len(noises):
         raise InputError(f"noise: expected each once, got {', '.join(noises)}")

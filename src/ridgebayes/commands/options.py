@@ -40,6 +40,7 @@ class Run(Fitting):
     resume: bool = False
     workers: Positive[int | None] = None
     scheduler: str | None = None
+    prior_odds: str = ""
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ class Compare(Fitting):
 
     table: Argument[Path]
     forms: str = ""
+    prior_odds: str = ""
 
 
 @dataclass(frozen=True)

@@ -57,10 +57,14 @@ def command_line(command: str, options: Mapping[str, Any], seed: int) -> str:
     --------
     >>> command_line("run", {"table": "/home/me/a.csv", "forms": [], "noise": "auto"}, 3)
     'ridgebayes run --table a.csv --seed 3'
+    >>> command_line("run", {"prior_odds": {"hybrid": 2.0, "classic": 0.5}}, 0)
+    'ridgebayes run --prior-odds hybrid=2,classic=0.5 --seed 0'
     """
     words = ["ridgebayes", command]
     for name, value in options.items():
         if value and (name, value) not in _DEFAULTS:
+            if isinstance(value, dict):  # prior odds
+                value = [f"{key}={one:.15g}" for key, one in value.items()]
             text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
             own = Path(text).name if name in ("table", "priors") else text
             words += [f"--{name.replace('_', '-')}", own]

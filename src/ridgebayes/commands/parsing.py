@@ -1,5 +1,6 @@
 """Values of options as they are typed: names, textures, loads, files to write."""
 
+import math
 import os
 import re
 from collections.abc import Callable, Sequence
@@ -47,6 +48,41 @@ def parse_names(text: str, option: str = "--forms") -> list[str]:
             f"{option} {text!r}: an empty name; expected names with commas between them"
         )
     return names
+
+
+def parse_form(text: str) -> str:
+    """Return a form's name as pages write it: ``Hybrid`` and ``Power law`` are known, too.
+
+    Examples
+    --------
+    >>> parse_form("Power law"), parse_form("half-plane")
+    ('power-law', 'half-plane')
+    """
+    return "-".join(text.lower().split())
+
+
+def parse_forms(text: str) -> list[str]:
+    """Return names of forms with commas between them."""
+    return [parse_form(name) for name in parse_names(text)]
+
+
+def parse_odds(text: str) -> dict[str, float]:
+    """Return prior odds by form, of FORM=NUMBER with commas between them."""
+    found: dict[str, float] = {}
+    for part in text.split(",") if text else []:
+        name, _, odds = part.partition("=")
+        name = parse_form(name)
+        try:
+            number = float(odds)
+        except ValueError:
+            number = math.nan
+        if not name or math.isnan(number) or name in found:
+            raise InputError(
+                f"--prior-odds {text!r}: {part.strip()!r}; expected FORM=NUMBER with commas "
+                "between them, each form once, such as hybrid=2,classic=0.5"
+            )
+        found[name] = number
+    return found
 
 
 def parse_numbers(text: str, option: str) -> tuple[float, ...]:

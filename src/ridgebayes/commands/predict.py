@@ -10,7 +10,13 @@ import pandas as pd
 from ridgebayes import drawing
 from ridgebayes._types import FloatArray
 from ridgebayes.commands import options
-from ridgebayes.commands.parsing import parse_loads, parse_texture, refuse_existing, refuse_suffix
+from ridgebayes.commands.parsing import (
+    parse_form,
+    parse_loads,
+    parse_texture,
+    refuse_existing,
+    refuse_suffix,
+)
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.comparison.bands import bands_table
@@ -40,19 +46,19 @@ def command(asked: options.Predict) -> Answer:
         raise InputError(f"--kind {asked.kind!r}: expected curve, simulation or both")
     kinds = KINDS if asked.kind == "both" else (asked.kind,)
     textures, loads, nu, unit = _where(asked)
-    run = read_run(asked.folder)
+    run, form = read_run(asked.folder), parse_form(asked.form)
     bands = bands_table(
         run,
         textures=textures,
         loads=loads,
         nu=nu,
-        forms=[asked.form],
+        forms=[form],
         prob=asked.prob,
         kinds=kinds,
     )
     write_frame(bands, asked.out)
     if asked.plot is not None:
-        _draw(bands, run, asked.form, asked.plot, unit)
+        _draw(bands, run, form, asked.plot, unit)
     files = [file for file in (asked.out, asked.plot) if file is not None]
     return _answer(bands, files, unit)
 

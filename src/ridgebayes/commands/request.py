@@ -1,6 +1,6 @@
 """What `run`, `compare` and `fit` are asked for."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, fields, replace
@@ -10,7 +10,8 @@ from threading import Thread
 from typing import Any
 
 from ridgebayes.commands import options
-from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
+from ridgebayes.commands.parsing import parse_odds
+from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, check_odds, compare_with
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import SampleSettings
@@ -45,6 +46,8 @@ class FitRequest:
         Name of one of `ridgebayes.inference.presets`.
     priors : Path, optional
         File of priors that replace default ones, see `ridgebayes.model.prior_files`.
+    prior_odds : mapping of str to float, optional
+        Prior odds of forms; 1 of those that are not named.
     time_limit : float, optional
         Seconds after which a walk ends with what is there.
     settings : SampleSettings, optional
@@ -57,6 +60,7 @@ class FitRequest:
     seed: int = 0
     accuracy: str = STANDARD.name
     priors: Path | None = None
+    prior_odds: Mapping[str, float] = field(default_factory=dict)
     time_limit: float | None = None
     settings: SampleSettings | None = None
 
@@ -66,7 +70,8 @@ class FitRequest:
     ) -> "FitRequest":
         """Return what a command line asks for."""
         known: dict[str, Any] = {one.name: getattr(asked, one.name, None) for one in fields(cls)}
-        return cls(**known | {"forms": forms})
+        odds = parse_odds(getattr(asked, "prior_odds", ""))
+        return cls(**known | {"forms": forms, "prior_odds": odds})
 
     @property
     def options(self) -> dict[str, Any]:
@@ -77,6 +82,7 @@ class FitRequest:
             "noise": self.noise,
             "accuracy": self.accuracy,
             "priors": str(self.priors) if self.priors else None,
+            "prior_odds": dict(self.prior_odds) or None,
             "time_limit": self.time_limit,
         }
 
@@ -107,6 +113,7 @@ class FitRequest:
         """
         for form in forms:
             refuse_circular(table, form)
+        odds = check_odds(self.prior_odds, [form.name for form in forms], "--prior-odds")
         data = Observations.from_table(table)  # refuses rows that cannot be fitted
         noise = AUTO if self.noise == AUTO else Noise.named(self.noise)
         priors = {}
@@ -117,7 +124,7 @@ class FitRequest:
         accuracy, settings = Preset.named(self.accuracy), self.settings
         if self.time_limit is not None and (settings or accuracy.walks):
             settings = replace(settings or accuracy.settings, time_limit=self.time_limit)
-        return Inputs(table, forms, noise, accuracy, self.seed, settings, priors)
+        return Inputs(table, forms, noise, accuracy, self.seed, settings, priors, odds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +138,7 @@ class Inputs:
     seed: int
     settings: SampleSettings | None
     priors: ResolvedPriors = field(default_factory=dict)
+    prior_odds: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def walked(self) -> Sequence[Form]:
@@ -164,5 +172,6 @@ class Inputs:
             self.forms,
             noise=self.noise,
             priors=self.priors,
+            prior_odds=self.prior_odds,
             rng=self.seed,
         )

@@ -15,7 +15,7 @@ from ridgebayes.checks.report_data import ReportData, report_data
 from ridgebayes.commands import BEGAN, options
 from ridgebayes.commands.answers import comparison_answer
 from ridgebayes.commands.pages import command_line, write_pages
-from ridgebayes.commands.parsing import parse_names
+from ridgebayes.commands.parsing import parse_forms
 from ridgebayes.commands.request import FitRequest, Inputs
 from ridgebayes.commands.run_files import REFERENCE, write_comparison, write_run_json
 from ridgebayes.commands.run_folder import new_folder, write_csv
@@ -38,7 +38,7 @@ EMBEDDED_FE = "finite-element reference rows"
 
 def command(asked: options.Run) -> Answer:
     """Do what the command line asks for."""
-    request = FitRequest.of(asked, parse_names(asked.forms))
+    request = FitRequest.of(asked, parse_forms(asked.forms))
     done = run_job(
         asked.out,
         request,

@@ -80,7 +80,7 @@ def _write_posterior(task: tuple[Posterior, Path, bool]) -> None:
 def write_comparison(
     comparison: Comparison, folder: Path, executor: Executor | None = None
 ) -> None:
-    """Write what `write_fits` does, and the Bayes factors, scores and prior sensitivity.
+    """Write what `write_fits` does, Bayes factors of forms and components, scores, sensitivity.
 
     Left-out scores, coverage and costs are written where there are any. An executor has this
     machine's files.
@@ -90,6 +90,7 @@ def write_comparison(
         frame = getattr(comparison, name)
         if len(frame) or name not in _ONLY_IF_ANY:
             write_csv(frame, folder / file)
+    write_csv(comparison.components, folder / "components.csv")  # made of evidences: never read
 
 
 def other_file(form: str, noise: str) -> str:
@@ -181,6 +182,7 @@ def _state(comparison: Comparison) -> dict[str, Any]:
         "complete": comparison.complete,
         "best": comparison.best if comparison.probabilities else None,
         "probabilities": comparison.probabilities,
+        "prior_probabilities": comparison.prior_probabilities,
         "converged": {name: fit.converged for name, fit in comparison.fits.items()},
         "missing": {
             name: fit.convergence_failures
@@ -310,8 +312,9 @@ def _foreign(path: Path) -> InputError:
 
 def _why_no_run(folder: Path) -> str:
     """Say why a folder is none of a finished run."""
-    own = folder.name.startswith(".") and folder.name.endswith(PARTIAL)
-    partial = folder if own else folder.with_name(f".{folder.name}{PARTIAL}")
+    name = folder.absolute().name  # that of "." is empty
+    own = name.startswith(".") and name.endswith(PARTIAL)
+    partial = folder if own else folder.absolute().parent / f".{name}{PARTIAL}"
     if partial.is_dir():
         return f"the run is not finished, its parts are in {partial}; continue it with --resume"
     if not folder.exists():

@@ -23,7 +23,7 @@ PARTIAL = ".partial"  # with a dot before it, what a folder is called until it i
 
 @contextmanager
 def new_folder(
-    path: Path, *, force: bool = False, resume: bool = False, about: str = RUN_JSON
+    path: Path, *, force: bool = False, resume: bool | None = None, about: str = RUN_JSON
 ) -> Iterator[Path]:
     """Give a folder to write into that takes its final name only when all is done.
 
@@ -34,7 +34,8 @@ def new_folder(
     force : bool, optional
         Whether a run folder of that name may be replaced. It is removed at the very end.
     resume : bool, optional
-        Whether to go on in the partial folder that an earlier run left.
+        Whether to go on in the partial folder that an earlier run left; None where nobody can, so
+        that Ctrl-C leaves none behind.
     about : str, optional
         File by which a folder of this kind is known: no other kind is replaced.
 
@@ -79,11 +80,11 @@ def _refuse_occupied(path: Path, force: bool, about: str) -> None:
             )
 
 
-def _fill(path: Path, resume: bool) -> Iterator[Path]:
+def _fill(path: Path, resume: bool | None) -> Iterator[Path]:
     """Give the partial folder, and then its name to it: what `new_folder` does under its lock."""
     partial = path.with_name(f".{path.name}{PARTIAL}")
     try:
-        resumed = resume and partial.is_dir()
+        resumed = bool(resume) and partial.is_dir()
         if resumed:
             _keep_only_chains(partial)
         elif partial.exists():
@@ -106,6 +107,10 @@ def _fill(path: Path, resume: bool) -> Iterator[Path]:
             partial.rmdir()
         elif isinstance(error, OutputError):
             raise OutputError(f"{error}; what is finished is kept in {partial}") from None
+        raise
+    except BaseException as error:
+        if resume is None and not isinstance(error, Exception):  # Ctrl-C
+            shutil.rmtree(partial, ignore_errors=True)
         raise
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
+from ridgebayes.evidence.components import strength
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.model.noise import Noise
 
@@ -39,23 +40,16 @@ def reading(ln_bf: float, ln_bf_se: float, form_a: str, form_b: str, caution: st
     Returns
     -------
     str
-        ``undecided`` where abs(ln BF) is under 1 or under two standard errors.
-
-    References
-    ----------
-    Kass & Raftery (1995), doi:10.1080/01621459.1995.10476572, section 3.2: 2 ln BF of 2, 6, 10.
+        As `ridgebayes.evidence.components.strength`, with the favoured form and the caution.
 
     Examples
     --------
     >>> reading(-4.5, 0.001, "modified", "hybrid", None)
     'strong for hybrid (Kass & Raftery)'
     """
-    size = abs(ln_bf)
-    if not size >= 1 or size < 2 * ln_bf_se:
-        words = "undecided"
-    else:
-        word = "positive" if size < 3 else "strong" if size < 5 else "very strong"
-        words = f"{word} for {form_a if ln_bf > 0 else form_b} (Kass & Raftery)"
+    words = strength(ln_bf, ln_bf_se)
+    if words != "undecided":
+        words = f"{words} for {form_a if ln_bf > 0 else form_b} (Kass & Raftery)"
     return f"{words}; {caution}" if caution else words
 
 

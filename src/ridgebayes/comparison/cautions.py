@@ -27,6 +27,7 @@ _CONFLICT = 4.0  # prior sds from a prior's centre at which loads contradict it
 # A groove ten times as wide as its ridge lowers the load of Q = 4 to 0.4 of a smooth body's; a unit
 # that is not the one expected changes loads by ten or a thousand.
 _OTHER_UNITS = 5.0
+_MOST_LOAD = 0.5  # p/E to which two scales reach, the furthest of all solvers
 _CHECK = "Check that widths are over R and loads are p/E"
 _98_PERCENT = 2.326  # prior sds on either side
 
@@ -42,9 +43,10 @@ def cautions(comparison: Comparison) -> tuple[str, ...]:
     found = []
     if n_repeated := len(comparison.table.repeated):
         found.append(
-            f"{count(n_repeated, 'row')} with the load of another source, solver or series to all "
-            "digits. Copies count twice: leave one of each out."
+            f"{count(n_repeated, 'row')} of curves whose loads are those of another source, solver "
+            "or series to all digits. Copies count twice: leave one of each out."
         )
+    found += _beyond_any_body(comparison.table)
     of_series = comparison.evidence["noise"].str.contains(SERIES).any()
     if of_series and Observations.from_table(comparison.table).one_series_per_texture:
         found.append(_ONE_SERIES)
@@ -61,6 +63,27 @@ def cautions(comparison: Comparison) -> tuple[str, ...]:
         for name in forms_by_probability(comparison)[:1]:
             found += _contradicted(comparison.fits[name])
     return tuple(found)
+
+
+def _beyond_any_body(table: ContactTable) -> list[str]:
+    """Say how many rows a soft cylinder cannot have; nothing where it can have all."""
+    rows = table.calibration.frame
+    a, b, Q = rows["a_over_R"], rows["b_over_R"], rows["Q"]
+    reach = b / 2 + (Q / 2 - 1) * (a + b)  # of the last proximal edge, from the axis
+    found = []
+    if n := int((reach > 1).sum()):
+        worst = rows.iloc[int(reach.argmax())]
+        found.append(
+            f"{count(n, 'row')} with a contact wider than the body: Q = {worst['Q']:.0f} at a/R = "
+            f"{worst['a_over_R']:g}, b/R = {worst['b_over_R']:g} ends {reach.max():.2g} R from the "
+            f"axis. {_CHECK}."
+        )
+    if n := int((rows["p_over_E"] > _MOST_LOAD).sum()):
+        found.append(
+            f"{count(n, 'row')} with p/E above {_MOST_LOAD:g}, up to {rows['p_over_E'].max():.3g}: "
+            f"no model here holds there. {_CHECK}."
+        )
+    return found
 
 
 def _times_smooth(table: ContactTable) -> float:

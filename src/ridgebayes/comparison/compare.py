@@ -3,11 +3,13 @@
 import math
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -72,12 +74,13 @@ class Execution:
     scores: bool = True
 
 
-def compare(
+def compare(  # noqa: PLR0913  (each names a part of the question, and has a default)
     table: ContactTable | pd.DataFrame | str | os.PathLike[str],
     forms: Sequence[Form | str] | Form | str = DEFAULT_FORMS,
     *,
     noise: str | Noise = AUTO,
     priors: Priors | None = None,
+    prior_odds: Mapping[str, float] | None = None,
     rng: Rng = 0,
     settings: SampleSettings | None = None,
     executor: Executor | None = None,
@@ -96,6 +99,9 @@ def compare(
     priors : mapping of str to mapping of str to Distribution or str, optional
         Replacements for default priors: by form name, or ``noise``, and parameter name; a text is
         as in a file of priors, such as ``lognormal(1.382, 10 %)``.
+    prior_odds : mapping of str to float, optional
+        Prior odds by form name, > 0 and dimensionless; 1 of those that are not named. Posterior
+        probabilities and averaged predictions use them, Bayes factors and the verdict do not.
     rng : int or numpy.random.Generator, optional
         Seed. Each form has its own random stream.
     settings : SampleSettings, optional
@@ -115,7 +121,8 @@ def compare(
     ------
     InputError
         If no form is given, one is given twice, or one may not be fitted to these rows; if a prior
-        is for a parameter that no form or error model has.
+        is for a parameter that no form or error model has; if prior odds are of another form, or
+        not finite and > 0.
     ComputationError
         If no form could be fitted.
 
@@ -131,7 +138,8 @@ def compare(
     'supports'
     """
     execution = Execution(accuracy, settings, executor)
-    return compare_with(execution, read_table(table), forms, noise=noise, priors=priors, rng=rng)
+    wanted: dict[str, Any] = {"noise": noise, "priors": priors, "prior_odds": prior_odds}
+    return compare_with(execution, read_table(table), forms, **wanted, rng=rng)
 
 
 def compare_with(
@@ -141,6 +149,7 @@ def compare_with(
     *,
     noise: str | Noise = AUTO,
     priors: Priors | None = None,
+    prior_odds: Mapping[str, float] | None = None,
     rng: Rng = 0,
 ) -> Comparison:
     """Do what `compare` does, with everything about its execution in one record."""
@@ -154,6 +163,7 @@ def compare_with(
         )
     for form in known:
         refuse_circular(table, form)
+    odds = check_odds(prior_odds, names)
     data = Observations.from_table(table)
     noises = error_models_for(noise, data.n_series)
     if not execution.accuracy.extras and len(noises) > 1:  # a quick run
@@ -172,6 +182,7 @@ def compare_with(
             progress=execution.progress,
             accuracy=execution.accuracy,
         )
+        weighed = replace(weighed, prior_odds=odds)
         selected = weighed.selected()
     with stage("posteriors"):
         posteriors = weighed.posteriors(names, selected.name, execution.accuracy.n_kept, executor)
@@ -187,7 +198,7 @@ def compare_with(
     for name, (posterior, bridge) in checked.items():
         posteriors[name][selected.name] = posterior
         found[name, selected.name].append(bridge)
-    evidence = evidence_table(found)
+    evidence = evidence_table(found, odds)
     fits = {
         name: Fit.of(own[selected.name], error_model_weights(evidence, name), own)
         for name, own in posteriors.items()
@@ -209,6 +220,21 @@ def compare_with(
     return Comparison(
         table, selected, fits, evidence, factors, loo, sensitivity, failures, accuracy=accuracy
     )
+
+
+def check_odds(
+    prior_odds: Mapping[str, float] | None, forms: Collection[str], where: str = "prior_odds"
+) -> dict[str, float]:
+    """Return prior odds of forms, or raise InputError that names the form, the value, the rule."""
+    found = dict(prior_odds or {})
+    for name, odds in found.items():
+        if name not in forms:
+            raise InputError(
+                f"{where}: expected forms that are compared ({', '.join(forms)}), got {name!r}"
+            )
+        if isinstance(odds, bool) or not isinstance(odds, Real) or not 0 < odds < math.inf:
+            raise InputError(f"{where}: {name}: expected a finite number > 0, got {odds!r}")
+    return {name: float(odds) for name, odds in found.items()}
 
 
 @dataclass(frozen=True, eq=False)

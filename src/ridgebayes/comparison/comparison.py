@@ -13,6 +13,7 @@ from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.comparison.same_loads import same_loads
 from ridgebayes.comparison.verdict import Verdict, verdict_of
 from ridgebayes.errors import ComputationError
+from ridgebayes.evidence.components import component_table
 from ridgebayes.evidence.pairs import NEGLIGIBLE
 from ridgebayes.evidence.tables import MIN_WEIGHT
 from ridgebayes.inference.posterior import Posterior
@@ -75,10 +76,14 @@ class Comparison(Predictive, Tabular):
     (True, {}, 'supports')
     >>> {form: round(share, 2) for form, share in found.probabilities.items()}
     {'modified': 0.01, 'hybrid': 0.99}
+    >>> found.prior_probabilities
+    {'modified': 0.5, 'hybrid': 0.5}
     >>> [round(weight, 2) for _, weight in found.averaged]  # over these predictions are averaged
     [0.01, 0.99]
     >>> set(found.own_evidence["noise"]) | set(found.own_bayes_factors["noise"])
     {'iid'}
+    >>> len(found.components)  # one error model: nothing to compare
+    0
     >>> found.plot().get_xlabel()
     'ln Bayes factor over the most probable form'
     """
@@ -150,10 +155,26 @@ class Comparison(Predictive, Tabular):
         return self.bayes_factors[self.bayes_factors["noise"] == self.noise.name]
 
     @property
+    def components(self) -> pd.DataFrame:
+        """Inclusion Bayes factors of the error model's components, forms summed out.
+
+        Columns component (``texture``, ``step``, ``smooth``, ``series``, ``student``), ln_bf,
+        ln_bf_se, probability, reading. Empty where one error model alone was weighed.
+        """
+        return component_table(self.evidence)
+
+    @property
     def probabilities(self) -> dict[str, float]:
-        """Posterior probabilities of the forms at equal prior, error models summed out."""
+        """Posterior probabilities of the forms, error models summed out."""
         used = self.evidence[self.evidence["used"]]
         sums = used.groupby("form", sort=False)["model_probability"].sum()
+        return {str(name): float(share) for name, share in sums.items()}
+
+    @property
+    def prior_probabilities(self) -> dict[str, float]:
+        """Prior probabilities of the fitted forms, all alike unless prior odds were given."""
+        pairs = self.evidence.drop_duplicates(["form", "noise"])
+        sums = pairs.groupby("form", sort=False)["prior_probability"].sum()
         return {str(name): float(share) for name, share in sums.items()}
 
     @cached_property

@@ -30,7 +30,7 @@ class Verdict:
     Parameters
     ----------
     form : str
-        The most probable form, whatever the grade.
+        The most probable form at equal prior odds, whatever the grade.
     grade : str
         ``decisive``, ``supports``, ``leans`` or ``undecided``.
     ln_bf : float

@@ -135,15 +135,19 @@ class WeighedPairs:
         By names of form and error model.
     weighed : dict of (str, str) to Weighed
         The same, with their evidences.
+    prior_odds : mapping of str to float, optional
+        Prior odds of forms; 1 of those that are not named.
     """
 
     pairs: dict[tuple[str, str], Pair] = field(repr=False)
     weighed: dict[tuple[str, str], Weighed] = field(repr=False)
+    prior_odds: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def evidence(self) -> pd.DataFrame:
         """Columns of `evidence.csv`, a row for each pair."""
-        return evidence_table({key: [one.evidence] for key, one in self.weighed.items()})
+        found = {key: [one.evidence] for key, one in self.weighed.items()}
+        return evidence_table(found, self.prior_odds)
 
     def selected(self) -> Noise:
         """Return the error model that is printed.

@@ -27,29 +27,37 @@ EVIDENCE_COLUMNS = [
 ]
 
 
-def evidence_table(found: Mapping[tuple[str, str], Sequence[LogEvidence]]) -> pd.DataFrame:
-    """Return evidences by form, error model and method, and model probabilities at equal prior.
+def evidence_table(
+    found: Mapping[tuple[str, str], Sequence[LogEvidence]],
+    prior_odds: Mapping[str, float] | None = None,
+) -> pd.DataFrame:
+    """Return evidences by form, error model and method, and model probabilities.
 
     Parameters
     ----------
     found : mapping of (str, str) to sequence of LogEvidence
         By names of form and error model. The first whose status is ok is the one that Bayes factors
         and probabilities use.
+    prior_odds : mapping of str to float, optional
+        Prior odds of forms; 1 of those that are not named. Each form's error models share its own
+        alike.
 
     Returns
     -------
     pandas.DataFrame
-        Columns of `evidence.csv`. Probabilities are of pairs: prior ones all alike, posterior ones
-        with a sum of 1.
+        Columns of `evidence.csv`. Probabilities are of pairs, each with a sum of 1.
     """
     used = {key: next((e for e in methods if e.ok), None) for key, methods in found.items()}
-    total = logsumexp([-math.inf, *(e.value for e in used.values() if e is not None)])
+    odds = {key: (prior_odds or {}).get(key[0], 1.0) for key in found}
+    prior = {key: odds[key] / sum(odds.values()) for key in found}
+    weight = {key: e.value + math.log(prior[key]) for key, e in used.items() if e is not None}
+    total = logsumexp([-math.inf, *weight.values()])
     rows = []
     for key, methods in found.items():
         for e in methods:
             chosen = e is used[key]
-            share = math.exp(e.value - total) if chosen else math.nan
-            numbers = (e.method, e.value, e.se, chosen, 1 / len(found), share, e.status)
+            share = math.exp(weight[key] - total) if chosen else math.nan
+            numbers = (e.method, e.value, e.se, chosen, prior[key], share, e.status)
             rows.append((*key, *numbers))
     return pd.DataFrame(rows, columns=EVIDENCE_COLUMNS)
 
@@ -94,8 +102,8 @@ def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Columns noise, log_mean_evidence, probability (at equal prior), n_form. A form without an
-        evidence under an error model counts there as evidence zero.
+        Columns noise, log_mean_evidence, probability (at equal prior of error models and of forms),
+        n_form. A form without an evidence under an error model counts there as evidence zero.
 
     Examples
     --------

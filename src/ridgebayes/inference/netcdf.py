@@ -19,13 +19,13 @@ from ridgebayes.inference.arviz_groups import Variables, attributes, labelled_gr
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.inference.posterior import SAMPLERS, Posterior
-from ridgebayes.model.forms import form_named
+from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import NUGGET, Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import check_tree, read_bytes
-from ridgebayes.runtime.text import one_line_message
+from ridgebayes.runtime.text import clipped, one_line_message
 
 _SMALL = 1_000  # bytes that are not worth packing
 # Attributes of a file, beside those that arviz has too.
@@ -165,6 +165,12 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) ->
         ) from None
     if "ridgebayes_version" not in attrs:
         raise InputError(f"{path}: expected written by ridgebayes, got no ridgebayes_version")
+    form = attrs.get("form")
+    if isinstance(form, str) and form not in FORMS:
+        raise InputError(
+            f"{path}: holds form {clipped(form)}, which this package does not have; expected one "
+            f"of {', '.join(FORMS)}: a fit of a form of your own cannot be read back"
+        )
     try:
         return fit_of(Stored(attrs, groups))
     except Exception as error:

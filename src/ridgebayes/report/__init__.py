@@ -49,8 +49,8 @@ def write_report(
     comparison : Comparison
         As computed, or read back from a run folder: the report is the same.
     path : str or path
-        Ends in ``.html`` (with figures, without scripts and external links) or ``.md`` (text and
-        tables). An existing file is replaced.
+        Ends in ``.html`` (with figures and small scripts, without external links) or ``.md`` (text
+        and tables). An existing file is replaced.
     reference : Comparison, optional
         A second comparison, on finite-element rows, that gets a section of its own.
 

@@ -57,6 +57,34 @@ class Folded:
 
 
 @dataclass(frozen=True)
+class Odds:
+    """Fields for a reader's own prior probabilities, which a script turns into posterior ones.
+
+    A row has a form's name, its ln evidence and its prior probability in the run.
+    """
+
+    rows: Sequence[tuple[str, float, float]]
+    kind: ClassVar[str] = "odds"
+
+
+@dataclass(frozen=True)
+class OwnTexture:
+    """Fields for a reader's own texture and load, which a script predicts Q and loads for.
+
+    `table` is JSON, see `ridgebayes.comparison.own_texture`; the rest is what the fields hold
+    first: radius in mm, modulus in kPa, widths in um, load in kPa.
+    """
+
+    table: str
+    ridge: str
+    groove: str
+    load: str
+    radius: str = "8"
+    modulus: str = "60"
+    kind: ClassVar[str] = "texture"
+
+
+@dataclass(frozen=True)
 class Part:
     """A heading inside a section."""
 
@@ -64,7 +92,7 @@ class Part:
     kind: ClassVar[str] = "part"
 
 
-Block: TypeAlias = Text | Table | Picture | Folded | Part
+Block: TypeAlias = Text | Table | Picture | Folded | Odds | OwnTexture | Part
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ doi:10.1037/met0000065.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ridgebayes.report.blocks import Block, Folded, Picture, Section, Table
+from ridgebayes.report.blocks import Block, Folded, Odds, OwnTexture, Picture, Section, Table
 from ridgebayes.report.first_screen import FirstScreen
 
 ANSWER = "answer"
@@ -89,7 +89,7 @@ ITEMS = (
     Item("WAMBS 7, priors of variances", "evidence", "scale of each prior is varied from", _ONE),
     Item("WAMBS 8, wide priors", "evidence", "scale of each prior is varied from", _ONE),
     Item("WAMBS 9, sensitivity", "computation", "Sensitivity to prior and likelihood"),
-    Item("WAMBS 10, Bayesian interpretation", ANSWER, "at equal prior odds", _ONE),
+    Item("WAMBS 10, Bayesian interpretation", ANSWER, " prior ", _ONE),
 )
 
 
@@ -125,6 +125,6 @@ def _words(blocks: Sequence[Block]) -> list[str]:
             found.append(block.caption)
         elif isinstance(block, Folded):
             found += [block.title, *_words(block.blocks)]
-        else:
+        elif not isinstance(block, Odds | OwnTexture):
             found.append(block.words)
     return found

@@ -11,10 +11,13 @@ import pandas as pd
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bayes_factors import SUMMED
+from ridgebayes.comparison.verdict import ranked_forms
 from ridgebayes.model.default_priors import REASONS
-from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
+from ridgebayes.report.blocks import Block, Folded, Odds, Picture, Table, Text
+from ridgebayes.report.first_screen import prior_words
 from ridgebayes.report.wording import (
     ABSENT,
+    component_name,
     decimals,
     form_name,
     listed,
@@ -38,6 +41,7 @@ def evidence_section(data: ReportData) -> list[Block]:
     )
     blocks: list[Block] = [Text(words), ranking_table(data)]
     if len(data.comparison.probabilities) > 1:
+        blocks.append(_odds(data))
         factors = data.comparison.bayes_factors
         summed = factors[factors["noise"] == SUMMED]
         caption = "ln Bayes factor of each form against the best, by every method."
@@ -47,13 +51,21 @@ def evidence_section(data: ReportData) -> list[Block]:
                 "Star and number: ln Bayes factor of each form against the best, with error models "
                 "summed out. Other marks: by each method, under the printed error model alone."
             )
-            words = "Bayes factors with the error models summed out, at equal prior probabilities."
+            words = "Bayes factors with the error models summed out."
             pairs.insert(0, _pairs(summed, words))
         blocks += [
             Picture("evidence", caption, _evidence_alt(data)),
             Folded("Bayes factors of all pairs", pairs),
         ]
     return blocks
+
+
+def _odds(data: ReportData) -> Odds:
+    """Return fields for the prior probability of each form, the most probable first."""
+    values, prior = ranked_forms(data.comparison.evidence), data.comparison.prior_probabilities
+    return Odds(
+        [(form_name(name), values[name], prior[name]) for name in data.ranked if name in values]
+    )
 
 
 def _evidence_alt(data: ReportData) -> str:
@@ -91,7 +103,7 @@ def ranking_table(data: ReportData) -> Table:
         ["Form", "Parameters", "ln evidence", "ln BF against the best", "Probability", "Converged"],
         rows,
         "Natural logarithms. Evidence of the log loads under the printed error model. Bayes "
-        "factors, and probabilities at equal prior odds, with error models summed out."
+        f"factors, and probabilities {prior_words(comparison)}, with error models summed out."
         + (_NEGLIGIBLE if any(row[-1] == "no: negligible" for row in rows) else ""),
         text=(0, 5),
         strong=(0,) if best is not None else (),
@@ -200,6 +212,7 @@ def error_models_section(data: ReportData) -> list[Block]:
             f"highest: {noise_name(comparison.noise.name)}."
         ),
         *_smooth(data),
+        *_components(data),
         Folded(
             "Evidence of each error model",
             [
@@ -220,6 +233,33 @@ def error_models_section(data: ReportData) -> list[Block]:
                 ),
             ],
         ),
+    ]
+
+
+def _components(data: ReportData) -> list[Block]:
+    """Return which components of the error model the rows support, where that can be asked."""
+    found = data.comparison.components
+    if not len(found):
+        return []
+    rows = [
+        [
+            component_name(row["component"]),
+            with_error(row["ln_bf"], row["ln_bf_se"], 1),
+            probability(row["probability"]),
+            row["reading"],
+        ]
+        for row in found.to_dict("records")
+    ]
+    return [
+        Table(
+            ["Component", "ln BF", "Probability", "Reading"],
+            rows,
+            "Which components of the error model the data support: mean evidence of the error "
+            "models with the component over that of those without, forms summed out. Probability: "
+            "of all error models with it. Components compete, so one may be disfavoured because "
+            "another does the same work.",
+            text=(0, 3),
+        )
     ]
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from ridgebayes._types import __version__
 from ridgebayes.checks.report_data import ReportData
+from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.comparison.ranking import at_equal_odds
 from ridgebayes.comparison.verdict import LEANS, Verdict
 from ridgebayes.report.blocks import Picture
 from ridgebayes.report.wording import (
@@ -20,6 +22,9 @@ from ridgebayes.report.wording import (
     probability,
 )
 from ridgebayes.runtime.text import count
+
+EQUAL = "at equal prior odds"
+_ALIKE = 1e-9  # of prior probabilities that are equal but for rounding
 
 
 @dataclass(frozen=True)
@@ -115,7 +120,7 @@ def _headline(data: ReportData) -> str:
         return "No form got a usable evidence."
     if verdict is None:
         return f"Only {form_name(data.best)} was fitted, so there is no comparison."
-    return headline(verdict, data.comparison.probabilities)
+    return headline(verdict, at_equal_odds(data.comparison))
 
 
 def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
@@ -126,7 +131,8 @@ def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
     verdict : Verdict
         What a comparison found.
     probabilities : mapping of str to float
-        Of the forms. An undecided verdict names all whose ln Bayes factor is within 2 of the best.
+        Of the forms, at equal prior odds. An undecided verdict names all whose ln Bayes factor is
+        within 2 of the best.
     """
     best = form_name(verdict.form)
     least = math.exp(-LEANS) * probabilities[verdict.form]
@@ -151,8 +157,17 @@ def _compared(data: ReportData) -> str:
     names = listed([form_name(name) for name in data.ranked if name in comparison.probabilities])
     return (
         f"{names} were compared on {basis}. {form_name(verdict.form)} has probability "
-        f"{probability(comparison.probabilities[verdict.form])} at equal prior odds."
+        f"{probability(comparison.probabilities[verdict.form])} {prior_words(comparison)}."
     )
+
+
+def prior_words(comparison: Comparison) -> str:
+    """Return the prior probabilities of the forms in words, where they are not all alike."""
+    prior = comparison.prior_probabilities
+    if max(prior.values()) - min(prior.values()) < _ALIKE:
+        return EQUAL
+    told = [f"{form_name(name)} {probability(share)}" for name, share in prior.items()]
+    return f"at prior probabilities of your own, {listed(told)}"
 
 
 def _how_sure(data: ReportData) -> str:

@@ -258,6 +258,9 @@ def _agreement(data: ReportData, leaders: dict[str, tuple[str, str]]) -> str:
     if data.best is None or len(data.ranked) < 2 or not leaders:
         return ""
     against = {leave: found for leave, found in leaders.items() if set(found) != {data.best}}
+    open_ = data.verdict is not None and data.verdict.grade == "undecided"
+    if not against and open_:
+        return f"Bayes factors do not decide. All of these scores put {form_name(data.best)} first."
     if not against:
         return f"All agree with the Bayes factors: {form_name(data.best)} leads."
     parts = []
@@ -266,7 +269,6 @@ def _agreement(data: ReportData, leaders: dict[str, tuple[str, str]]) -> str:
         if by_weight != by_score:
             heads += f" by score and {form_name(by_weight)} by weight"
         parts.append(f"{heads} for {_NEW[leave]}")
-    open_ = data.verdict is not None and data.verdict.grade == "undecided"
     found = (
         "Bayes factors do not decide. These scores put first"
         if open_

@@ -1,12 +1,15 @@
 # ruff: noqa: RUF001  (typographic minus is meant: readers see it)
 """The sections of a report in reading order: answer first, how it was reached after."""
 
+import json
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.report import evidence, inputs, posteriors, predictions, study
-from ridgebayes.report.blocks import Block, Folded, Part, Picture, Section, Text
+from ridgebayes.report.blocks import Block, Folded, OwnTexture, Part, Picture, Section, Text
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
 from ridgebayes.report.wording import decimals, with_error
@@ -55,6 +58,27 @@ def _that_apply(blocks: Sequence[Block], drawn: Mapping[bool, Container[str]]) -
     while found and isinstance(found[-1], Part):
         found.pop()
     return found
+
+
+def own_texture(data: ReportData) -> list[Block]:
+    """Return fields for the reader's own texture, or why there are none."""
+    found = data.own_texture
+    if found.table is None:
+        return [Text(f"This page cannot predict textures of your own: {found.why}.", "note")]
+    # First a body such as a fingertip's, with widths and a load amid the calibrated ones.
+    known = found.table["calibrated"]
+    ridge, groove = (float(np.sqrt(np.prod(known[name]))) for name in ("a_over_R", "b_over_R"))
+    radius, modulus = 8, 60
+    return [
+        OwnTexture(
+            json.dumps(found.table, separators=(",", ":")),
+            f"{1000 * radius * ridge:.3g}",
+            f"{1000 * radius * groove:.3g}",
+            f"{modulus * known['p_over_E_max'] / 2:.2g}",
+            str(radius),
+            str(modulus),
+        )
+    ]
 
 
 def reference_section(reference: ReportData) -> list[Block]:
@@ -176,6 +200,7 @@ def appendix(data: ReportData) -> list[Block]:
 
 
 _SECTIONS: tuple[tuple[str, str, Callable[[ReportData], list[Block]]], ...] = (
+    ("Your own texture", "texture", own_texture),
     ("Data and priors", "data", data_and_priors),
     ("Forms and evidence", "evidence", forms_and_evidence),
     ("Predictions", "predictions", predictions_section),

@@ -16,6 +16,24 @@ _STRUCTURES = {
     "texture+step": "texture and step offsets",
     "step-smooth": "an offset smooth in log h and a/pitch",
 }
+_COMPONENTS = {
+    "texture": "Texture offsets",
+    "step": "Step offsets",
+    "smooth": "Smooth offset in log h and a/pitch",
+    "series": "Series offsets",
+    "student": "Student errors (outliers)",
+}
+
+
+def component_name(name: str) -> str:
+    """Return a component of the error model, as `components.csv` names it, for a reader.
+
+    Examples
+    --------
+    >>> component_name("student")
+    'Student errors (outliers)'
+    """
+    return _COMPONENTS[name]
 
 
 def form_name(name: str) -> str:

@@ -68,7 +68,7 @@ COLUMNS = (
         "number",
         "must be finite and >= 0",
         0.0,
-        means="known relative standard error of the load",
+        means="known relative standard error of the load, independent from row to row",
     ),
     Column(
         "kind",

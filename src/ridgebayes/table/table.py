@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
 
 _SAME_LOAD = ("a_over_R", "b_over_R", "nu", "offset_over_R", "Q", "kind", "p_over_E_lower")
+_LEAST_CURVE = 3  # rows of a curve that is told to repeat another
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,7 +38,8 @@ class ContactTable(Tabular):
     p_over_E           load at which that Q was reached (transition) or seen (count): finite, > 0;
                        may be empty only where `status` is not ``ok``
     p_over_E_lower     optional: last load at which Q was not yet reached: 0 <= lower <= p_over_E
-    rel_se             optional: known relative standard error of the load: >= 0; default 0
+    rel_se             optional: known relative standard error of the load, independent from row to
+                       row: >= 0; default 0
     kind               optional: ``transition`` (default) or ``count``
     nu                 optional: Poisson's ratio: 0 to 0.5; default 0.5
     offset_over_R      optional: lateral offset of the body from the groove's centre; default 0
@@ -210,12 +212,27 @@ class ContactTable(Tabular):
 
     @property
     def repeated(self) -> "ContactTable":
-        """The rows to fit that repeat the load of another source, solver or series to all digits.
+        """The rows to fit of curves whose loads are all those of another curve, to all digits.
 
-        They are fitted like any other, so what was measured once counts twice.
+        They are fitted like any other, so what was measured once counts twice. Curves of fewer than
+        three rows are not told: repeats that are read to two digits have loads in common by chance.
         """
-        rows = self.calibration
-        return rows._where(rows._frame.duplicated([*_SAME_LOAD, "p_over_E"]).to_numpy())
+        rows, frame = self.calibration, self.calibration._frame
+        codes = pd.DataFrame(
+            {
+                name: frame.groupby(list(keys), sort=False, dropna=False).ngroup()
+                for name, keys in (("curve", CURVE), ("load", (*_SAME_LOAD, "p_over_E")))
+            }
+        )
+        shared = codes[codes.duplicated("load", keep=False)]
+        pairs = shared.merge(shared, on="load").query("curve_x != curve_y")
+        found = pairs.groupby(["curve_x", "curve_y"]).size().rename("n").reset_index()
+        size = codes["curve"].value_counts()
+        other, own = (found[name].map(size) for name in ("curve_x", "curve_y"))
+        # Of two that are alike the later one; else the one that lies in the other.
+        is_copy = (own < other) | (found["curve_x"] < found["curve_y"])
+        whole = found.loc[(found["n"] == own) & (own >= _LEAST_CURVE) & is_copy, "curve_y"]
+        return rows._where(codes["curve"].isin(whole).to_numpy())
 
     @property
     def _ok(self) -> np.ndarray:

@@ -1,0 +1,116 @@
+"""Which components of the error model the rows support: inclusion Bayes factors.
+
+The evidences are those of every form under every error model. An error model either has a component
+or has not, so the mean evidence of those that have it, over that of those that have not, is the
+Bayes factor of the component with everything else summed out.
+"""
+
+import math
+
+import numpy as np
+import pandas as pd
+from scipy.special import logsumexp
+
+from ridgebayes.evidence.tables import used_evidence
+from ridgebayes.model.noise import SERIES, SMOOTH, Noise
+
+COMPONENT_COLUMNS = ["component", "ln_bf", "ln_bf_se", "probability", "reading"]
+_COMPONENTS = {  # by name: what an error model has of it among its factors and its tail
+    "texture": "texture",
+    "step": "step",
+    "smooth": SMOOTH,
+    "series": SERIES,
+    "student": "student",
+}
+
+
+def component_table(evidence: pd.DataFrame) -> pd.DataFrame:
+    """Return the inclusion Bayes factor of each component of the error model.
+
+    ``ln BF = ln mean over error models with it of Z(m) - ln mean over those without of Z(m)``,
+    where Z(m) is the sum over forms of the evidence under error model m.
+
+    Parameters
+    ----------
+    evidence : pandas.DataFrame
+        `evidence.csv` of a run.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns component (``texture``, ``step``, ``smooth``, ``series``, ``student``), ln_bf,
+        ln_bf_se, probability (posterior, of all error models with it), reading. Components that all
+        or none of the error models have are left out, so that one error model gives no row.
+
+    Notes
+    -----
+    *Validity.* A form without an evidence under an error model counts there as evidence zero.
+    Components compete: a smooth offset does much of what step offsets do, so that either may be
+    disfavoured because of the other.
+
+    References
+    ----------
+    Hinne et al. (2020), doi:10.1177/2515245919898657: inclusion Bayes factors.
+
+    Examples
+    --------
+    >>> rows = pd.DataFrame({"form": "hybrid", "noise": ["iid", "step", "iid:student"],
+    ...     "log_evidence": np.log([1.0, 40.0, 4.0]), "log_evidence_se": 0.0, "used": True,
+    ...     "model_probability": [1 / 45, 40 / 45, 4 / 45]})
+    >>> component_table(rows)[["component", "reading"]].to_numpy().tolist()
+    [['step', 'positive for it'], ['student', 'positive against it']]
+    """
+    used, rows = used_evidence(evidence), []
+    parts = {name: _parts(name) for name in used["noise"].unique()}
+    for component, part in _COMPONENTS.items():
+        has = used["noise"].map(lambda name, part=part: part in parts[name])
+        if not has.any() or has.all():
+            continue
+        (one, se), (other, other_se) = (_log_mean(used[here]) for here in (has, ~has))
+        ln_bf, error = one - other, math.hypot(se, other_se)
+        share, word = min(used.loc[has, "model_probability"].sum(), 1.0), strength(ln_bf, error)
+        side = "" if word == "undecided" else " for it" if ln_bf > 0 else " against it"
+        rows.append((component, ln_bf, error, share, word + side))
+    return pd.DataFrame(rows, columns=COMPONENT_COLUMNS)
+
+
+def strength(ln_bf: float, ln_bf_se: float) -> str:
+    """Return a Bayes factor's size as one word, on the scale of Kass and Raftery.
+
+    Parameters
+    ----------
+    ln_bf, ln_bf_se : float
+        Log of the Bayes factor and its standard error.
+
+    Returns
+    -------
+    str
+        ``undecided`` where abs(ln BF) is under 1 or under two standard errors.
+
+    References
+    ----------
+    Kass & Raftery (1995), doi:10.1080/01621459.1995.10476572, section 3.2: 2 ln BF of 2, 6, 10.
+
+    Examples
+    --------
+    >>> strength(-4.5, 0.1), strength(1.5, 1.0)
+    ('strong', 'undecided')
+    """
+    size = abs(ln_bf)
+    if not size >= 1 or size < 2 * ln_bf_se:
+        return "undecided"
+    return "positive" if size < 3 else "strong" if size < 5 else "very strong"
+
+
+def _parts(noise: str) -> set[str]:
+    """Return the factors of an error model, and its tail."""
+    known = Noise.named(noise)
+    return {*known.factors, known.tail}
+
+
+def _log_mean(used: pd.DataFrame) -> tuple[float, float]:
+    """Return the log of the mean over error models of the evidence of all forms, and its error."""
+    total = float(logsumexp(used["log_evidence"]))
+    share = np.exp(used["log_evidence"] - total)
+    se = float(np.sqrt(((share * used["log_evidence_se"].fillna(0)) ** 2).sum()))
+    return total - math.log(used["noise"].nunique()), se
