@@ -22,9 +22,9 @@ from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.contact.scaling import Texture
+from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
-from ridgebayes.predict.extrapolation import NAMES
+from ridgebayes.predict.extrapolation import NAMES, CalibratedRange
 from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import count
@@ -33,7 +33,7 @@ from ridgebayes.scene.units import Body, number_and_unit
 from ridgebayes.table.files import check_name, write_frame
 
 _MOST_DRAWN = 200  # the count up to which transitions are drawn where they are
-_JUST_ABOVE = 1e-9  # of a load, so that rounding does not put it below its quantile
+_BESIDE = 1e-9  # of a load: next to it, and further than rounding
 _MOST_LOADS = 5  # of each texture on the terminal
 _ERROR = "0.005 (from the number of draws)"
 
@@ -116,9 +116,10 @@ def _unit(load: str, body: Body) -> tuple[float, str] | None:
 def with_transitions(
     run: Comparison, form: str, bands: pd.DataFrame, textures: Sequence[Texture]
 ) -> FloatArray:
-    """Return the loads of a table of bands, and those at which a band's ends and median go up.
+    """Return the loads of a table of bands, and those on both sides of where it changes.
 
-    A figure of these shows each transition where it is, and not at the next load of the grid.
+    Bands change where their ends and median go up, and at the highest calibrated load. A figure of
+    these loads shows each change where it is, and not at the next load of the grid.
 
     Parameters
     ----------
@@ -137,16 +138,20 @@ def with_transitions(
         p/E, rising, from the first to the last load of each texture.
     """
     source = run if form == "average" else run.fits[form]
+    known = CalibratedRange.of(source.averaged[0][0])  # all are of the same rows
     Q = np.arange(4, min(int(bands["q_upper"].max()), _MOST_DRAWN) + 4, 2)
     tail, found = (1 - bands["prob"].iloc[0]) / 2, []
     for a, b in textures:
         part = bands[(bands["a_over_R"] == a) & (bands["b_over_R"] == b)]
         p = np.unique(part["p_over_E"].to_numpy(float))
-        loads = [p]
+        nu = float(part["nu"].iloc[0])
+        loads = [np.array([known.load_max / reduced_load(1.0, nu)])]
         for kind in part["kind_of_band"].unique():
-            at = source.predict_load(a, b, Q, nu=float(part["nu"].iloc[0]), kind=kind)
-            loads += [at.quantile(share) * (1 + _JUST_ABOVE) for share in (tail, 0.5, 1 - tail)]
-        found.append(np.sort(np.clip(np.concatenate(loads), p[0], p[-1])))
+            at = source.predict_load(a, b, Q, nu=nu, kind=kind)
+            loads += [at.quantile(share) for share in (tail, 0.5, 1 - tail)]
+        # On both sides, so that what is extrapolated begins there, too, and not at the next load.
+        sides = [np.concatenate(loads) * (1 + side) for side in (-_BESIDE, _BESIDE)]
+        found.append(np.sort(np.clip(np.concatenate([p, *sides]), p[0], p[-1])))
     return np.array(found)
 
 
