@@ -18,6 +18,7 @@ import ridgebayes as rb
 from ridgebayes import drawing
 from ridgebayes.commands.compare import compare_job
 from ridgebayes.commands.parsing import parse_loads
+from ridgebayes.commands.predict import with_transitions
 from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.comparison.bands import bands_table
@@ -672,7 +673,7 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
 
     monkeypatch.setattr("ridgebayes.commands.run.run_job", run_job)
     words = ("--table", "t.csv", "--forms", "classic,hybrid", "--noise", "iid", "--seed", "7")
-    words += ("--workers", "3", "--scheduler", "tcp://host:1")
+    words += ("--workers", "3", "--scheduler", "tcp://host:1", "--prior-odds", "Hybrid=2")
     said = command("run", *words, "--force", "--resume", "-o", "out")
     assert asked.pop("began") > 0
     assert asked == {
@@ -686,6 +687,7 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
         "accuracy": "standard",
         "settings": None,
         "priors": None,
+        "prior_odds": {"hybrid": 2.0},
         "time_limit": None,
         "workers": 3,
         "scheduler": "tcp://host:1",
@@ -874,7 +876,10 @@ def test_predict__shows_loads_in_the_unit_of_the_scene(
         ((*OVER, "--scene", "a.toml", "--R", "8 mm"), ["--scene, and --R or --E: expected one"]),
         ((*OVER, "--scene", "a.toml"), ["a.toml: cannot be read"]),
         ((*OVER, "--kind", "all"), ["--kind 'all': expected curve, simulation or both"]),
-        ((*OVER, "--plot", "b.jpg"), ["b.jpg: expected a file name that ends in .png or .svg"]),
+        (
+            (*OVER, "--plot", "b.jpg"),
+            ["b.jpg: expected a file name that ends in .png or"],
+        ),
         ((*OVER, "--plot", "no/b.png"), ["no/b.png: folder no does not exist"]),
         ((*OVER, "--texture", "0.2 mm,0.2 mm"), ["'0.2 mm': needs the radius"]),
     ],
@@ -897,13 +902,34 @@ def test_predict__writes_parquet_too(command, run):
     )
 
 
-@pytest.mark.parametrize("name", ["b.png", "b.svg"])
+def test_predict__figures_show_transitions_where_they_are(command, run):
+    compared, textures = read_run(run), [(0.022, 0.02), (0.03, 0.01)]
+    loads = np.linspace(1e-3, 0.02, 5)
+    bands = bands_table(compared, textures=textures, loads=loads, forms=["average"])
+    drawn = with_transitions(compared, "average", bands, textures)
+    assert drawn.shape[0] == 2
+    assert np.all(np.diff(drawn) >= 0)
+    assert np.all((drawn[:, 0] == 1e-3) & (drawn[:, -1] == 0.02))
+    fine = bands_table(compared, textures=textures, loads=drawn, forms=["average"])
+    for texture in textures:
+        part = fine[(fine["a_over_R"] == texture[0]) & (fine["kind_of_band"] == "simulation")]
+        for name, share in (("q_upper", 0.05), ("q_median", 0.5), ("q_lower", 0.95)):
+            Q, p = part[name].to_numpy(), part["p_over_E"].to_numpy()
+            steps = np.flatnonzero(np.diff(Q) > 0) + 1
+            assert len(steps) > 1
+            assert np.diff(Q).max() == 2
+            expected = compared.predict_load(*texture, Q[steps]).quantile(share)
+            # Reference: a load of the table, just above the quantile.
+            np.testing.assert_allclose(p[steps], expected, rtol=2e-9)
+
+
+@pytest.mark.parametrize("name", ["b.png", "b.svg", "b.pdf"])
 def test_predict__draws_bands(command, run, name):
     words = ("predict", run, *AT, *OVER, "-o", "b.csv", "--plot", name)
     said = command(*words)
     assert said.code == 0
     assert said.out.endswith(f"Written: b.csv, {name}\n")
-    assert Path(name).read_bytes().startswith((b"\x89PNG", b"<?xml"))
+    assert Path(name).read_bytes().startswith((b"\x89PNG", b"<?xml", b"%PDF"))
     assert "exists" in command(*words).err
 
 

@@ -41,6 +41,20 @@ DRAWN = {
 }
 
 
+def test_plot__the_legend_of_many_textures_covers_nothing_and_is_whole():
+    axes = rb.paper_sweep().plot()  # ten textures
+    axes.figure.canvas.draw()
+    legend, panel = axes.get_legend().get_window_extent(), axes.get_window_extent()
+    assert len(axes.get_legend().get_texts()) == 10
+    assert legend.x0 > panel.x1
+    whole = axes.figure.bbox
+    assert legend.x1 <= whole.x1
+    assert legend.y0 >= 0
+    few = rb.read_table(rb.paper_sweep().frame.iloc[:12]).plot()
+    few.figure.canvas.draw()
+    assert few.get_legend().get_window_extent().x1 < few.get_window_extent().x1
+
+
 @pytest.mark.parametrize("record", DRAWN.values(), ids=DRAWN)
 def test_plot__draws_on_new_axes_or_those_given_and_returns_them(record):
     one = record()

@@ -107,7 +107,7 @@ class Predict:
     prob : float, optional
         Probability inside the band.
     plot : Path, optional
-        Figure to draw, .png or .svg.
+        Figure to draw, .png, .svg or .pdf.
     """
 
     folder: Argument[Path]

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,9 +22,9 @@ from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.contact.scaling import Texture
+from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
-from ridgebayes.predict.extrapolation import NAMES
+from ridgebayes.predict.extrapolation import NAMES, CalibratedRange
 from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import count
@@ -31,6 +32,8 @@ from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.units import Body, number_and_unit
 from ridgebayes.table.files import check_name, write_frame
 
+_MOST_DRAWN = 200  # the count up to which transitions are drawn where they are
+_BESIDE = 1e-9  # of a load: next to it, and further than rounding
 _MOST_LOADS = 5  # of each texture on the terminal
 _ERROR = "0.005 (from the number of draws)"
 
@@ -41,24 +44,24 @@ def command(asked: options.Predict) -> Answer:
     for file in filter(None, (asked.out, asked.plot)):
         refuse_existing(file, asked.force)
     if asked.plot is not None:
-        refuse_suffix(asked.plot, (".png", ".svg"))
+        refuse_suffix(asked.plot, (".png", ".svg", ".pdf"))
     if asked.kind not in (*KINDS, "both"):
         raise InputError(f"--kind {asked.kind!r}: expected curve, simulation or both")
     kinds = KINDS if asked.kind == "both" else (asked.kind,)
     textures, loads, nu, unit = _where(asked)
     run, form = read_run(asked.folder), parse_form(asked.form)
-    bands = bands_table(
-        run,
-        textures=textures,
-        loads=loads,
-        nu=nu,
-        forms=[form],
-        prob=asked.prob,
-        kinds=kinds,
-    )
+    what: dict[str, Any] = {
+        "textures": textures,
+        "nu": nu,
+        "forms": [form],
+        "prob": asked.prob,
+        "kinds": kinds,
+    }
+    bands = bands_table(run, loads=loads, **what)
     write_frame(bands, asked.out)
     if asked.plot is not None:
-        _draw(bands, run, form, asked.plot, unit)
+        loads = with_transitions(run, form, bands, textures)
+        _draw(bands_table(run, loads=loads, **what), run, form, asked.plot, unit)
     files = [file for file in (asked.out, asked.plot) if file is not None]
     return _answer(bands, files, unit)
 
@@ -108,6 +111,48 @@ def _unit(load: str, body: Body) -> tuple[float, str] | None:
     one = numbers[0]
     number, unit = number_and_unit(one)
     return number / body.p_over_E(one), unit
+
+
+def with_transitions(
+    run: Comparison, form: str, bands: pd.DataFrame, textures: Sequence[Texture]
+) -> FloatArray:
+    """Return the loads of a table of bands, and those on both sides of where it changes.
+
+    Bands change where their ends and median go up, and at the highest calibrated load. A figure of
+    these loads shows each change where it is, and not at the next load of the grid.
+
+    Parameters
+    ----------
+    run : Comparison
+        Run.
+    form : str
+        Form, or ``average``.
+    bands : pandas.DataFrame
+        As `bands_table` returns it for that form, at the same number of loads for each texture.
+    textures : sequence of (float, float)
+        Its textures.
+
+    Returns
+    -------
+    ndarray of float, shape (n_texture, n_load), dimensionless
+        p/E, rising, from the first to the last load of each texture.
+    """
+    source = run if form == "average" else run.fits[form]
+    known = CalibratedRange.of(source.averaged[0][0])  # all are of the same rows
+    Q = np.arange(4, min(int(bands["q_upper"].max()), _MOST_DRAWN) + 4, 2)
+    tail, found = (1 - bands["prob"].iloc[0]) / 2, []
+    for a, b in textures:
+        part = bands[(bands["a_over_R"] == a) & (bands["b_over_R"] == b)]
+        p = np.unique(part["p_over_E"].to_numpy(float))
+        nu = float(part["nu"].iloc[0])
+        loads = [np.array([known.load_max / reduced_load(1.0, nu)])]
+        for kind in part["kind_of_band"].unique():
+            at = source.predict_load(a, b, Q, nu=nu, kind=kind)
+            loads += [at.quantile(share) for share in (tail, 0.5, 1 - tail)]
+        # On both sides, so that what is extrapolated begins there, too, and not at the next load.
+        sides = [np.concatenate(loads) * (1 + side) for side in (-_BESIDE, _BESIDE)]
+        found.append(np.sort(np.clip(np.concatenate([p, *sides]), p[0], p[-1])))
+    return np.array(found)
 
 
 def _draw(

@@ -312,9 +312,9 @@ def _foreign(path: Path) -> InputError:
 
 def _why_no_run(folder: Path) -> str:
     """Say why a folder is none of a finished run."""
-    name = folder.absolute().name  # that of "." is empty
-    own = name.startswith(".") and name.endswith(PARTIAL)
-    partial = folder if own else folder.absolute().parent / f".{name}{PARTIAL}"
+    named = folder if folder.name else folder.absolute()  # "." has no name
+    own = named.name.startswith(".") and named.name.endswith(PARTIAL)
+    partial = folder if own else named.parent / f".{named.name}{PARTIAL}"
     if partial.is_dir():
         return f"the run is not finished, its parts are in {partial}; continue it with --resume"
     if not folder.exists():

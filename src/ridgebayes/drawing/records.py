@@ -22,6 +22,7 @@ from ridgebayes.drawing.style import (
 )
 
 _COLOURS = list(COLOURS.values())[:-1]
+_MOST_INSIDE = 4  # entries of a legend on the axes
 _LOAD, _COUNT = "load $p/E$", "edges in contact $Q$"
 
 
@@ -176,6 +177,11 @@ def _band_title(frame: pd.DataFrame) -> str:
 
 
 def _told(axes: Axes, n_shown: int, n: int) -> None:
-    axes.legend(fontsize="small")
+    # Of many lines it would cover them.
+    many = len(axes.get_legend_handles_labels()[1]) > _MOST_INSIDE
+    if many:
+        axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0))
+    else:
+        axes.legend(fontsize="small")
     if n_shown < n:
         axes.set_title(f"the first {n_shown} of {n:,}")

@@ -13,6 +13,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
@@ -224,7 +225,7 @@ def rows_by_texture(frame: pd.DataFrame) -> dict[tuple[float, float], pd.DataFra
 
 
 def as_bytes(figure: Figure, kind: str) -> bytes:
-    """Return a figure as a file: ``png`` at 180 dpi or ``svg``; equal figures, equal bytes."""
+    """Return a figure as a file: ``png`` at 180 dpi, ``svg``, ``pdf``; equal ones, equal bytes."""
     file = io.BytesIO()
     with styled():
         lay_out(figure)
@@ -234,8 +235,12 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
             agg.print_png(file, metadata={"Software": None})
         else:
             dpi = figure.dpi
-            svg: Any = FigureCanvasSVG(figure)
-            svg.print_svg(file, metadata={"Date": None, "Creator": None})
+            if kind == "pdf":
+                pdf: Any = FigureCanvasPdf(figure)
+                pdf.print_pdf(file, metadata={"CreationDate": None, "Creator": None})
+            else:
+                svg: Any = FigureCanvasSVG(figure)
+                svg.print_svg(file, metadata={"Date": None, "Creator": None})
             figure.dpi = dpi  # it draws at 72 points an inch, and leaves that behind
     FigureCanvasBase(figure)  # lets go of the pixels
     return file.getvalue()
