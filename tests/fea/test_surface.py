@@ -189,3 +189,13 @@ def test_table_from_history__numbers_that_overflow_are_refused(name, scale, mess
     run = WRITER.pressed()
     with pytest.raises(InputError, match=message):
         table(run, **{name: scale * getattr(levels(run), name)})
+
+
+def test_table_from_history__a_rim_that_rests_within_its_printed_digits_is_in_contact():
+    run, digits = WRITER.pressed(), 1e-7
+    position = run["position"].copy()
+    # Rounded upwards, in coordinate and displacement, and a floor in the grooves.
+    position[..., 1] = np.maximum(position[..., 1], run["top"] + 1.5 * digits)
+    found = frame(run, position=position, digits=digits)
+    assert found["Q"].tolist() == [4, 6, 8]
+    np.testing.assert_allclose(found["p_over_E"], run["load"], rtol=8e-3)  # second order

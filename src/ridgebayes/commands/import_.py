@@ -51,7 +51,7 @@ def command(asked: options.Import) -> Answer:
         files.append(asked.write_map)
     size = {"rows": len(found.table), "textures": len(found.table.textures)}
     if asked.dry_run:
-        return Answer(found.messages, size, files)
+        return Answer(found.messages, size, files, warnings=found.cautions)
     if asked.out is None:
         lines = "\n".join(found.messages)
         raise InputError(
@@ -62,7 +62,7 @@ def command(asked: options.Import) -> Answer:
     told = f"{asked.out}: {count(size['rows'], 'row')}, {count(size['textures'], 'texture')}."
     if len(found.table.calibration):  # held-out rows alone cannot be fitted
         told += f" next: ridgebayes run --table {shlex.quote(str(asked.out))}"
-    return Answer((*found.messages, told), size, [*files, asked.out])
+    return Answer((*found.messages, told), size, [*files, asked.out], warnings=found.cautions)
 
 
 def _again(

@@ -21,7 +21,12 @@ from ridgebayes.fea.column_units import (
 from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
 from ridgebayes.fea.problems import FileError
-from ridgebayes.fea.transitions import counts_repeat, middle_loads, transitions_of_runs
+from ridgebayes.fea.transitions import (
+    counts_repeat,
+    last_digit,
+    middle_loads,
+    transitions_of_runs,
+)
 from ridgebayes.fea.words import COUNTS, STATUS_RULE, touching
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import COUNT, NAMES, OK
@@ -104,6 +109,7 @@ class ColumnInterpreter:
         load = self._required("p_over_E", self._load())
         corners = sorted(corners, key=lambda use: use.Q or 0)
         gaps = np.column_stack([self._gap(use) for use in corners])
+        digits = last_digit(gaps) / 2  # a gap is printed as it is, and so rounded once
         keep = np.ones(len(self.cells), dtype=bool)
         ignored = []
         if status := self._use("status", None):
@@ -118,13 +124,21 @@ class ColumnInterpreter:
             return pd.DataFrame()
         # In a run the empty cells of a column are its default; NaN would tell rows apart.
         frame, Q = self._framed(curve)[keep].reset_index(drop=True), [use.Q or 0 for use in corners]
-        return self._of_runs(frame, load[keep], gaps[keep], np.array(Q), ignored)
+        return self._of_runs(frame, load[keep], gaps[keep], np.array(Q), ignored, digits)
 
     def _of_runs(
-        self, frame: pd.DataFrame, load: FloatArray, gaps: FloatArray, Q: IntArray, said: list[str]
+        self,
+        frame: pd.DataFrame,
+        load: FloatArray,
+        gaps: FloatArray,
+        Q: IntArray,
+        said: list[str],
+        digits: float = 0.0,
     ) -> pd.DataFrame:
         try:
-            rows, remarks = transitions_of_runs(frame, load, gaps, Q, brackets=self._how.brackets)
+            rows, remarks = transitions_of_runs(
+                frame, load, gaps, Q, brackets=self._how.brackets, digits=digits
+            )
         except InputError as error:
             raise self._problems.error(str(error)) from None
         if left := self._left():

@@ -165,7 +165,7 @@ class SurfaceHistory:
     rigid : ndarray of float, shape (n, 2), length
         Nodes of the rigid side, as far as known: corners are looked for among them.
     digits : float, length
-        What printed digits leave open of a position.
+        What printed digits leave open of a position: half of the last one.
     messages : tuple of str
         What was understood, and what was ignored.
     """
@@ -293,6 +293,7 @@ def table_from_history(
         ),
         brackets=brackets,
         gap_error=np.hypot(depth[:, None], history.digits) / surface.R,
+        digits=2 * history.digits / surface.R,
     )
 
 
@@ -305,6 +306,7 @@ def table_from_gaps(
     messages: Sequence[str],
     brackets: bool,
     gap_error: FloatArray | float = 0.0,
+    digits: float = 0.0,
 ) -> Imported:
     """Tell at which load the surface gets to each corner beyond the first.
 
@@ -320,7 +322,7 @@ def table_from_gaps(
         Where rows come from.
     messages : sequence of str
         What was understood so far.
-    brackets, gap_error
+    brackets, gap_error, digits
         As `ridgebayes.fea.transitions.transitions_of`.
 
     Raises
@@ -340,7 +342,9 @@ def table_from_gaps(
         )
     Q = 4 + 2 * np.arange(gaps.shape[1])
     try:
-        frame, odd = transitions_of(p_over_E, gaps, Q, brackets=brackets, gap_error=gap_error)
+        frame, odd = transitions_of(
+            p_over_E, gaps, Q, brackets=brackets, gap_error=gap_error, digits=digits
+        )
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     frame.insert(0, "a_over_R", body.a_over_R)
