@@ -133,7 +133,8 @@ def test_import__map_may_be_a_file(run):
             ("mine.csv", *MAP, "--deck", "run.inp", "-o", "t.csv"),
             ["--deck: not used by format table"],
         ),
-        (("mine.csv", *MAP, "--format", "ansys", "-o", "t.csv"), ["--format ansys", "calculix"]),
+        (("mine.csv", *MAP, "--format", "marc", "-o", "t.csv"), ["--format marc", "calculix"]),
+        (("mine.csv", "--closed-is", "2;3", "-o", "t.csv"), ["--closed-is 2;3: expected whole"]),
         (
             ("mine.csv", *MAP),
             ["R is missing", "E is missing", "-o mine-table.csv --R '? mm' --E '? kPa'"],

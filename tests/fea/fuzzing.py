@@ -36,16 +36,14 @@ import pint
 import pyarrow.parquet
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.abaqus_dat import read_abaqus_dat
-from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
-from ridgebayes.fea.calculix import read_calculix, read_sta
-from ridgebayes.fea.calculix_contact import read_calculix_contact
+from ridgebayes.fea.calculix_sta import read_sta
 from ridgebayes.fea.columns import read_columns
 from ridgebayes.fea.delimited import Reading
-from ridgebayes.fea.mesh_series import read_series
+from ridgebayes.fea.history import Body
 from ridgebayes.fea.read import read_mapping
 from ridgebayes.fea.record import Imported
-from ridgebayes.fea.surface import Body
+from tests.fea.runs import read_abaqus_dat, read_abaqus_rpt, read_calculix, read_series
+from tests.fea.runs import read_calculix as read_calculix_contact
 
 SLOWEST = 5.0  # seconds that any file of this size may take
 _SCRAPS = (

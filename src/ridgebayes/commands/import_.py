@@ -30,6 +30,7 @@ def command(asked: options.Import) -> Answer:
     known["skip_rows"] = asked.skip_rows or 0
     known["texture"] = None if asked.texture is None else parse_texture(asked.texture)
     known["loads"] = parse_numbers(asked.loads, "--loads")
+    known["closed_is"] = _codes(asked.closed_is)
     given = Given(**known)
     try:
         found = import_files(asked.file, given, program=asked.program, role=asked.role)
@@ -63,6 +64,13 @@ def command(asked: options.Import) -> Answer:
     if len(found.table.calibration):  # held-out rows alone cannot be fitted
         told += f" next: ridgebayes run --table {shlex.quote(str(asked.out))}"
     return Answer((*found.messages, told), size, [*files, asked.out], warnings=found.cautions)
+
+
+def _codes(text: str) -> tuple[int, ...]:
+    """Return whole numbers between commas."""
+    if not re.fullmatch(r"\s*|\s*\d{1,6}(\s*,\s*\d{1,6})*\s*", text):
+        raise InputError(f"--closed-is {text}: expected whole numbers between commas, such as 2,3")
+    return tuple(map(int, re.findall(r"\d+", text)))
 
 
 def _again(

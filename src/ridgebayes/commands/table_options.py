@@ -130,12 +130,11 @@ class Import:
     Parameters
     ----------
     file : list[Path]
-        File to read, or all files of a VTU series.
+        File to read, or all files of a VTU series or of a run of FEBio or ANSYS.
     out : Path, optional
         Table to write.
     program : str, optional
-        table, calculix, calculix-contact, abaqus-dat, abaqus-rpt or series. Detected if not
-        given.
+        table, calculix, abaqus-dat, abaqus-rpt, febio, ansys or series. Detected if not given.
     mapping : list of str, optional
         Column of a key, KEY=HEADER, such as 'a=Ridge width \[mm]', or KEY=HEADER;UNIT, or a
         TOML file of them. Adds to what is recognised.
@@ -153,6 +152,8 @@ class Import:
         Text that marks an empty cell, such as 'n/a'. May be repeated.
     count_is : str, optional
         What is counted: edges (proximal), ridges, segments or per-side.
+    closed_is : str, optional
+        Comma-separated codes of a status that mean contact, such as 2,3.
     texture : str, optional
         A,B: ridge and groove width, as shares of the radius.
     nu : str, optional
@@ -175,7 +176,8 @@ class Import:
     top : float, optional
         Height of the ridge tops.
     corner : float, optional
-        Corner radius of the ridges, as a share of the body's radius.
+        Corner radius of the ridges, as a share of the body's radius. That of the deck's nodes
+        if not given.
     field : str, optional
         Name of the point data of a series. 'displacement' if not given.
     time : str, optional
@@ -203,6 +205,7 @@ class Import:
     decimal: str | None = None
     empty: list[str] | None = None
     count_is: str | None = None
+    closed_is: str = ""
     texture: str | None = None
     nu: str | None = None
     R: str | None = None

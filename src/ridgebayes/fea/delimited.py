@@ -67,6 +67,8 @@ class Reading:
         What counts are of, one of `ridgebayes.fea.words.COUNTS`.
     brackets, interpolate : bool
         For increments: always intervals, even where gaps tell the load within; or always loads.
+    closed_is : tuple of int
+        Codes of a status that mean contact; none for 0 open, 1 closed.
     """
 
     sheet: str | None = None
@@ -77,6 +79,7 @@ class Reading:
     count_is: str | None = None
     brackets: bool = False
     interpolate: bool = False
+    closed_is: tuple[int, ...] = ()
 
 
 def read_delimited(where: str, content: bytes, how: Reading, problems: FileError) -> "TextTable":

@@ -277,7 +277,7 @@ class ColumnInterpreter:
             what = ", contact pressure" if use.key == "pressure" else ""
             self._tell(use, what, is_plain=False)
         if use.key == "status":
-            gap, bad = touching(as_text(self.cells[use.header]))
+            gap, bad = touching(as_text(self.cells[use.header]), self._how.closed_is)
             self._problems.cells(self.cells.index[bad], use.header, STATUS_RULE)
             return gap
         if use.key == "pressure":

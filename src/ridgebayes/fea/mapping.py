@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import DIMENSIONS, split_header, unit_factor
 from ridgebayes.fea.problems import FileError
-from ridgebayes.fea.words import corners_of, count_term, key_of, texture_of
+from ridgebayes.fea.words import corner_key, corners_of, count_term, key_of, texture_of
 from ridgebayes.table.columns import NAMES, NUMBERS
 
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
@@ -237,8 +237,9 @@ class _Columns:
         words = {header: text for header, text, _ in self._free()}
         for header, text in words.items():
             match = _WIDE.fullmatch(text)
-            if match is not None and (match[1] or "").strip(" _") in ("", *PER_Q):
-                key = (match[1] or "load").strip(" _")
+            key = (match[1] or "load").strip(" _") if match is not None else ""
+            key = key if key in PER_Q else corner_key(key)
+            if match is not None and key:
                 self.uses.append(Use(key, header, Q=int(match[2]), how="named"))
         if len(self.uses) == n:
             found = corners_of(words.values())
