@@ -197,3 +197,27 @@ def test_table_of__a_rim_that_rests_within_its_printed_digits_is_in_contact():
     found = frame(run, position=position, digits=digits)
     assert found["Q"].tolist() == [4, 6, 8]
     np.testing.assert_allclose(found["p_over_E"], run["load"], rtol=8e-3)  # second order
+
+
+def test_table_of__the_corner_radius_is_that_of_the_deck_s_nodes():
+    run = WRITER.pressed()
+    r = 0.2 * run["a"]
+    turn = np.linspace(0, np.pi / 2, 7)
+    arc = r * np.column_stack([1 - np.cos(turn), np.sin(turn) - 1])
+    # Outer ends of the flats too, as a deck has them.
+    ends = np.array([[run["a"] - r, 0.0], [run["a"], -r]])
+    rigid = np.vstack([[far, run["top"]] + np.vstack([arc, ends]) for far in run["corners"]])
+    given = Body(run["a"], run["b"], corner_over_R=r)
+    found, expected = table(run, rigid=rigid), table(run, given, rigid=rigid)
+    pd.testing.assert_frame_equal(found.table.frame, expected.table.frame)
+    assert any(f"corners of radius {r:.6g} R, by the deck's nodes" in m for m in found.messages)
+    # Bodies reach round corners a little further out, and so later.
+    loads = found.table.frame["p_over_E"]
+    assert (loads > frame(run)["p_over_E"].iloc[: len(loads)]).all()
+
+
+def test_table_of__corners_that_are_no_circle_ask_for_their_radius():
+    run = WRITER.pressed()
+    rigid = np.array([(far + 0.2 * run["a"], run["top"]) for far in run["corners"]])
+    with pytest.raises(InputError, match="no rigid nodes at the corners.* --corner"):
+        table(run, rigid=rigid)

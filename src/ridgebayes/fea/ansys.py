@@ -75,12 +75,13 @@ def read_ansys(
         raise InputError(f"{where}: no substep with both {kind} and FY; expected those of one run")
     order = [whole[key] for key in sorted(whole)]
     nodes = sorted(order[0][kind])
-    for key in sorted(whole):
-        if sorted(whole[key][kind]) != nodes:
-            raise InputError(
-                f"{where}: load step {key[0]}, substep {key[1]}: {kind} of other nodes than at "
-                "the first one; expected the same in all"
-            )
+    for name in (kind, "FY"):
+        for key in sorted(whole):
+            if whole[key][name].keys() != order[0][name].keys():
+                raise InputError(
+                    f"{where}: load step {key[0]}, substep {key[1]}: {name} of other nodes than at "
+                    "the first one; expected whole listings of the same nodes"
+                )
     force = np.array([sum(one["FY"].values()) for one in order])
     history = ContactHistory(
         force,
