@@ -206,7 +206,7 @@ def test_table_of__the_corner_radius_is_that_of_the_deck_s_nodes():
     arc = r * np.column_stack([1 - np.cos(turn), np.sin(turn) - 1])
     # Outer ends of the flats too, as a deck has them.
     ends = np.array([[run["a"] - r, 0.0], [run["a"], -r]])
-    rigid = np.vstack([[far, run["top"]] + np.vstack([arc, ends]) for far in run["corners"]])
+    rigid = np.vstack([np.vstack([arc, ends]) + (far, run["top"]) for far in run["corners"]])
     given = Body(run["a"], run["b"], corner_over_R=r)
     found, expected = table(run, rigid=rigid), table(run, given, rigid=rigid)
     pd.testing.assert_frame_equal(found.table.frame, expected.table.frame)
@@ -219,5 +219,5 @@ def test_table_of__the_corner_radius_is_that_of_the_deck_s_nodes():
 def test_table_of__corners_that_are_no_circle_ask_for_their_radius():
     run = WRITER.pressed()
     rigid = np.array([(far + 0.2 * run["a"], run["top"]) for far in run["corners"]])
-    with pytest.raises(InputError, match="no rigid nodes at the corners.* --corner"):
+    with pytest.raises(InputError, match=r"no rigid nodes at the corners.* --corner"):
         table(run, rigid=rigid)

@@ -84,19 +84,47 @@ def test_spreadsheet__formulas_are_refused_with_their_cells(refusal, formula, co
     rows[2][column] = formula
     words = refusal(workbook(rows))
     assert f"cell {'ABCDE'[column]}3, column {HEADER[column]!r} = {formula!r}" in words
-    assert "not formulas" in words
+    assert "not formulas; no value is stored: open the file in Excel or LibreOffice" in words
 
 
-def test_spreadsheet__a_formula_with_a_cached_value_is_refused(refusal):
+def test_spreadsheet__a_formula_has_the_value_that_is_stored_of_it(read):
     def cached(data):
         return data.replace(b"<v>0.01</v>", b"<f>A2/3</f><v>0.01</v>", 1)
 
-    assert "cell B2" in refusal(changed(workbook(), "sheet1", cached))
+    found = read(changed(workbook(), "sheet1", cached)).table.frame
+    assert found["b_over_R"].iloc[0] == 0.01
+
+
+def test_spreadsheet__text_with_decimal_commas_stands_beside_numbers(read):
+    rows = [HEADER, [0.03, 0.01, 4, "0,001234", "x"], [0.03, 0.01, 6, "0,0056", "y"]]
+    assert read(workbook(rows)).table.column("p_over_E").tolist() == [0.001234, 0.0056]
+
+
+def test_spreadsheet__cells_merged_downwards_have_the_value_above(read, refusal):
+    rows = [
+        HEADER,
+        [0.03, 0.01, 4, 0.001, "x"],
+        [None, None, 6, 0.004, "x"],
+        [0.03, 0.02, 4, 0.0015, "x"],
+        [None, None, 6, 0.005, "x"],
+    ]
+    found = read(workbook(rows))
+    assert found.table.column("a_over_R").tolist() == [0.03] * 4
+    assert found.table.column("b_over_R").tolist() == [0.01, 0.01, 0.02, 0.02]
+    told = "columns 'a_over_R', 'b_over_R': 2 rows with empty cells have the value above"
+    assert any(told in line for line in found.messages)
+    # One width without the other, no first one, or one lost of a table that is full.
+    for at, cells in ((2, [None, 0.01]), (1, [None, None])):
+        broken = [[*cells, *one[2:]] if i == at else one for i, one in enumerate(rows)]
+        assert "must not be empty" in refusal(workbook(broken))
+    lost = [HEADER, *([0.03, 0.01, Q, Q / 4e3, "x"] for Q in (4, 6, 8, 10))]
+    lost[3][0] = lost[3][1] = None
+    assert "must not be empty" in refusal(workbook(lost))
 
 
 @pytest.mark.parametrize(
     "cell",
-    [datetime.date(2024, 3, 1), datetime.time(3, 4), True, "0,03", "1 00", "x", "#DIV/0!", 1e-3j],
+    [datetime.date(2024, 3, 1), datetime.time(3, 4), True, "1 00", "x", "#DIV/0!", 1e-3j],
 )
 def test_spreadsheet__what_is_no_number_is_refused_with_its_cell(refusal, cell):
     if isinstance(cell, complex):

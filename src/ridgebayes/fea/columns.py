@@ -29,6 +29,7 @@ from ridgebayes.table.table import ContactTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 _OF_TEXTURES = ("a", "b", "pitch", "R", "D", "a_over_R", "b_over_R")
+_OF_GROUPS = (*_OF_TEXTURES, "E", "nu", "offset", "offset_over_R", "thickness")
 _LONGEST = 300  # characters of the mapping in `source`
 
 _PLAIN = Reading()
@@ -157,6 +158,7 @@ def _read(
     taken = {use.key for use in uses} | set(values)
     settings = {key: one for key, one in source.settings.items() if key not in taken}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
+    _fill_down(cells, uses, problems)
     for use in uses:
         if use.header not in cells:
             raise InputError(
@@ -198,6 +200,34 @@ def _read(
     del cells, interpreter  # of a million rows: 0.2 GB that validating needs
     table = _validated(RawTable(frame, where, line), rows, problems, source)
     return Imported(table, (*problems.messages, *_kept(table)), problems.known)
+
+
+def _fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> None:
+    """Fill what stands once for a group of rows: widths, and texts of the same groups.
+
+    A group's first row has all of its widths, and two groups that follow each other differ; else
+    the cells that are empty are lost ones.
+    """
+    there = [use.header for use in uses if use.Q is None and use.header in cells]
+    groups = [use.header for use in uses if use.key in _OF_GROUPS and use.header in there]
+    widths = [name for name in groups if cells[name].dtype.kind == "f" and cells[name].isna().any()]
+    if not widths:
+        return
+    head = cells[widths].notna()
+    first, values = head.all(axis=1), cells[widths]
+    follows = first & first.shift(fill_value=False)
+    again = follows & (values == values.shift()).all(axis=1)
+    if (head.any(axis=1) != first).any() or not first.iloc[0] or again.any():
+        return
+    cells[widths] = values.ffill()
+    texts = [use.header for use in uses if use.key in ("series", "texture") and use.header in there]
+    full = [name for name in texts if (cells[name].ne("") <= first).all()]
+    for name in full:
+        cells[name] = cells[name].mask(cells[name].eq("") & ~first).ffill()
+    problems.messages.append(
+        f"columns {', '.join(map(repr, [*widths, *full]))}: {count(int((~first).sum()), 'row')} "
+        "with empty cells have the value above, as in merged cells"
+    )
 
 
 def _lone_series(cells: pd.DataFrame, uses: Iterable[Use]) -> Use | None:

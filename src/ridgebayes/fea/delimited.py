@@ -13,7 +13,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.column_units import NUMBER, is_unit, split_header
+from ridgebayes.fea.column_units import FORTRAN, NUMBER, is_unit, split_header
 from ridgebayes.fea.layout import FINITE, FORMULA, LOOKED_AT, clean_headers, filled, find_layout
 from ridgebayes.fea.problems import FileError, Source
 from ridgebayes.fea.words import NOTHING
@@ -38,6 +38,8 @@ _STYLES = (
     *(_style(".", thousands) for thousands in ",' \xa0\u202f"),
     *(_style(",", thousands) for thousands in ".' \xa0\u202f"),
 )
+_TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # where a number begins within a word
+_REMARK = ("#", "%")
 _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _WORDS = {".": "point", ",": "comma"}
 # What Python takes for blanks, but for control characters that only damage brings into a file.
@@ -106,7 +108,7 @@ def read_delimited(where: str, content: bytes, how: Reading, problems: FileError
     text = lines[-1] if len(lines) > how.skip_rows else ""
     if not text.strip():
         raise InputError(f"{where}: the file is empty")
-    text, separator = _separated(text, where)
+    text, separator = _separated(text, where, problems)
     rows = ((line + how.skip_rows, cells) for line, cells in records(text, where, separator))
     return TextTable(where, rows, separator, how, problems)
 
@@ -128,6 +130,8 @@ class TextTable(Source):
         Where rows of another length and formulas are noted.
     cell : callable, optional
         Of a worksheet: words for the cell of a line and a column, both from 1.
+    typed : collection of str, optional
+        Of a worksheet: cells that are numbers, not text, and so have a point for decimals.
 
     Raises
     ------
@@ -143,7 +147,9 @@ class TextTable(Source):
         how: Reading,
         problems: FileError,
         cell: Callable[[int, int], str] | None = None,
+        typed: Collection[str] = (),
     ) -> None:
+        self._is_typed = frozenset(typed)
         self.where, self._separator, self._how, self._cell = where, separator, how, cell
         head = list(islice(rows, LOOKED_AT))
         full = [(line, cells) for line, cells in head if any(one.strip() for one in cells)]
@@ -176,7 +182,8 @@ class TextTable(Source):
         self.lines, self._typed = self._checked(below, problems)
         for name, cells in self._typed.items():
             begin = cells.str.lstrip().str.startswith("=").to_numpy(bool)
-            problems.cells(begin, str(name), FORMULA)
+            save = "; no value is stored: open the file in Excel or LibreOffice, and save it once"
+            problems.cells(begin, str(name), FORMULA + (save if cell else ""))
 
     def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
         """Read all rows, the columns of these headers as numbers; note cells that are none."""
@@ -249,6 +256,15 @@ class TextTable(Source):
         for cells in text.values():
             counts.update(cells[cells != ""].value_counts(sort=False).to_dict())
 
+        some = ((cell, _exact(cell, self._is_typed)) for cell in counts)
+        exact = {cell: number for cell, number in some if number is not None}
+        if fortran := [cell.strip() for cell in exact if cell not in self._is_typed]:
+            problems.messages.append(
+                f"{count(len(fortran), 'number')} with an exponent of Fortran's, such as "
+                f"{fortran[0]!r} = {exact[next(c for c in exact if c.strip() == fortran[0])]:g}"
+            )
+        counts = Counter({cell: n for cell, n in counts.items() if cell not in exact})
+
         def n_off(style: tuple[str, str, re.Pattern[str]]) -> int:
             return sum(n for cell, n in counts.items() if not style[2].fullmatch(cell))
 
@@ -270,7 +286,7 @@ class TextTable(Source):
             if style.fullmatch(cell)
             else np.inf
             for cell in counts
-        }
+        } | exact
         rule = FINITE.replace("a point", "a comma") if mark == "," else FINITE
         nothing = [cell for cell in counts if np.isinf(numbers[cell]) and NOTHING.fullmatch(cell)]
         found = {}
@@ -321,15 +337,38 @@ def _decoded(content: bytes, where: str, problems: FileError) -> str:
         return text
 
 
-def _tabs_for_blanks(text: str) -> str:
+def _exact(cell: str, typed: Collection[str]) -> float | None:
+    """Return a number that no decimal mark has to be known for; None of other cells."""
+    if cell in typed:
+        return float(cell) if NUMBER.fullmatch(cell) else None
+    match = FORTRAN.fullmatch(cell)
+    return None if match is None else float(f"{match[1]}e{match[2] or match[3]}")
+
+
+def _tabs_for_blanks(text: str, where: str, problems: FileError) -> str:
     """Return text in columns with tabs between; empty if most lines are not equally wide."""
     lines = text.split("\n")
-    n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith("#")), 0)
-    rows = [re.sub(r"^\s*#+", "", row) for row in lines[:n]] + lines[n:]  # a header among them
-    some = [row.split() for row in rows[:LOOKED_AT] if row.strip() and row.lstrip()[0] != "#"]
+    n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith(_REMARK)), 0)
+    rows = [re.sub(r"^\s*[#%]+", "", row) for row in lines[:n]] + lines[n:]  # a header among them
+    some = [row.split() for row in rows[:LOOKED_AT] if row.strip() and row.lstrip()[0] not in "#%"]
     widths = Counter(map(len, some))
     width, n = widths.most_common(1)[0] if widths else (0, 0)
-    if width < 2 or n < 2 or 2 * n <= widths.total():
+    is_table = width >= 2 and n >= 2 and 2 * n > widths.total()
+    touching = next((i for i, row in enumerate(rows) if _TOUCH.search(row)), None)
+    if touching is not None and len(widths) > 1:
+        # Numbers of fixed columns run together: safe to part where all rows then have one width.
+        parted = [_TOUCH.sub(" ", row) for row in rows]
+        found = {len(row.split()) for row in parted if row.strip()}
+        told = f"line {touching + 1}: columns run together, such as {clipped(lines[touching])}"
+        if len(found) == 1:
+            problems.messages.append(f"{where}, {told}: split before signs, {max(found)} columns")
+            rows, width, is_table = parted, found.pop(), True
+        elif not is_table:
+            raise InputError(
+                f"{where}, {told}; split before signs, lines have "
+                f"{' or '.join(map(str, sorted(found)))} cells: expected blanks between columns"
+            )
+    if not is_table:
         return ""
     return "\n".join(
         "\t".join(row.split()) if len(row.split()) == width else as_is
@@ -337,7 +376,7 @@ def _tabs_for_blanks(text: str) -> str:
     )
 
 
-def _separated(text: str, where: str) -> tuple[str, str]:
+def _separated(text: str, where: str, problems: FileError) -> tuple[str, str]:
     """Return the text and its separator: the one by which most first records are equally wide.
 
     Tab goes before semicolon, bar and comma: a comma may stand within cells of the others. Text in
@@ -355,7 +394,7 @@ def _separated(text: str, where: str) -> tuple[str, str]:
         width, n = max(widths.items(), key=lambda one: (one[1] * (one[0] > 1), one[0]))
         if width > 1 and n > best[0]:
             best = n, separator
-    blank = "" if 2 * best[0] > n_record else _tabs_for_blanks(text)
+    blank = "" if 2 * best[0] > n_record else _tabs_for_blanks(text, where, problems)
     if blank:
         return blank, "\t"
     if best[1]:

@@ -28,6 +28,9 @@ _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
 _ODD = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
 
 
+Grid = tuple[str, list[list[str]], set[str]]
+
+
 def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError) -> TextTable:
     """Read one worksheet of an Excel workbook, as the text that its cells hold.
 
@@ -49,7 +52,7 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError)
         sheet is meant.
     """
     _check_archive(content, str(path))
-    name, rows = _grid(content, problems, how.sheet)
+    name, rows, typed = _grid(content, problems, how.sheet)
     if len(rows) <= how.skip_rows:
         raise InputError(f"{path}, sheet {name!r}: the file is empty")
     width = max(map(len, rows))
@@ -64,6 +67,7 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError)
         how,
         problems,
         lambda line, column: f"cell {letter(column)}{line}",
+        typed,
     )
 
 
@@ -108,8 +112,8 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
             raise InputError(f"{where}: {name}: value {cell!r}: expected a number")
 
 
-def _grid(content: bytes, problems: FileError, sheet: str | None) -> tuple[str, list[list[str]]]:
-    """Return the sheet's name and the text of its cells, a list for each row from the first."""
+def _grid(content: bytes, problems: FileError, sheet: str | None) -> Grid:
+    """Return the sheet's name, the text of its cells by row from the first, and the numbers."""
     where = problems.where
     openpyxl = extra("openpyxl", "excel", f"{where}: Excel files need openpyxl")
     options = {"read_only": True, "data_only": False, "keep_links": False}
@@ -125,7 +129,10 @@ def _grid(content: bytes, problems: FileError, sheet: str | None) -> tuple[str, 
                     raise InputError(f"{where}: no sheet {sheet!r}; the sheets are {there}")
                 sheet = numbers[sheet]
             wanted = sheets if sheet is None else {sheet: sheets[sheet]}
-            found = {name: _rows(one, where) for name, one in wanted.items()}
+            typed: set[str] = set()
+            found = {name: _rows(one, where, typed) for name, one in wanted.items()}
+        if any(cell.startswith("=") for rows in found.values() for row in rows for cell in row):
+            found = _stored(openpyxl, content, found, typed)
     full = {name: rows for name, rows in found.items() if rows}
     if not full:
         raise InputError(f"{where}: no sheet with cells{'' if sheet is None else f' in {sheet!r}'}")
@@ -138,10 +145,25 @@ def _grid(content: bytes, problems: FileError, sheet: str | None) -> tuple[str, 
             sheet=best[0],
         )
         problems.raise_all()
-    return best[0], full[best[0]]
+    return best[0], full[best[0]], typed
 
 
-def _rows(sheet: Any, where: str) -> list[list[str]]:
+def _stored(
+    openpyxl: Any, content: bytes, found: dict[str, list[list[str]]], typed: set[str]
+) -> dict[str, list[list[str]]]:
+    """Return cells with the values that the file stores of formulas, where it does."""
+    options = {"read_only": True, "data_only": True, "keep_links": False}
+    with closing(openpyxl.load_workbook(io.BytesIO(content), **options)) as book:
+        values = {name: _rows(book[name], name, typed) for name in found}
+    for name, rows in found.items():
+        for row, stored in zip(rows, values[name], strict=False):
+            for i, cell in enumerate(row):
+                if cell.startswith("=") and i < len(stored) and stored[i]:
+                    row[i] = stored[i]
+    return found
+
+
+def _rows(sheet: Any, where: str, typed: set[str]) -> list[list[str]]:
     sheet.reset_dimensions()  # what a file says of them may be wrong, and would cut rows off
     rows: list[list[str]] = []
     n_cell = 0
@@ -153,6 +175,9 @@ def _rows(sheet: Any, where: str) -> list[list[str]]:
                 "tables as CSV"
             )
         rows.append([_text(cell.value, cell.data_type) for cell in row])
+        typed |= {
+            text for cell, text in zip(row, rows[-1], strict=True) if cell.data_type == "n" and text
+        }
     while rows and not any(rows[-1]):
         rows.pop()
     return rows
