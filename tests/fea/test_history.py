@@ -206,7 +206,8 @@ def test_table_of__the_corner_radius_is_that_of_the_deck_s_nodes():
     arc = r * np.column_stack([1 - np.cos(turn), np.sin(turn) - 1])
     # Outer ends of the flats too, as a deck has them.
     ends = np.array([[run["a"] - r, 0.0], [run["a"], -r]])
-    rigid = np.vstack([np.vstack([arc, ends]) + (far, run["top"]) for far in run["corners"]])
+    ridge = np.vstack([arc, ends])
+    rigid = np.vstack([np.array([far, run["top"]]) + ridge for far in run["corners"]])
     given = Body(run["a"], run["b"], corner_over_R=r)
     found, expected = table(run, rigid=rigid), table(run, given, rigid=rigid)
     pd.testing.assert_frame_equal(found.table.frame, expected.table.frame)

@@ -143,7 +143,9 @@ def test_spreadsheet__rules_of_the_contract_name_rows_of_the_sheet(refusal):
 
 def test_spreadsheet__several_sheets_need_a_name(read, refusal):
     content = workbook(other=[*ROWS[:2]], empty=[])
-    assert "2 sheets have cells: 'loads', 'other'; use --sheet" in refusal(content)
+    assert "2 sheets have cells: 'loads', 'other'; use --sheet (--sheet all reads" in refusal(
+        content
+    )
     assert len(read(content, sheet="other").table) == 1
     assert "no sheet 'third'; the sheets are 'loads', 'other', 'empty'" in refusal(
         content, sheet="third"
@@ -227,3 +229,29 @@ def test_spreadsheet__a_broken_archive_is_refused(refusal):
 def test_spreadsheet__without_openpyxl_the_extra_is_named(refusal, monkeypatch):
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     assert "pip install 'ridgebayes[excel]'" in refusal(workbook())
+
+
+def test_spreadsheet__all_sheets_of_a_header_are_read_one_after_the_other(read, refusal):
+    again = [[0.03, 0.01, 4, 0.0011, "x"], [0.03, 0.01, 6, 0.0045, "y"]]
+    first = [HEADER, [0.03, 0.01, 4, 0.001, "x"], [0.03, 0.01, 6, 0.004, "y"]]
+    content = workbook(first, July=[[], HEADER, *again], notes=[["a", "b"], [1, 2]])
+    found = read(content, sheet="all")
+    assert found.table.column("series").tolist() == ["loads", "loads", "July", "July"]
+    assert found.table.column("p_over_E").tolist() == [0.001, 0.004, 0.0011, 0.0045]
+    assert "sheets ignored, with another header: 'notes'" in found.messages
+    broken = workbook(first, July=[[], HEADER, [0.03, 0.01, 4, "oops", "x"]])
+    assert "sheet 'July', cell D3, column 'p_over_E' = 'oops'" in refusal(broken, sheet="all")
+
+
+def test_spreadsheet__sheets_of_other_bodies_are_not_joined(read, refusal):
+    words = ["Steg [mm]", "Nut [mm]", "Kanten", "Last [N/mm]"]
+    one, other = (
+        [["Radius R", R, "mm"], words, [0.24, 0.08, 4, 0.001], [0.24, 0.08, 6, 0.004]]
+        for R in (8, 10)
+    )
+    said = refusal(workbook(one, July=other), sheet="all", values={"E": "60 kPa"})
+    assert "sheet 'July': R, E or nu above its header are not those of the first sheet" in said
+    later = [*one[:2], [0.24, 0.08, 4, 0.0012], [0.24, 0.08, 6, 0.0041]]
+    found = read(workbook(one, July=later), sheet="all", values={"E": "60 kPa"})
+    assert found.table.column("series").tolist() == ["loads", "loads", "July", "July"]
+    assert found.table.column("a_over_R").tolist() == [0.03] * 4

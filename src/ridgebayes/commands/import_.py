@@ -81,7 +81,7 @@ def _again(
     files = [str(path) for path in values.pop("file")]
     values["out"] = values["out"] or f"{Path(files[0]).stem}-table.csv"
     typed = [one for one in asked.mapping or () if one.partition("=")[0].strip() not in mapping]
-    values["mapping"] = None
+    values["mapping"], values["skip_empty"] = None, bool(values["skip_empty"])
     values["map"] = [*typed, *(f"{key}={header}" for key, header in mapping.items())]
     if isinstance(values["empty"], str):
         values["empty"] = [*(asked.empty or ()), *values["empty"].split("\n")]

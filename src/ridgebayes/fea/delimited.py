@@ -71,6 +71,8 @@ class Reading:
         For increments: always intervals, even where gaps tell the load within; or always loads.
     closed_is : tuple of int
         Codes of a status that mean contact; none for 0 open, 1 closed.
+    skip_empty : bool
+        Whether rows without a load are left out.
     """
 
     sheet: str | None = None
@@ -82,6 +84,7 @@ class Reading:
     brackets: bool = False
     interpolate: bool = False
     closed_is: tuple[int, ...] = ()
+    skip_empty: bool = False
 
 
 def read_delimited(where: str, content: bytes, how: Reading, problems: FileError) -> "TextTable":

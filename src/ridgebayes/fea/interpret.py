@@ -62,6 +62,7 @@ class ColumnInterpreter:
         self._units: dict[str, str] = {}  # of what has a dimension, by its name in messages
         self.messages, self._begun = problems.messages, len(problems.messages)
         self._used_values: set[str] = set()
+        self._p_se: FloatArray | None = None  # of every load, over E
 
     def long(self, term: str | None) -> pd.DataFrame:
         """Return the rows of a table with one transition or increment each, and its own columns.
@@ -74,7 +75,8 @@ class ColumnInterpreter:
         found = self._curve()
         found["Q"] = self._counts(self._required("Q", self._first("Q")), term)
         found["p_over_E"] = self._required("p_over_E", self._load())
-        found |= {"p_over_E_lower": self._load("_lower"), "rel_se": self._first("rel_se")}
+        found |= {"p_over_E_lower": self._load("_lower"), "rel_se": self._rel_se()}
+        self._load_se()
         found |= self._texts("kind", "role", "status")
         left = self._left()
         own = [name for name in left if name not in NAMES]
@@ -90,9 +92,11 @@ class ColumnInterpreter:
         if own:
             self.messages.append(f"kept as they are: {listed(own)}")
         frame = frame.assign(**{n: self.cells[n] for n in own})
+        frame = self._with_load_se(frame)
         keep = (frame["Q"] >= 4) | ~frame["Q"].isin([0, 2]) | (frame.get("kind", "") == COUNT)
         if n := int((~keep).sum()):
             self.messages.append(f"{n} rows of Q under 4 ignored: that many touch at any load")
+        keep &= ~self._empty(frame, own)
         self.rows = frame.index[keep]
         return frame[keep].reset_index(drop=True)
 
@@ -107,6 +111,7 @@ class ColumnInterpreter:
                 )
         curve = self._curve() | self._texts("role")
         load = self._required("p_over_E", self._load())
+        self._load_se()
         corners = sorted(corners, key=lambda use: use.Q or 0)
         gaps = np.column_stack([self._gap(use) for use in corners])
         digits = last_digit(gaps) / 2  # a gap is printed as it is, and so rounded once
@@ -147,7 +152,84 @@ class ColumnInterpreter:
         if self._how.interpolate:
             rows, n = middle_loads(rows)
             self.messages.append(f"{n} loads in the middle of their increments")
-        return rows
+        return self._with_load_se(rows)
+
+    def _empty(self, frame: pd.DataFrame, own: list[str]) -> "pd.Series[bool]":
+        """Return which rows have no load, to be left out; ask for it where the user did not."""
+        status = frame["status"] if "status" in frame else pd.Series(OK, index=frame.index)
+        empty = frame["p_over_E"].isna() & status.isin(["", OK])
+        if not empty.any():
+            return empty & False
+        if not self._how.skip_empty:
+            use = next((one for key in LOADS if (one := self._use(key, None))), None)
+            rule = "expected a load; --skip-empty leaves out rows without one"
+            if use is not None and use.header in self.cells:
+                self._problems.cells(frame.index[empty], use.header, rule)
+            self._problems.options.setdefault("skip_empty", "yes")
+            return empty & False
+        texts = [name for name in own if frame[name].dtype.kind not in "if"]
+        why = frame.loc[empty, texts].astype(str).agg(" ".join, axis=1).str.strip()
+        said = some_of([one or "no reason given" for one in dict.fromkeys(why)], _SHOWN)
+        self.messages.append(f"{int(empty.sum())} rows without a load left out: {said}")
+        return empty
+
+    def _rel_se(self) -> FloatArray | None:
+        """Return the relative error of loads: as a column, or a deviation over its mean."""
+        own, sd = self._first("rel_se"), self._use("load_sd", None)
+        mean = next((one for key in LOADS if (one := self._use(key, None))), None)
+        if sd is None or mean is None:
+            return own
+        factors = []
+        for use in (sd, mean):
+            unit = use.own_unit or mean.own_unit
+            dimension = DIMENSIONS.get(mean.key)
+            factor = unit_factor(unit, dimension) if dimension and unit not in ("", "1") else None
+            factors.append(float(factor or 1))
+        ratio = divided(self.cells[sd.header].to_numpy(dtype=float) * factors[0])
+        ratio = ratio / (self.cells[mean.header].to_numpy(dtype=float) * factors[1])
+        what = "standard deviation of the load"
+        if (n := self._use("n_mean", None)) is not None:
+            ratio = ratio / np.sqrt(self.cells[n.header].to_numpy(dtype=float))
+            self._tell(n, ", how many loads the mean is of", is_plain=False)
+            what = "standard deviation of the load, over the root of their number: its error"
+        self._tell(sd, f", {what}", is_plain=False)
+        return ratio if own is None else np.hypot(own, ratio)
+
+    def _load_se(self) -> None:
+        """Find the standard error of every load, as p/E, where the user gives one."""
+        if "load_se" not in self._values:
+            return
+        text = str(self._values["load_se"]).strip()
+        match = NUMBER.match(text)
+        unit = "" if match is None else text[match.end() :].strip()
+        of_loads = next((one for key in LOADS if (one := self._use(key, None))), None)
+        key = next((key for key in LOADS[1:] if unit_factor(unit, DIMENSIONS[key])), "")
+        if not unit and of_loads is not None:  # as the loads: both without a unit
+            key = of_loads.key
+        if match is None or not key or not float(match.group()) > 0:
+            raise self._problems.error(
+                f"--load-se {text!r}: expected a number above 0 and a unit of loads, as '0.05 N'"
+            )
+        self._tell_value("load_se")
+        if key in DIMENSIONS:
+            self._units[f"{key} (--load-se)"] = unit
+        factor = unit_factor(unit, DIMENSIONS[key]) if unit else None
+        size = np.array(float(match.group()) * float(factor or 1))
+        names = {"p_over_E": (), "p": ("E",), "line": ("R", "E"), "force": ("thickness", "R", "E")}
+        by = [self._needed(one) for one in names[key]]
+        self._p_se = divided(size / 2 if len(by) > 1 else size, *by) if by else size
+
+    def _with_load_se(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """Return rows with the load cell's error in rel_se, in quadrature."""
+        if self._p_se is None:
+            return frame
+        p_se = self._p_se
+        if p_se.size not in (1, len(frame)):  # increments became transitions
+            if len(np.unique(p_se)) > 1:
+                raise self._problems.error("--load-se: expected one R and E in all increments")
+            p_se = p_se.ravel()[:1]
+        own = frame["rel_se"].fillna(0.0) if "rel_se" in frame else 0.0
+        return frame.assign(rel_se=np.hypot(own, p_se / frame["p_over_E"].to_numpy()))
 
     def _counts(self, counts: FloatArray | None, term: str | None) -> FloatArray | None:
         """Return Q of counts, whatever they are of."""
@@ -364,9 +446,12 @@ class ColumnInterpreter:
         """Ask for units, with those of the same dimension as a first guess."""
         units = {DIMENSIONS[name.split(" ")[0]]: one for name, one in self._units.items() if one}
         mapping, options = {}, {}
-        for key in (name.split(" ")[0] for name in bare):
+        for name in bare:
+            key = name.split(" ")[0]
             unit = units.get(DIMENSIONS[key], "?")
-            if key in self._values:
+            if name.endswith("(--load-se)"):
+                options["load_se"] = f"{self._values['load_se']} {unit}"
+            elif key in self._values:
                 options[key] = f"{self._values[key]} {unit}"
             elif (use := self._by_key.get((key, None))) is not None:
                 mapping[key] = f"{use.header};{unit}"

@@ -37,7 +37,7 @@ _OF_DECKS = ("deck", "surface", "reaction")
 _OF_BODIES = ("texture", "symmetry", "top", "thickness", "corner")
 # Options that are not of every format.
 _ALLOWED: dict[str, tuple[str, ...]] = {
-    "table": ("map", "texture", "thickness", "closed_is", *_OF_TABLES),
+    "table": ("map", "texture", "thickness", "closed_is", "skip_empty", "load_se", *_OF_TABLES),
     "calculix": (*_OF_BODIES, *_OF_DECKS),
     "abaqus-dat": (*_OF_BODIES, *_OF_DECKS),
     "abaqus-rpt": (*_OF_BODIES, *_OF_DECKS),
@@ -77,6 +77,8 @@ class Given(Reading):
         Of a series: name of the displacements, and what its time is.
     loads : tuple of float
         Of several ``.vtu``, which have no time: the same for each.
+    load_se : str or None
+        Standard error of every load of a table, in any unit of loads.
     """
 
     map: tuple[str, ...] = ()
@@ -94,6 +96,7 @@ class Given(Reading):
     field: str | None = None
     time: str | None = None
     loads: tuple[float, ...] = ()
+    load_se: str | None = None
 
 
 def import_files(
@@ -308,6 +311,8 @@ def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
         values |= constants
     mapping |= parse_map(one for one in given.map if one not in files)
     values |= _numbers(given)
+    if given.load_se is not None:
+        values["load_se"] = given.load_se
     if given.texture is not None:
         values["a_over_R"], values["b_over_R"] = given.texture
     return mapping, values

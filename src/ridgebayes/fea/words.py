@@ -140,6 +140,27 @@ def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
     return found
 
 
+def repeats_of(headers: Iterable[str]) -> dict[str, str]:
+    """Return which repeat each of some headers is, where they differ in one whole number alone.
+
+    Examples
+    --------
+    >>> repeats_of(["Force 1 (N)", "Force 2 (N)"]), repeats_of(["Force", "Load"])
+    ({'Force 1 (N)': '1', 'Force 2 (N)': '2'}, {})
+    """
+    headers = list(headers)
+    found = {one: re.findall(r"\d+", one) for one in headers}
+    templates = {re.sub(r"\d+", "*", one) for one in headers}
+    numbers = {one: words[0] for one, words in found.items() if len(words) == 1}
+    is_one = len(templates) == 1 and len(set(numbers.values())) == len(headers) > 1
+    return numbers if is_one else {}
+
+
+def is_number_of_repeats(words: str) -> bool:
+    """Return whether a header beside a mean and its deviation says how many were measured."""
+    return plain(words) in _WORDS["columns"]["n_mean"]
+
+
 def texture_of(text: str) -> tuple[str, str, str] | None:
     """Return ridge width, groove width and their unit of a text with just two numbers.
 
