@@ -40,7 +40,7 @@ from ridgebayes.fea.calculix_sta import read_sta
 from ridgebayes.fea.columns import read_columns
 from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.history import Body
-from ridgebayes.fea.read import read_mapping
+from ridgebayes.fea.map_files import read_mapping
 from ridgebayes.fea.record import Imported
 from tests.fea.runs import read_abaqus_dat, read_abaqus_rpt, read_calculix, read_series
 from tests.fea.runs import read_calculix as read_calculix_contact

@@ -745,3 +745,53 @@ def test_read_columns__a_missing_file_is_refused(tmp_path):
 
 def test_read_columns__a_sheet_of_a_text_file_is_refused(refusal):
     assert "--sheet" in refusal(CONTRACT, sheet="one")
+
+
+@pytest.mark.parametrize(
+    ("cell", "number"),
+    [("0.12D-02", 0.0012), ("0.48-002", 0.0048), (".19d-01", 0.019), ("0.314+001", 3.14)],
+)
+def test_read_columns__exponents_of_fortran_are_read_and_said(read, cell, number):
+    found = read(f"a_over_R b_over_R Q p_over_E\n.03 .01 4 {cell}\n.03 .02 4 1.0E-03\n")
+    np.testing.assert_allclose(found.table.column("p_over_E"), [number, 0.001], rtol=1e-15)
+    assert f"1 number with an exponent of Fortran's, such as '{cell}' = {number:g}" in " ".join(
+        found.messages
+    )
+
+
+@pytest.mark.parametrize("cell", ["12-120", "0.5-20", "1.5-2000", "1.5E-", "D-02"])
+def test_read_columns__ranges_are_no_exponents(refusal, cell):
+    words = refusal(f"a_over_R,b_over_R,Q,p_over_E\n.03,.01,4,{cell}\n.03,.02,4,1.0E-03\n")
+    assert f"= {cell!r}: expected a finite number" in words
+
+
+FIXED = (
+    "  INC ridge_mm groove_mm edges   uy_mm load_N/mm\n"
+    "    1    0.240    0.080     4 -0.9500-0.0012480\n"
+    "    2    0.240    0.080     6 -1.8500-0.0048000\n"
+)
+
+
+def test_read_columns__columns_that_touch_are_parted_before_signs(read):
+    found = read(FIXED, values={"R": "8 mm", "E": "60 kPa"})
+    np.testing.assert_allclose(found.table.column("p_over_E"), [0.0013, 0.005], rtol=1e-12)
+    assert any("line 2: columns run together" in line for line in found.messages)
+
+
+def test_read_columns__columns_that_touch_otherwise_are_told(refusal):
+    words = refusal(FIXED.replace("2    0.240    0.080", "2    0.2400.080"))
+    assert "line 2: columns run together" in words
+    assert "expected blanks between columns" in words
+
+
+def test_read_columns__a_header_behind_a_per_cent_sign_is_one(read):
+    text = (
+        "% Model: press.mph\n% a_over_R b_over_R Q p_over_E\n0.03 0.01 4 0.001\n0.03 0.01 6 0.004\n"
+    )
+    assert read(text).table.column("Q").tolist() == [4, 6]
+
+
+def test_read_columns__a_decimal_comma_of_a_title_is_not_cut(read):
+    text = "E-Modul = 60,5 kPa\nSteg [mm],Nut [mm],Kanten,Last [N/mm]\n0.24,0.08,4,0.0012\n"
+    found = read(text, values={"R": "8 mm"})
+    assert "E: 60.5 kPa, as given" in found.messages

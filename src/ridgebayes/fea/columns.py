@@ -14,10 +14,11 @@ from ridgebayes._types import BoolArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.abaqus_rpt import read_xy
 from ridgebayes.fea.delimited import Reading, TextTable, read_delimited
-from ridgebayes.fea.interpret import ABOVE_0, ColumnInterpreter, listed
+from ridgebayes.fea.interpret import ColumnInterpreter, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
 from ridgebayes.fea.parquet import ParquetTable
 from ridgebayes.fea.problems import SHOWN, FileError, Source
+from ridgebayes.fea.quantities import ABOVE_0
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
 from ridgebayes.fea.wide import melt_counts, melt_repeats, named_textures

@@ -1,6 +1,5 @@
 """Text of cells between separators, and the numbers that are meant by them."""
 
-import codecs
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
@@ -16,12 +15,11 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import FORTRAN, NUMBER, is_unit, split_header
 from ridgebayes.fea.layout import FINITE, FORMULA, LOOKED_AT, clean_headers, filled, find_layout
 from ridgebayes.fea.problems import FileError, Source
+from ridgebayes.fea.separators import SEPARATORS, as_text, separated
 from ridgebayes.fea.words import NOTHING
-from ridgebayes.runtime.reading import decoded
 from ridgebayes.runtime.text import clipped, count, some_of
 from ridgebayes.table.files import lossless, records
 
-SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
 _COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 
 
@@ -38,8 +36,6 @@ _STYLES = (
     *(_style(".", thousands) for thousands in ",' \xa0\u202f"),
     *(_style(",", thousands) for thousands in ".' \xa0\u202f"),
 )
-_TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # where a number begins within a word
-_REMARK = ("#", "%")
 _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _WORDS = {".": "point", ",": "comma"}
 # What Python takes for blanks, but for control characters that only damage brings into a file.
@@ -106,12 +102,12 @@ def read_delimited(where: str, content: bytes, how: Reading, problems: FileError
     InputError
         If it is no text, is empty, or has an open quote.
     """
-    text = _decoded(content, where, problems)
+    text = as_text(content, where, problems)
     lines = text.split("\n", how.skip_rows)
     text = lines[-1] if len(lines) > how.skip_rows else ""
     if not text.strip():
         raise InputError(f"{where}: the file is empty")
-    text, separator = _separated(text, where, problems)
+    text, separator = separated(text, where, problems)
     rows = ((line + how.skip_rows, cells) for line, cells in records(text, where, separator))
     return TextTable(where, rows, separator, how, problems)
 
@@ -320,91 +316,9 @@ def _without_notes(rows: list[_Row]) -> tuple[list[_Row], list[str]]:
     return rows[:1], notes[::-1]
 
 
-def _decoded(content: bytes, where: str, problems: FileError) -> str:
-    """Return text that may be UTF-16 or Windows-1252; say so if it is."""
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        try:
-            content = content.decode("utf-16").encode()
-        except UnicodeDecodeError:
-            raise InputError(f"{where}: begins as UTF-16 text, and is none") from None
-        problems.messages.append(f"{where}: UTF-16 text")
-    try:
-        return decoded(content, where)
-    except InputError as error:
-        try:
-            text = decoded(content.decode("cp1252").encode(), where)
-        except UnicodeDecodeError:
-            raise error from None
-        byte = str(error).removesuffix("; expected UTF-8")
-        problems.messages.append(f"{byte}: read as Windows-1252")
-        return text
-
-
 def _exact(cell: str, typed: Collection[str]) -> float | None:
     """Return a number that no decimal mark has to be known for; None of other cells."""
     if cell in typed:
         return float(cell) if NUMBER.fullmatch(cell) else None
     match = FORTRAN.fullmatch(cell)
     return None if match is None else float(f"{match[1]}e{match[2] or match[3]}")
-
-
-def _tabs_for_blanks(text: str, where: str, problems: FileError) -> str:
-    """Return text in columns with tabs between; empty if most lines are not equally wide."""
-    lines = text.split("\n")
-    n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith(_REMARK)), 0)
-    rows = [re.sub(r"^\s*[#%]+", "", row) for row in lines[:n]] + lines[n:]  # a header among them
-    some = [row.split() for row in rows[:LOOKED_AT] if row.strip() and row.lstrip()[0] not in "#%"]
-    widths = Counter(map(len, some))
-    width, n = widths.most_common(1)[0] if widths else (0, 0)
-    is_table = width >= 2 and n >= 2 and 2 * n > widths.total()
-    touching = next((i for i, row in enumerate(rows) if _TOUCH.search(row)), None)
-    if touching is not None and len(widths) > 1:
-        # Numbers of fixed columns run together: safe to part where all rows then have one width.
-        parted = [_TOUCH.sub(" ", row) for row in rows]
-        found = {len(row.split()) for row in parted if row.strip()}
-        told = f"line {touching + 1}: columns run together, such as {clipped(lines[touching])}"
-        if len(found) == 1:
-            problems.messages.append(f"{where}, {told}: split before signs, {max(found)} columns")
-            rows, width, is_table = parted, found.pop(), True
-        elif not is_table:
-            raise InputError(
-                f"{where}, {told}; split before signs, lines have "
-                f"{' or '.join(map(str, sorted(found)))} cells: expected blanks between columns"
-            )
-    if not is_table:
-        return ""
-    return "\n".join(
-        "\t".join(row.split()) if len(row.split()) == width else as_is
-        for row, as_is in zip(rows, lines, strict=True)
-    )
-
-
-def _separated(text: str, where: str, problems: FileError) -> tuple[str, str]:
-    """Return the text and its separator: the one by which most first records are equally wide.
-
-    Tab goes before semicolon, bar and comma: a comma may stand within cells of the others. Text in
-    columns with blanks between gets tabs.
-    """
-    best, n_record, failed = (0, ""), 0, None
-    for separator in SEPARATORS:
-        try:
-            some = islice(records(text, where, separator), LOOKED_AT)
-            widths = Counter(len(cells) for _, cells in some)
-        except InputError as error:
-            failed = error
-            continue
-        n_record = widths.total()
-        width, n = max(widths.items(), key=lambda one: (one[1] * (one[0] > 1), one[0]))
-        if width > 1 and n > best[0]:
-            best = n, separator
-    blank = "" if 2 * best[0] > n_record else _tabs_for_blanks(text, where, problems)
-    if blank:
-        return blank, "\t"
-    if best[1]:
-        return text, best[1]
-    if failed is not None:
-        raise failed
-    raise InputError(
-        f"{where}, line 1: one column only; expected columns separated by commas, semicolons, "
-        "bars or tabs"
-    )
