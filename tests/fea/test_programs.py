@@ -112,9 +112,14 @@ def listing(names, rows, columns, title="SOLUTION PER NODE", page=40):
     return "\n".join(out) + "\n"
 
 
-PLACES = "\n LIST ALL SELECTED NODES.\n\n    NODE        X             Y             Z\n" + "".join(
-    f"{n:9d}{x:14.8f}{y:14.8f}{0.0:14.8f}\n" for n, (x, y) in zip(NODES, RUN["nodes"], strict=True)
-)
+def places(names, nodes):
+    """A list of nodes."""
+    head = "\n LIST ALL SELECTED NODES.\n\n    NODE        X             Y             Z\n"
+    rows = zip(names, nodes.tolist(), strict=True)
+    return head + "".join(f"{n:9d}{x:14.8f}{y:14.8f}{0.0:14.8f}\n" for n, (x, y) in rows)
+
+
+PLACES = places(NODES, RUN["nodes"])
 U = listing(NODES, MOVED, ("UX", "UY"))
 FORCES = np.stack([0.25 * RUN["force"], 0.75 * RUN["force"]], axis=1)
 REACTION = listing([900, 901], np.stack([0 * FORCES, -FORCES], axis=2), ("FX", "FY"))
@@ -206,11 +211,13 @@ def fixed(value):
     return text if len(text) <= 12 else f"{value:.5E}".replace("E", "")
 
 
-def frd(form=1, tiny=0.0):
-    width, n = 10 if form else 5, len(RUN["nodes"])
+def frd(form=1, tiny=0.0, run=RUN):
+    width, n = 10 if form else 5, len(run["nodes"])
     out, still = ["    1C", "    2C"], (0.0, 0.0, 0.0)
-    for k, force in enumerate(RUN["force"]):
-        moved = {i: (*row, tiny) for i, row in enumerate(MOVED[k], start=1)} | {n + 1: still}
+    for k, force in enumerate(run["force"]):
+        moved = {
+            i: (*row, tiny) for i, row in enumerate(run["position"][k] - run["nodes"], start=1)
+        } | {n + 1: still}
         forces = dict.fromkeys(moved, still) | {n + 1: (0.0, -force, 0.0)}
         for name, some in (("DISP", moved), ("FORC", forces)):
             head = f"  100CL{101 + k:5d}{k + 1:12.5E}{len(moved):12d}{'':20}{0:2d}{1:5d}"
