@@ -185,7 +185,7 @@ def test_ansys__nodes_at_corners_need_no_places(tmp_path):
         ),
         (
             {"u__lis": U.replace("E-0", "Q-0", 1), "f__lis": REACTION, "n__lis": PLACES},
-            "node, UX, UY",
+            "expected a finite number",
         ),
         (
             {"u__lis": U, "f__lis": REACTION[: REACTION.rindex("  901 ") + 9], "n__lis": PLACES},
@@ -312,6 +312,60 @@ def test_pvd__times_are_the_loads(tmp_path):
 def test_pvd__what_is_no_series_is_refused(tmp_path, files, message):
     with pytest.raises(InputError, match=message):
         frame(write(tmp_path, run__pvd=pvd(files)), **SERIES)
+
+
+# --- any other program ---------------------------------------------------------------------------
+
+
+def node_table(header, values, decimals=9):
+    """A row for each node at each step."""
+    rows = [header]
+    for k, force in enumerate(RUN["force"]):
+        for i, (x, value) in enumerate(zip(RUN["position"][k, :, 0], values[k], strict=True)):
+            rows.append(f"{k},{i},{force:.9g},{x:.9f},{value:.{decimals}f}")
+    return "\n".join(rows) + "\n"
+
+
+GAP = RUN["position"][..., 1] - RUN["top"]
+
+
+def test_nodes__gaps_of_any_program_find_the_loads(tmp_path):
+    paths = write(tmp_path, n__csv=node_table("Step,Node,RF2,X,COPEN", GAP))
+    found = import_files(paths, Given(**GIVEN, R="8"), program="nodes")
+    check(found.table.frame)
+    assert "34 steps of 241 nodes, by gap" in found.messages
+
+
+def test_nodes__status_and_pressure_bracket_the_loads(tmp_path):
+    text = node_table("Step,Node,RF2,X,CSTATUS", status()[..., 0], decimals=0)
+    given = Given(**GIVEN, R="8", closed_is=(2, 3))
+    found = import_files(write(tmp_path, n__csv=text), given, program="nodes").table.frame
+    pressure = node_table("Inc,Node,F,Place,CPRESS", np.where(status()[..., 0] > 1, 0.5, 0.0))
+    named = Given(**GIVEN, R="8", map=("load=F", "x=Place"))
+    other = import_files(write(tmp_path, p__csv=pressure), named, program="nodes").table.frame
+    assert found["Q"].tolist() == RUN["Q"]
+    assert (found["p_over_E"] >= RUN["load"]).all()
+    assert found["p_over_E"].tolist() == other["p_over_E"].tolist()
+
+
+@pytest.mark.parametrize(
+    ("change", "given", "message"),
+    [
+        (("COPEN", "Note"), {}, r"no column gap, pressure or status: .*--map 'gap=HEADER'"),
+        (("RF2", "Note"), {}, "no column load"),
+        (("COPEN", "CSTATUS"), {}, "expected open or 0, closed or 1"),
+        (("\n0,1,", "\n0,0,"), {}, "a node twice in a step"),
+        (("\n0,1,", "\n0,999,"), {}, "steps of other nodes"),
+        (("\n0,1,", "\n0,1,9"), {}, "a step with several loads"),
+        (("\n0,1,", "\n0,1,x"), {}, "line 3, column 'RF2' = .*: expected a finite number"),
+        (("", ""), {"map": ("gap=Nothing",)}, "--map gap=Nothing: expected one of step, node, x"),
+    ],
+)
+def test_nodes__what_cannot_be_understood_is_named(tmp_path, change, given, message):
+    text = node_table("Step,Node,RF2,X,COPEN", GAP)
+    paths = write(tmp_path, n__csv=text.replace(*change, 1))
+    with pytest.raises(InputError, match=message):
+        import_files(paths, Given(**GIVEN, R="8", **given), program="nodes")
 
 
 # --- which program -------------------------------------------------------------------------------

@@ -134,7 +134,8 @@ class Import:
     out : Path, optional
         Table to write.
     program : str, optional
-        table, calculix, abaqus-dat, abaqus-rpt, febio, ansys or series. Detected if not given.
+        table, calculix, abaqus-dat, abaqus-rpt, febio, ansys, series, or nodes (a table of a row
+        for each node at each step). Detected if not given, but for nodes.
     mapping : list of str, optional
         Column of a key, KEY=HEADER, such as 'a=Ridge width \[mm]', or KEY=HEADER;UNIT, or a
         TOML file of them. Adds to what is recognised.

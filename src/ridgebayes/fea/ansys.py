@@ -19,10 +19,7 @@ MARK = re.compile(rb"\*\*\*\*\* POST1 .* LISTING|LIST (?:ALL )?SELECTED NODES|PR
 CLOSED = (2, 3)  # of STAT: 0 far, 1 near, 2 sliding, 3 sticking
 _STEP = re.compile(r"\s*LOAD STEP=\s*(\d+)\s+SUBSTEP=\s*(\d+)")
 _HEADER = re.compile(r"\s*NODE((?:\s+[A-Z]\w*)+)\s*$")
-_ROW = re.compile(
-    r"\s*(\d{1,10})((?:\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+|[+-]\d{3})?)+)\s*$"
-)
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+|[+-]\d{3}(?!\.))?")
+_TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")  # where a number begins in fixed columns
 _END = re.compile(r"\s*(?:MAXIMUM|MINIMUM|TOTAL)\b")
 _MOST = 20  # nodes that messages name
 _Key = tuple[int, int]
@@ -159,24 +156,16 @@ def _read(path: Path, steps: dict[_Key, dict[str, _Nodes]], places: dict[str, _N
                 raise line.error(f"columns {', '.join(columns)} before a LOAD STEP")
         elif _END.match(line.text):
             columns = []
-        elif columns and (match := _ROW.match(line.text)):
+        elif columns and line.text.strip()[:1].isdigit() and line.text.strip() != "1":
+            # A 1 by itself is a page's head.
+            node, *words = _TOUCH.sub(" ", line.text).split()
+            is_place = columns[0] == "X"
             if not line.ended:
                 raise line.error("the last line has no end; expected a whole listing")
-            is_place = columns[0] == "X"
-            words = _NUMBER.findall(match[2])
-            if len(words) != len(columns) and not (is_place and len(words) >= len(columns)):
-                raise line.error(f"{len(words)} values; expected {', '.join(columns)}")
+            if len(words) != len(columns) and not (is_place and len(words) > len(columns)):
+                raise line.unexpected(f"node, {', '.join(columns)}")
             into = places if is_place or key is None else steps.setdefault(key, {})
-            _take(line, int(match[1]), dict(zip(columns, words, strict=False)), into)
-        elif (
-            columns
-            and line.text.strip()
-            and line.text.strip()[0].isdigit()
-            and (
-                line.text.strip() != "1"  # a page's head
-            )
-        ):
-            raise line.unexpected(f"node, {', '.join(columns)}")
+            _take(line, line.node(node, ()), dict(zip(columns, words, strict=False)), into)
 
 
 def _take(line: Line, node: int, row: Mapping[str, str], into: dict[str, _Nodes]) -> None:

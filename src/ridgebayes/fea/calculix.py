@@ -280,6 +280,8 @@ def _headed(
         others.add(f"{block} of {name or 'all'}")
         return None
     if block == _STRESS and not columns.startswith(_FACES):
+        if not columns.startswith("slave node"):
+            raise line.unexpected(f"contact stress ({_FACES},...) or (slave node,...)")
         others.add(f"contact stress by ({columns}); expected of faces, TYPE=SURFACE TO SURFACE")
         return None
     time = line.finite(match[4])
@@ -336,8 +338,9 @@ def _read_frd(path: Path, surface: str, reaction: str) -> tuple[list[Level], lis
             level = found.setdefault(time, Level(line.number, time))
             if block in level.blocks:
                 level = found[time] = Level(line.number, time, again=True)
-            columns = "node, " + ", ".join("xyzabcdef"[:n_column])
-            level.blocks[block] = NodeRows.of_lines(rows, columns)
+            if n_column != len("xyz"):
+                raise line.error(f"{n_column} components above; expected three, x, y and z")
+            level.blocks[block] = NodeRows.of_lines(rows, "node, x, y, z")
             block = ""
     if not found and not others:
         raise InputError(f"{path}: no results; expected a .frd of CalculiX, not binary")

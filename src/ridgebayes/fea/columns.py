@@ -153,7 +153,7 @@ def _read(
     path: Path, mapping: Mapping[str, str], values: Mapping[str, str | float], how: Reading
 ) -> Imported:
     problems = FileError(str(path))
-    source = _source(path, how, problems)
+    source = open_table(path, how, problems)
     where = source.where
     uses, term = assign(source.headers, mapping, values, problems)
     problems.known = {use.name: _typed(use) for use in uses if use.repeat is None}
@@ -347,7 +347,7 @@ def _mapping_text(
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def _source(path: Path, how: Reading, problems: FileError) -> Source:
+def open_table(path: Path, how: Reading, problems: FileError) -> Source:
     """Return the file, by its suffix; nothing in it is run."""
     suffix = path.suffix.lower()
     if suffix in _OLD:

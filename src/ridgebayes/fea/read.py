@@ -21,6 +21,7 @@ from ridgebayes.fea.febio import read_febio
 from ridgebayes.fea.history import Body, ContactHistory, table_of
 from ridgebayes.fea.map_files import parse_map, read_mapping
 from ridgebayes.fea.mesh_series import read_series
+from ridgebayes.fea.node_table import read_node_table
 from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.record import Imported
 from ridgebayes.fea.words import COUNTS, NOT_READ
@@ -41,6 +42,7 @@ _ALLOWED: dict[str, tuple[str, ...]] = {
     "abaqus-rpt": (*_OF_BODIES, *_OF_DECKS),
     "febio": _OF_BODIES,
     "ansys": (*_OF_BODIES, "closed_is", "map"),
+    "nodes": (*_OF_BODIES, "closed_is", "map", *_OF_TABLES[:5]),
     "series": (*_OF_BODIES, "field", "time", "loads"),
 }
 FORMATS = tuple(_ALLOWED)
@@ -208,6 +210,8 @@ def _read(name: str, paths: Sequence[Path], given: Given) -> Imported:
         return read_columns(paths[0], mapping, values=values, how=given)
     given, messages = _completed(paths[0], given, name)
     body = _body(given)
+    if name == "nodes":  # gaps are from the tops
+        body = replace(body, top=body.top or 0.0)
     history = _history(name, paths, given, body)
     history = replace(history, messages=(*messages, *history.messages))
     return table_of(history, body, brackets=given.brackets)
@@ -221,6 +225,8 @@ def _history(name: str, paths: Sequence[Path], given: Given, body: Body) -> Cont
         return read_series(paths, R=body.R, **how)
     if name == "febio":
         return read_febio(paths)
+    if name == "nodes":
+        return read_node_table(path, parse_map(given.map), given)
     if name == "ansys":
         corners = {}
         for key, node in parse_map(given.map).items():
@@ -269,7 +275,7 @@ def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
         problems.need(text, texture="?,?")
     if given.nu is None and "nu" not in found:
         problems.need("--nu: missing; expected Poisson's ratio of the run", nu="?")
-    without_deck = name in ("febio", "ansys")
+    without_deck = name in ("febio", "ansys", "nodes")
     if given.E is None and (without_deck or given.time == "line"):
         problems.need("--E: missing; expected Young's modulus, in the units of the run", E="?")
     if given.R is None and without_deck:

@@ -27,6 +27,7 @@ _PATTERNS = [
 ]
 _TERMS = {term: _any(one["words"]) for term, one in _WORDS["counts"].items()}
 NOT_READ = _WORDS["not_read"]
+OF_NODES = _WORDS["nodes"]
 COUNTS = {term: one["said"] for term, one in _WORDS["counts"].items()}
 STATUS_RULE = (
     "expected open or 0, closed or 1, or an empty cell; --closed-is says which codes are contact"
