@@ -294,7 +294,18 @@ SERIES = {"field": "U", "time": "line", "top": RUN["top"]}
 def test_pvd__times_are_the_loads(tmp_path):
     for k, (name, _) in enumerate(LISTED):
         (tmp_path / name).write_text(vtu(k))
-    check(frame(write(tmp_path, run__pvd=pvd(LISTED)), **SERIES))
+    paths = write(tmp_path, run__pvd=pvd(LISTED))
+    found = frame(paths, **SERIES)
+    check(found)
+    with pytest.raises(InputError, match="--time: missing; expected line or p_over_E"):
+        frame(paths, field="U", top=RUN["top"])
+    loads = tuple(2 * load for _, load in LISTED)
+    same = frame(write(tmp_path, run__pvd=pvd(enumerated(LISTED))), loads=loads, **SERIES)
+    assert same["p_over_E"].tolist() == found["p_over_E"].tolist()
+
+
+def enumerated(files):
+    return [(name, float(k)) for k, (name, _) in enumerate(files)]
 
 
 @pytest.mark.parametrize(

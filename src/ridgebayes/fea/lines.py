@@ -18,6 +18,7 @@ from ridgebayes.runtime.reading import read_text
 # A number as programs print it: Fortran drops the E of an exponent of three digits.
 NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
 _PLAIN = re.compile(r"[-+0-9.Ee \t]*")  # what numbers of Python's spelling are made of
+_ROW = re.compile(r"\s*\d+\s+[-+.\d][-+0-9.Ee\s]*$")
 _MOST_NODE = 2**53
 _SHOWN = 60  # characters
 Handler = Any  # a method of a `Printed`, of a line and its match
@@ -263,6 +264,9 @@ class Printed:
 
     def take(self, line: Line) -> None:
         """Take a line."""
+        if self.table is not None and _ROW.match(line.text):  # most lines are rows
+            self.row(line, self.table)
+            return
         for handler in self._handlers:
             if match := handler.pattern.match(line.text):
                 handler(self, line, match)

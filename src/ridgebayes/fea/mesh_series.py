@@ -54,7 +54,8 @@ def read_series(
     time : {"p_over_E", "line", None}
         Whether the series' time is p/E, the default, or the body's line load 2 R p.
     loads : sequence of float or None
-        The same for each of several ``.vtu`` files, which have no time.
+        The same for each of several ``.vtu`` files, which have no time, or of those of a ``.pvd``
+        whose times are no loads.
 
     Returns
     -------
@@ -74,10 +75,11 @@ def read_series(
     where, first = str(paths[0]), paths[0]
     suffixes = {one.suffix.lower() for one in paths}
     is_single = len(paths) == 1 and suffixes <= {".xdmf", ".xmf", ".pvd"}
-    if is_single and loads:
+    if is_single and loads and suffixes != {".pvd"}:
         raise InputError(f"{where}: loads of a series; expected its times")
     if suffixes == {".pvd"} and is_single:
-        paths, loads = _of_pvd(first)
+        paths, times = _of_pvd(first)
+        loads = loads or times
         states = _of_vtus(paths, field, loads)
     elif is_single:
         states = _of_xdmf(first, field)

@@ -276,11 +276,18 @@ def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
     if given.nu is None and "nu" not in found:
         problems.need("--nu: missing; expected Poisson's ratio of the run", nu="?")
     without_deck = name in ("febio", "ansys", "nodes")
-    if given.E is None and (without_deck or given.time == "line"):
+    is_line = given.time == "line" or (name == "abaqus-rpt" and file is None)
+    if given.E is None and (without_deck or is_line):
         problems.need("--E: missing; expected Young's modulus, in the units of the run", E="?")
+    if path.suffix.lower() == ".pvd" and given.time is None:
+        problems.need(
+            "--time: missing; expected line or p_over_E, what times or loads are", time="?"
+        )
     if given.R is None and without_deck:
         problems.need("--R: missing; expected the body's radius, in the units of the run", R="?")
     problems.raise_all()
+    if given.E is None and deck.E is None and file is not None:
+        problems.messages.append(f"{file}: no material, so E = 1; --E gives another")
     if found:
         shown = ", ".join(f"{key} = {value}" for key, value in found.items())
         problems.messages.append(f"{file}: {shown}")
