@@ -270,10 +270,24 @@ def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
         found |= _sets(deck, given, problems)
     if is_run and file is None:
         problems.need("--deck: missing; expected the run's input deck", deck="?.inp")
+    _ask(path, name, given, file, deck, problems)
+    problems.raise_all()
+    if given.E is None and deck.E is None and file is not None:
+        problems.messages.append(f"{file}: no material, so E = 1; --E gives another")
+    if found:
+        shown = ", ".join(f"{key} = {value}" for key, value in found.items())
+        problems.messages.append(f"{file}: {shown}")
+    return replace(given, **found), problems.messages
+
+
+def _ask(
+    path: Path, name: str, given: Given, file: Path | None, deck: Deck, problems: FileError
+) -> None:
+    """Ask for what neither the files of a run nor the user say of the body."""
     if given.texture is None:
         text = "--texture: missing; expected A,B, ridge and groove width over R"
         problems.need(text, texture="?,?")
-    if given.nu is None and "nu" not in found:
+    if given.nu is None and deck.nu is None:
         problems.need("--nu: missing; expected Poisson's ratio of the run", nu="?")
     without_deck = name in ("febio", "ansys", "nodes")
     is_line = given.time == "line" or (name == "abaqus-rpt" and file is None)
@@ -285,13 +299,6 @@ def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
         )
     if given.R is None and without_deck:
         problems.need("--R: missing; expected the body's radius, in the units of the run", R="?")
-    problems.raise_all()
-    if given.E is None and deck.E is None and file is not None:
-        problems.messages.append(f"{file}: no material, so E = 1; --E gives another")
-    if found:
-        shown = ", ".join(f"{key} = {value}" for key, value in found.items())
-        problems.messages.append(f"{file}: {shown}")
-    return replace(given, **found), problems.messages
 
 
 def _sets(deck: Deck, given: Given, problems: FileError) -> dict[str, str]:
