@@ -20,7 +20,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.fea.calculix import whole_levels
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
-from ridgebayes.fea.surface import CylinderSurface
+from ridgebayes.fea.rim import Rim
 from ridgebayes.scene.scene import Scene, Texture
 
 TABLE = Path("data/fea/calculix_rounded.csv")
@@ -61,10 +61,10 @@ def transitions(folder: Path, a: float, b: float, edges: float, penalty: float) 
     """
     name, radius = name_of(a, b, edges, penalty), CORNER * a
     run = RunDeck.read(folder / f"{name}.inp", SURFACE, REACTION, E=1.0, nu=NU)
-    levels, _ = whole_levels(folder / f"{name}.dat", run, None, contact=False)
+    levels, _ = whole_levels(folder / f"{name}.dat", run, None)
     load = np.array([abs(one.force or math.nan) for one in levels])
-    moved = np.array([[(one.moved or {})[n][:2] for n in run.nodes] for one in levels])
-    surface = CylinderSurface.of(run.undeformed, name, R=1.0, symmetry="half")
+    moved = np.array([one.moved(run.nodes) for one in levels])
+    surface = Rim.of(run.undeformed, name, R=1.0, symmetry="half")
     far = b / 2 + (a + b) * np.arange(math.ceil(0.6 / (a + b)))
     top = float(run.rigid[:, 1].max())
     corners = np.column_stack([far, np.full(len(far), top)])

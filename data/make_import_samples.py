@@ -30,7 +30,7 @@ def abaqus() -> None:
     nodes = deck.coordinates(deck.nsets["NARC"], "ridges.inp")
     levels, _ = read_levels(FEA / "calculix" / "ridges.dat", "NARC", "NTOP")
     force = np.array([one.force for one in levels], dtype=float)
-    moved = np.array([[one.moved[n] for n in deck.nsets["NARC"]] for one in levels])
+    moved = np.array([one.moved(deck.nsets["NARC"]) for one in levels])
     text = writer["dat_text"](force, nodes, nodes + moved, surface="RIM", reaction="TOP")
     (folder / "ridges.dat").write_text(text, encoding="ascii")
     rim = [f"{i}, {x:.13g}, {y:.13g}" for i, (x, y) in enumerate(nodes, start=1)]

@@ -222,26 +222,9 @@ def _histories() -> list[Foreign]:
         ",",
     )
     of_one = truth[np.isclose(truth["a_over_R"], TEXTURES[0][0] / R)]
-    grid = np.round(np.linspace(0.0, 0.06, 61)[1:], 6)
-    at = {ab: some["line"].to_numpy() for ab, some in true_rows().groupby(["a", "b"], sort=False)}
-    counts = {ab: 2 + 2 * (grid[:, None] >= one).sum(axis=1) for ab, one in at.items()}
-    wide = text(
-        ["Load [N/mm]", *(f"{a} x {b} mm" for a, b in TEXTURES)],
-        [[p, *(float(counts[ab][i]) for ab in TEXTURES)] for i, p in enumerate(grid.tolist())],
-    )
-    expected = []
-    for a, b in TEXTURES:
-        seen = 2
-        for i, Q in enumerate(counts[a, b]):
-            if seen < Q:
-                low = grid[i - 1] if i else 0.0
-                expected.append((a / R, b / R, seen + 2, grid[i] / SCALE, low / SCALE))
-                seen = Q
-    wide_truth = pd.DataFrame(expected, columns=list(truth.columns))
     return [
         Foreign("increments.csv", long.encode(), BODY, truth),
         Foreign("increments-one.csv", edges.encode(), {**BODY, "texture": "0.03,0.01"}, of_one),
-        Foreign("increments-wide.csv", wide.encode(), BODY, wide_truth),
     ]
 
 
@@ -388,13 +371,7 @@ def foreign_files() -> list[Foreign]:
             mark=",",
             empty="-",
         ),
-        Foreign("per-texture.csv", _per_texture(), BODY, _truth(true_rows())),
-        Foreign(
-            "per-texture-no-unit.csv",
-            _per_texture("{a}/{b} mm"),
-            BODY | {"value": "N/mm"},
-            _truth(true_rows()),
-        ),
+        *_repeats(),
         _long("own-names.csv", "w1|w2|cnt|q_lin", said=BODY | {"load": "N/mm"}),
         _long(
             "comments.csv",
@@ -451,11 +428,23 @@ def _grouped(content: str) -> str:
     return "\n".join(map(";".join, lines)) + "\n"
 
 
-def _per_texture(name: str = "a={a} b={b} mm [N/mm]") -> bytes:
-    wide = true_rows().pivot_table(index="Q", columns=["a", "b"], values="line", sort=False)
-    header = ["Q", *(name.format(a=a, b=b) for a, b in TEXTURES)]
-    rows = [[Q, *loads] for Q, loads in zip(wide.index, wide.to_numpy().tolist(), strict=True)]
-    return text(header, rows).encode()
+def _repeats() -> list[Foreign]:
+    """Return loads measured twice, in the rows and in the columns of a file."""
+    rows = true_rows()
+    again = rows.assign(line=(rows["line"] * 1.01).round(9))
+    both = pd.concat([rows, again], ignore_index=True)
+    truth = _truth(both).sort_values(["a_over_R", "b_over_R", "Q"], kind="stable")
+    header = ["Specimen", "Wdh.", "Steg [mm]", "Rille [mm]", "Kanten", "Last [N/mm]"]
+    cells = [
+        [f"S{a:g}", f"{1 + i // len(rows)}", a, b, Q, line]
+        for i, (a, b, Q, line) in enumerate(both.itertuples(index=False))
+    ]
+    wide = ["Ridge [mm]", "Groove [mm]", "Edges", "Load 1 [N/mm]", "Load 2 [N/mm]"]
+    two = rows.assign(again=again["line"]).itertuples(index=False)
+    return [
+        Foreign("repeats.csv", text(header, cells).encode(), BODY, truth),
+        Foreign("repeats-columns.csv", text(wide, two).encode(), BODY, truth),
+    ]
 
 
 def main() -> None:

@@ -57,7 +57,8 @@ def run(command):
 
 def test_import__of_a_run_gives_the_load_at_which_the_corner_is_reached(run):
     said = run("run.dat", "--deck", "run.inp", *RUN, "-o", "t.csv")
-    assert (said.code, said.err) == (0, "")
+    assert said.code == 0
+    assert said.err.startswith("ridgebayes: warning: 1 row, a0.06_b0.03 Q = 4")
     frame = rb.read_table("t.csv").frame
     assert frame["Q"].iloc[0] == 4
     # Seven digits of a displacement are printed: 1e-5 of the gap's slope.
@@ -132,7 +133,8 @@ def test_import__map_may_be_a_file(run):
             ("mine.csv", *MAP, "--deck", "run.inp", "-o", "t.csv"),
             ["--deck: not used by format table"],
         ),
-        (("mine.csv", *MAP, "--format", "ansys", "-o", "t.csv"), ["--format ansys", "calculix"]),
+        (("mine.csv", *MAP, "--format", "marc", "-o", "t.csv"), ["--format marc", "calculix"]),
+        (("mine.csv", "--closed-is", "2;3", "-o", "t.csv"), ["--closed-is 2;3: expected whole"]),
         (
             ("mine.csv", *MAP),
             ["R is missing", "E is missing", "-o mine-table.csv --R '? mm' --E '? kPa'"],
@@ -162,7 +164,7 @@ def test_import__what_cannot_be_is_refused(run, words, expected):
 
 def test_import__of_a_run_takes_nu_and_sets_from_the_deck_beside_it(run):
     said = run("run.dat", "--texture", f"{A},{B}", "-o", "t.csv")
-    assert (said.code, said.err) == (0, "")
+    assert said.code == 0
     assert "run.inp: deck = run.inp, nu = 0.49, surface = NARC, reaction = NTOP" in said.out
     with_all = run("run.dat", "--deck", "run.inp", *RUN, "-o", "u.csv")
     assert with_all.code == 0

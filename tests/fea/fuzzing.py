@@ -36,16 +36,15 @@ import pint
 import pyarrow.parquet
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.abaqus_dat import read_abaqus_dat
-from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
-from ridgebayes.fea.calculix import read_calculix, read_sta
-from ridgebayes.fea.calculix_contact import read_calculix_contact
+from ridgebayes.fea.calculix_sta import read_sta
 from ridgebayes.fea.columns import read_columns
 from ridgebayes.fea.delimited import Reading
-from ridgebayes.fea.mesh_series import read_series
-from ridgebayes.fea.read import read_mapping
+from ridgebayes.fea.history import Body
+from ridgebayes.fea.map_files import read_mapping
+from ridgebayes.fea.read import Given, import_files
 from ridgebayes.fea.record import Imported
-from ridgebayes.fea.surface import Body
+from tests.fea.runs import read_abaqus_dat, read_abaqus_rpt, read_calculix, read_series
+from tests.fea.runs import read_calculix as read_calculix_contact
 
 SLOWEST = 5.0  # seconds that any file of this size may take
 _SCRAPS = (
@@ -954,6 +953,48 @@ def _contact(path: Path) -> Imported:
     except InputError as error:
         # An element that is not in the deck is told of the deck.
         raise InputError(str(error).replace("whole.inp", path.name)) from None
+
+
+# --- FEBio's logs, ANSYS's listings, CalculiX's .frd ----------------------------------------------
+
+_PROGRAMS = runpy.run_path(str(_TESTS / "test_programs.py"))
+_FEW_NODES = range(1, len(_FEW["nodes"]) + 1)
+_FEW_GIVEN = Given(texture=(_FEW["a"], _FEW["b"]), nu="0.5", E="1", R="1", top=_FEW["top"])
+_FEBIO = _PROGRAMS["febio"](_FEW["position"], "x;y") + _PROGRAMS["febio"](
+    -_FEW["force"][:, None, None], "Fy"
+)
+_REACTIONS = np.stack([0 * _FEW["force"], -_FEW["force"]], axis=1)[:, None]
+_ANSYS = (
+    _PROGRAMS["listing"](_FEW_NODES, _FEW["position"] - _FEW["nodes"], ("UX", "UY"))
+    + _PROGRAMS["listing"]([900], _REACTIONS, ("FX", "FY"))
+    + _PROGRAMS["places"](_FEW_NODES, _FEW["nodes"])
+)
+
+
+def _program(path: Path) -> Imported:
+    if path.suffix == ".frd":
+        path.with_suffix(".inp").write_text(_FEW_DECK)
+        given = replace(_FEW_GIVEN, surface="RIM", reaction="TOP", top=None)
+    else:
+        given = _FEW_GIVEN
+    name = {".frd": "calculix", ".txt": "febio", ".lis": "ansys"}[path.suffix]
+    return import_files([path], given, program=name)
+
+
+def _doubt_program(content: bytes, found: Imported) -> str:
+    """Return words for rows that no load of the run could give."""
+    frame = found.table.frame
+    load = frame["p_over_E"].to_numpy()
+    is_rising = bool((np.diff(load) > 0).all()) and bool((np.diff(frame["Q"]) > 0).all())
+    return "" if is_rising and np.isfinite(load).all() else "loads that do not rise"
+
+
+for _one in (
+    Target("febio", "run.txt", _FEBIO.encode(), _program, _doubt_program),
+    Target("ansys", "run.lis", _ANSYS.encode(), _program, _doubt_program),
+    Target("frd", "run.frd", _PROGRAMS["frd"](run=_FEW).encode(), _program, _doubt_program),
+):
+    register(_one)
 
 
 @dataclass

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.abaqus_dat import read_abaqus_dat
 from ridgebayes.fea.deck import Deck, read_deck
-from ridgebayes.fea.surface import Body
+from ridgebayes.fea.history import Body
+from tests.fea.runs import read_abaqus_dat
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
 RUN = WRITER.pressed()

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
-from ridgebayes.fea.surface import Body
+from ridgebayes.fea.history import Body
+from tests.fea.runs import read_abaqus_rpt
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
 RUN = WRITER.pressed(n_level=34, n_node=161)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.calculix import read_calculix
-from ridgebayes.fea.surface import Body
+from ridgebayes.fea.history import Body
+from tests.fea.runs import read_calculix
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
 RUN = WRITER.pressed()

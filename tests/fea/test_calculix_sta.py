@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.calculix import read_sta
+from ridgebayes.fea.calculix_sta import read_sta
 
 HEAD = """SUMMARY OF JOB INFORMATION
   STEP      INC     ATT  ITRS     TOT TIME     STEP TIME      INC TIME

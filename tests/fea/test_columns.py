@@ -431,10 +431,101 @@ def test_read_columns__odd_counts_under_4_are_told_by_their_lines(refusal):
     assert "Q, 3 rows: must be even" in refusal(f"a/R,b/R,Q,p/E\n{rows}")
 
 
-def test_read_columns__columns_of_textures_that_are_all_empty_are_refused(refusal):
-    said = refusal("Q,240x80 um,100x80 um\n4,,\n6,,\n", {"value": "*;kPa"}, values=BODY)
-    assert "mine.csv: columns '240x80 um', '100x80 um': expected a number in some cell" in said
-    assert said.endswith("got 2 rows of empty ones")
+def test_read_columns__columns_of_repeats_that_are_all_empty_are_refused(refusal):
+    text = "a/R,b/R,Q,Load 1 [kPa],Load 2 [kPa]\n.03,.01,4,,\n.03,.01,6,,\n"
+    said = refusal(text, values=BODY)
+    assert "mine.csv: columns 'Load 1 [kPa]', 'Load 2 [kPa]': expected a number in some" in said
+
+
+REPEATS = "Specimen,Repeat,a/R,b/R,Q,p/E\n"
+
+
+def test_read_columns__repeats_and_specimens_make_one_series(read):
+    rows = [f"S{s},{n},.03,.01,{Q},.00{s}{n}{Q}" for s in (1, 2) for n in (1, 2) for Q in (4, 6)]
+    found = read(REPEATS + "\n".join(rows))
+    assert column(found, "series") == [f"S{s}, {n}" for s in (1, 2) for n in (1, 2) for _ in "46"]
+    assert "series: Specimen, Repeat, joined" in found.messages
+
+
+def test_read_columns__a_specimen_hides_no_repeat(read):
+    rows = [f"S{s},{n},.0{s},.01,4,.00{s}{n}" for s in (1, 2) for n in (1, 2)]
+    assert column(read(REPEATS + "\n".join(rows)), "series") == ["1", "2", "1", "2"]
+
+
+def test_read_columns__a_number_for_each_row_is_no_series(read):
+    rows = [f"{n},.03,.01,{Q},.00{Q}" for n, Q in enumerate((4, 6, 8), start=1)]
+    found = read("Test no,a/R,b/R,Q,p/E\n" + "\n".join(rows))
+    assert column(found, "series") == ["", "", ""]
+
+
+def test_read_columns__columns_of_loads_are_repeats(read):
+    text = "a/R,b/R,Q,Force 1 (N),Force 2 (N)\n.03,.01,4,.024,.036\n.03,.01,6,.096,\n"
+    found = read(text, values=BODY | {"thickness": "20 mm"})
+    assert column(found, "series") == ["1", "2", "1"]
+    # F / (L 2 R E) = F / 19.2 N.
+    np.testing.assert_allclose(column(found, "p_over_E"), [0.00125, 0.001875, 0.005])
+    assert any("1 empty cells: not measured" in line for line in found.messages)
+
+
+MEANS = "a/R,b/R,Edges,Force mean (N),Force sd (mN)"
+
+
+@pytest.mark.parametrize(
+    ("header", "cells", "rel_se"),
+    [
+        ("", ("", ""), [0.125, 0.05]),
+        (",n", (",4", ",25"), [0.0625, 0.01]),
+        (",n,rel_se", (",4,.1", ",25,0"), [np.hypot(0.0625, 0.1), 0.01]),
+    ],
+)
+def test_read_columns__a_deviation_beside_a_mean_is_its_error(read, header, cells, rel_se):
+    rows = (".03,.01,4,.024,3", ".03,.01,6,.1,5")
+    lines = [MEANS + header, *(row + more for row, more in zip(rows, cells, strict=True))]
+    found = read("\n".join(lines), values=BODY | {"thickness": "20 mm"})
+    np.testing.assert_allclose(column(found, "rel_se"), rel_se)
+
+
+@pytest.mark.parametrize(
+    ("load_se", "header", "load"),
+    [
+        ("0.0048 N", "Force [N]", ".024"),
+        ("4.8 mN", "P [N/mm]", ".0012"),
+        ("0.24 N/m", "Force [N]", ".024"),
+        ("15 Pa", "Force [N]", ".024"),
+        ("0.00025", "p/E", ".00125"),
+    ],
+)
+def test_read_columns__an_error_of_all_loads_is_a_share_of_each(read, load_se, header, load):
+    values = BODY | {"thickness": "20 mm", "load_se": load_se}
+    mapping = {"line": "P"} if header.startswith("P") else {}
+    text = f"a/R,b/R,Q,{header},rel_se\n.03,.01,4,{load},0\n.03,.01,6,{4 * float(load)},.12\n"
+    found = read(text, mapping, values=values)
+    # A fifth of the first load, a twentieth of the second: in quadrature with its own.
+    np.testing.assert_allclose(column(found, "rel_se"), [0.2, 0.13])
+
+
+def test_read_columns__an_error_of_all_loads_is_that_of_brackets(read):
+    rows = "".join(f".03,.01,{Q},{p}\n" for Q, p in ((2, 1), (4, 2), (4, 3), (6, 4), (6, 5)))
+    found = read("a/R,b/R,Q,p [kPa]\n" + rows, values=BODY | {"load_se": "0.2 kPa"})
+    np.testing.assert_allclose(column(found, "rel_se"), [0.1, 0.05])
+
+
+@pytest.mark.parametrize("load_se", ["0 N", "-1 N", "0.05 mm", "x", "1 N N"])
+def test_read_columns__an_error_that_is_none_is_refused(refusal, load_se):
+    text = "a/R,b/R,Q,Force [N]\n.03,.01,4,.024\n"
+    said = refusal(text, values=BODY | {"thickness": "20 mm", "load_se": load_se})
+    assert f"--load-se '{load_se}': expected a number above 0 and a unit of loads" in said
+
+
+EMPTY = "a/R,b/R,Q,p/E,why\n.03,.01,4,.001,\n.03,.01,6,,slipped\n.03,.01,8,.009,\n"
+
+
+def test_read_columns__rows_without_a_load_are_left_out_if_asked(read, refusal):
+    found = read(EMPTY, skip_empty=True)
+    assert column(found, "Q") == [4, 8]
+    assert "1 rows without a load left out: slipped" in found.messages
+    said = refusal(EMPTY)
+    assert "line 3, column 'p/E' = '': expected a load; --skip-empty leaves out rows" in said
 
 
 @pytest.mark.parametrize(
@@ -654,3 +745,53 @@ def test_read_columns__a_missing_file_is_refused(tmp_path):
 
 def test_read_columns__a_sheet_of_a_text_file_is_refused(refusal):
     assert "--sheet" in refusal(CONTRACT, sheet="one")
+
+
+@pytest.mark.parametrize(
+    ("cell", "number"),
+    [("0.12D-02", 0.0012), ("0.48-002", 0.0048), (".19d-01", 0.019), ("0.314+001", 3.14)],
+)
+def test_read_columns__exponents_of_fortran_are_read_and_said(read, cell, number):
+    found = read(f"a_over_R b_over_R Q p_over_E\n.03 .01 4 {cell}\n.03 .02 4 1.0E-03\n")
+    np.testing.assert_allclose(found.table.column("p_over_E"), [number, 0.001], rtol=1e-15)
+    assert f"1 number with an exponent of Fortran's, such as '{cell}' = {number:g}" in " ".join(
+        found.messages
+    )
+
+
+@pytest.mark.parametrize("cell", ["12-120", "0.5-20", "1.5-2000", "1.5E-", "D-02"])
+def test_read_columns__ranges_are_no_exponents(refusal, cell):
+    words = refusal(f"a_over_R,b_over_R,Q,p_over_E\n.03,.01,4,{cell}\n.03,.02,4,1.0E-03\n")
+    assert f"= {cell!r}: expected a finite number" in words
+
+
+FIXED = (
+    "  INC ridge_mm groove_mm edges   uy_mm load_N/mm\n"
+    "    1    0.240    0.080     4 -0.9500-0.0012480\n"
+    "    2    0.240    0.080     6 -1.8500-0.0048000\n"
+)
+
+
+def test_read_columns__columns_that_touch_are_parted_before_signs(read):
+    found = read(FIXED, values={"R": "8 mm", "E": "60 kPa"})
+    np.testing.assert_allclose(found.table.column("p_over_E"), [0.0013, 0.005], rtol=1e-12)
+    assert any("line 2: columns run together" in line for line in found.messages)
+
+
+def test_read_columns__columns_that_touch_otherwise_are_told(refusal):
+    words = refusal(FIXED.replace("2    0.240    0.080", "2    0.2400.080"))
+    assert "line 2: columns run together" in words
+    assert "expected blanks between columns" in words
+
+
+def test_read_columns__a_header_behind_a_per_cent_sign_is_one(read):
+    text = (
+        "% Model: press.mph\n% a_over_R b_over_R Q p_over_E\n0.03 0.01 4 0.001\n0.03 0.01 6 0.004\n"
+    )
+    assert read(text).table.column("Q").tolist() == [4, 6]
+
+
+def test_read_columns__a_decimal_comma_of_a_title_is_not_cut(read):
+    text = "E-Modul = 60,5 kPa\nSteg [mm],Nut [mm],Kanten,Last [N/mm]\n0.24,0.08,4,0.0012\n"
+    found = read(text, values={"R": "8 mm"})
+    assert "E: 60.5 kPa, as given" in found.messages

@@ -269,23 +269,16 @@ PRINT = fuzzing.TARGETS["contact print"].content
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        (rb"\n 5 ", b"\n 5.5 "),  # of a node
-        (rb"\n 6 ", b"\n 5 "),  # a node twice
         (rb"\n( +2 +)3(  1\.0)", rb"\n\g<1>3.5\2"),  # of a face
         (rb"\n 0\. (-\S+) 0\.\n", rb"\n 0. \1 0.\n 0. -0.02 0.\n"),  # two totals
         (rb"\n 0\. -\S+ 0\.\n", b"\n 0. -1.7e308 0.\n"),  # loads beyond floats
-        (rb"\n 6 ", b"\nQ\n 6 "),  # rows lost to what is no heading
-        (rb"\n( +2 +3  1\.0)", rb"\nQ\n\1"),
+        (rb"\n( +2 +3  1\.0)", rb"\nQ\n\1"),  # rows lost to what is no heading
         (rb"(contact stress[^\n]*\n)", rb"\1Q"),
     ],
 )
 def test_contact_print__what_cannot_be_right_is_refused(tmp_path, old, new):
     count = 0 if b"e308" in new else 1
     refused("contact print", tmp_path, change(old, new, PRINT, count))
-
-
-def test_contact_print__a_pressed_face_without_displacements_is_nowhere(tmp_path):
-    refused("contact print", tmp_path, change(rb"\n 6 [^\n]*\n", b"\n", PRINT, count=0))
 
 
 # --- mappings -----------------------------------------------------------------------------------

@@ -19,8 +19,8 @@ from ridgebayes.contact.cylinder.fields import write_fields
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.fea import mesh_files
-from ridgebayes.fea.mesh_series import read_series
-from ridgebayes.fea.surface import Body
+from ridgebayes.fea.history import Body
+from tests.fea.runs import read_series
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
 
@@ -390,9 +390,9 @@ def test_read_series__a_mesh_in_space_is_refused(tmp_path):
     ("names", "options", "message"),
     [
         ([], {}, "no files"),
-        (["a.stl"], {}, r"expected one \.xdmf, or several \.vtu"),
-        (["a.xdmf", "b.xdmf"], {}, r"expected one \.xdmf"),
-        (["a.xdmf", "b.vtu"], {}, r"expected one \.xdmf"),
+        (["a.stl"], {}, r"expected one \.xdmf or \.pvd"),
+        (["a.xdmf", "b.xdmf"], {}, r"expected one \.xdmf or"),
+        (["a.xdmf", "b.vtu"], {}, r"expected one \.xdmf or"),
         (["a.xdmf"], {}, "no such file"),
         (["a" * 5000 + ".xdmf"], {}, "cannot be read|no such file"),
         (["a.xdmf"], {"loads": [1.0]}, "expected its times"),

@@ -84,19 +84,47 @@ def test_spreadsheet__formulas_are_refused_with_their_cells(refusal, formula, co
     rows[2][column] = formula
     words = refusal(workbook(rows))
     assert f"cell {'ABCDE'[column]}3, column {HEADER[column]!r} = {formula!r}" in words
-    assert "not formulas" in words
+    assert "not formulas; no value is stored: open the file in Excel or LibreOffice" in words
 
 
-def test_spreadsheet__a_formula_with_a_cached_value_is_refused(refusal):
+def test_spreadsheet__a_formula_has_the_value_that_is_stored_of_it(read):
     def cached(data):
         return data.replace(b"<v>0.01</v>", b"<f>A2/3</f><v>0.01</v>", 1)
 
-    assert "cell B2" in refusal(changed(workbook(), "sheet1", cached))
+    found = read(changed(workbook(), "sheet1", cached)).table.frame
+    assert found["b_over_R"].iloc[0] == 0.01
+
+
+def test_spreadsheet__text_with_decimal_commas_stands_beside_numbers(read):
+    rows = [HEADER, [0.03, 0.01, 4, "0,001234", "x"], [0.03, 0.01, 6, "0,0056", "y"]]
+    assert read(workbook(rows)).table.column("p_over_E").tolist() == [0.001234, 0.0056]
+
+
+def test_spreadsheet__cells_merged_downwards_have_the_value_above(read, refusal):
+    rows = [
+        HEADER,
+        [0.03, 0.01, 4, 0.001, "x"],
+        [None, None, 6, 0.004, "x"],
+        [0.03, 0.02, 4, 0.0015, "x"],
+        [None, None, 6, 0.005, "x"],
+    ]
+    found = read(workbook(rows))
+    assert found.table.column("a_over_R").tolist() == [0.03] * 4
+    assert found.table.column("b_over_R").tolist() == [0.01, 0.01, 0.02, 0.02]
+    told = "columns 'a_over_R', 'b_over_R': 2 rows with empty cells have the value above"
+    assert any(told in line for line in found.messages)
+    # One width without the other, no first one, or one lost of a table that is full.
+    for at, cells in ((2, [None, 0.01]), (1, [None, None])):
+        broken = [[*cells, *one[2:]] if i == at else one for i, one in enumerate(rows)]
+        assert "must not be empty" in refusal(workbook(broken))
+    lost = [HEADER, *([0.03, 0.01, Q, Q / 4e3, "x"] for Q in (4, 6, 8, 10))]
+    lost[3][0] = lost[3][1] = None
+    assert "must not be empty" in refusal(workbook(lost))
 
 
 @pytest.mark.parametrize(
     "cell",
-    [datetime.date(2024, 3, 1), datetime.time(3, 4), True, "0,03", "1 00", "x", "#DIV/0!", 1e-3j],
+    [datetime.date(2024, 3, 1), datetime.time(3, 4), True, "1 00", "x", "#DIV/0!", 1e-3j],
 )
 def test_spreadsheet__what_is_no_number_is_refused_with_its_cell(refusal, cell):
     if isinstance(cell, complex):
@@ -115,7 +143,9 @@ def test_spreadsheet__rules_of_the_contract_name_rows_of_the_sheet(refusal):
 
 def test_spreadsheet__several_sheets_need_a_name(read, refusal):
     content = workbook(other=[*ROWS[:2]], empty=[])
-    assert "2 sheets have cells: 'loads', 'other'; use --sheet" in refusal(content)
+    assert "2 sheets have cells: 'loads', 'other'; use --sheet (--sheet all reads" in refusal(
+        content
+    )
     assert len(read(content, sheet="other").table) == 1
     assert "no sheet 'third'; the sheets are 'loads', 'other', 'empty'" in refusal(
         content, sheet="third"
@@ -199,3 +229,29 @@ def test_spreadsheet__a_broken_archive_is_refused(refusal):
 def test_spreadsheet__without_openpyxl_the_extra_is_named(refusal, monkeypatch):
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     assert "pip install 'ridgebayes[excel]'" in refusal(workbook())
+
+
+def test_spreadsheet__all_sheets_of_a_header_are_read_one_after_the_other(read, refusal):
+    again = [[0.03, 0.01, 4, 0.0011, "x"], [0.03, 0.01, 6, 0.0045, "y"]]
+    first = [HEADER, [0.03, 0.01, 4, 0.001, "x"], [0.03, 0.01, 6, 0.004, "y"]]
+    content = workbook(first, July=[[], HEADER, *again], notes=[["a", "b"], [1, 2]])
+    found = read(content, sheet="all")
+    assert found.table.column("series").tolist() == ["loads", "loads", "July", "July"]
+    assert found.table.column("p_over_E").tolist() == [0.001, 0.004, 0.0011, 0.0045]
+    assert "sheets ignored, with another header: 'notes'" in found.messages
+    broken = workbook(first, July=[[], HEADER, [0.03, 0.01, 4, "oops", "x"]])
+    assert "sheet 'July', cell D3, column 'p_over_E' = 'oops'" in refusal(broken, sheet="all")
+
+
+def test_spreadsheet__sheets_of_other_bodies_are_not_joined(read, refusal):
+    words = ["Steg [mm]", "Nut [mm]", "Kanten", "Last [N/mm]"]
+    one, other = (
+        [["Radius R", R, "mm"], words, [0.24, 0.08, 4, 0.001], [0.24, 0.08, 6, 0.004]]
+        for R in (8, 10)
+    )
+    said = refusal(workbook(one, July=other), sheet="all", values={"E": "60 kPa"})
+    assert "sheet 'July': R, E or nu above its header are not those of the first sheet" in said
+    later = [*one[:2], [0.24, 0.08, 4, 0.0012], [0.24, 0.08, 6, 0.0041]]
+    found = read(workbook(one, July=later), sheet="all", values={"E": "60 kPa"})
+    assert found.table.column("series").tolist() == ["loads", "loads", "July", "July"]
+    assert found.table.column("a_over_R").tolist() == [0.03] * 4

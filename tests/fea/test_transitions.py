@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.transitions import transitions_of, transitions_of_runs
+from ridgebayes.fea.transitions import last_digit, transitions_of, transitions_of_runs
 
 LOAD = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
 
@@ -159,3 +159,33 @@ def test_transitions_of__a_body_that_lies_on_a_corner_to_rounding_touches_it():
     )
     pd.testing.assert_frame_equal(above, below)
     assert above["p_over_E"].iloc[0] == pytest.approx(0.35, rel=1e-12)
+
+
+def test_transitions_of__a_gap_within_one_printed_digit_is_closed():
+    gap = np.array([[0.03], [0.02], [0.01], [3e-7], [2e-7]])  # rests 3e-7 above the corner
+    rows, _ = transitions_of(LOAD, gap, np.array([4]), gap_error=5e-7, digits=1e-6)
+    np.testing.assert_allclose(rows["p_over_E"], [0.4], rtol=1e-12)  # rounding
+    # A gap of 0.01 falls by 0.1 a unit of load.
+    np.testing.assert_allclose(rows["rel_se"], [5e-7 / 0.1 / 0.4], rtol=1e-6)
+    with pytest.raises(InputError, match="no corner is reached"):
+        transitions_of(LOAD, gap, np.array([4]))
+
+
+def test_transitions_of__a_load_that_one_more_increment_changes_much_is_bracketed():
+    gap = np.array([[0.9], [0.1], [0.09], [-0.1], [-0.1]])  # straight on: at 1.2; a parabola: 0.3
+    rows, messages = transitions_of(LOAD, gap, np.array([4]), gap_error=1.0)
+    assert rows[["p_over_E_lower", "p_over_E", "rel_se"]].iloc[0].tolist() == [0.3, 0.4, 0.0]
+    assert messages == ["Q = 4: the gap before contact is not smooth enough: bracketed"]
+    rows, _ = transitions_of(LOAD, straight(0.37), np.array([4]), gap_error=np.inf)
+    assert rows["p_over_E_lower"].tolist() == [0.3]
+
+
+def test_transitions_of_runs__gaps_are_closed_at_their_last_digit():
+    gap = np.array([0.003, 0.002, 0.0001, 0.00004, 0.0])[:, None]
+    curve = pd.DataFrame({"a_over_R": [0.04] * 5, "b_over_R": 0.02})
+    rows, _ = transitions_of_runs(
+        curve, LOAD, gap, np.array([4]), brackets=True, digits=last_digit(gap) / 2
+    )
+    assert rows["p_over_E"].tolist() == [0.5]
+    rows, _ = transitions_of_runs(curve, LOAD, gap, np.array([4]), brackets=True, digits=5e-5)
+    assert rows["p_over_E"].tolist() == [0.4]

@@ -30,6 +30,7 @@ def command(asked: options.Import) -> Answer:
     known["skip_rows"] = asked.skip_rows or 0
     known["texture"] = None if asked.texture is None else parse_texture(asked.texture)
     known["loads"] = parse_numbers(asked.loads, "--loads")
+    known["closed_is"] = _codes(asked.closed_is)
     given = Given(**known)
     try:
         found = import_files(asked.file, given, program=asked.program, role=asked.role)
@@ -51,7 +52,7 @@ def command(asked: options.Import) -> Answer:
         files.append(asked.write_map)
     size = {"rows": len(found.table), "textures": len(found.table.textures)}
     if asked.dry_run:
-        return Answer(found.messages, size, files)
+        return Answer(found.messages, size, files, warnings=found.cautions)
     if asked.out is None:
         lines = "\n".join(found.messages)
         raise InputError(
@@ -62,7 +63,14 @@ def command(asked: options.Import) -> Answer:
     told = f"{asked.out}: {count(size['rows'], 'row')}, {count(size['textures'], 'texture')}."
     if len(found.table.calibration):  # held-out rows alone cannot be fitted
         told += f" next: ridgebayes run --table {shlex.quote(str(asked.out))}"
-    return Answer((*found.messages, told), size, [*files, asked.out])
+    return Answer((*found.messages, told), size, [*files, asked.out], warnings=found.cautions)
+
+
+def _codes(text: str) -> tuple[int, ...]:
+    """Return whole numbers between commas."""
+    if not re.fullmatch(r"\s*|\s*\d{1,6}(\s*,\s*\d{1,6})*\s*", text):
+        raise InputError(f"--closed-is {text}: expected whole numbers between commas, such as 2,3")
+    return tuple(map(int, re.findall(r"\d+", text)))
 
 
 def _again(
@@ -73,7 +81,7 @@ def _again(
     files = [str(path) for path in values.pop("file")]
     values["out"] = values["out"] or f"{Path(files[0]).stem}-table.csv"
     typed = [one for one in asked.mapping or () if one.partition("=")[0].strip() not in mapping]
-    values["mapping"] = None
+    values["mapping"], values["skip_empty"] = None, bool(values["skip_empty"])
     values["map"] = [*typed, *(f"{key}={header}" for key, header in mapping.items())]
     if isinstance(values["empty"], str):
         values["empty"] = [*(asked.empty or ()), *values["empty"].split("\n")]

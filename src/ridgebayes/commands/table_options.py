@@ -123,26 +123,26 @@ class Import:
     Keys of --map: a, b, pitch, R, D, offset (lengths), E, p (pressures),
     line (line loads), force, load (any, by its unit), p_lower, line_lower,
     force_lower, Q, nu, rel_se, a_over_R, b_over_R, offset_over_R, p_over_E,
-    p_over_E_lower, kind, role, series, texture, solver, status, source.
+    p_over_E_lower, load_sd, n_mean, kind, role, series, texture, solver, status, source.
     'p=Load at * \[kPa]' is one column for each Q. Histories of increments:
     'gap Q=4', 'gap_over_R Q=4', 'pressure Q=4', 'status Q=4'.
 
     Parameters
     ----------
     file : list[Path]
-        File to read, or all files of a VTU series.
+        File to read, or all files of a VTU series or of a run of FEBio or ANSYS.
     out : Path, optional
         Table to write.
     program : str, optional
-        table, calculix, calculix-contact, abaqus-dat, abaqus-rpt or series. Detected if not
-        given.
+        table, calculix, abaqus-dat, abaqus-rpt, febio, ansys, series, or nodes (a table of a row
+        for each node at each step). Detected if not given, but for nodes.
     mapping : list of str, optional
         Column of a key, KEY=HEADER, such as 'a=Ridge width \[mm]', or KEY=HEADER;UNIT, or a
         TOML file of them. Adds to what is recognised.
     write_map : Path, optional
         TOML file to write with what is recognised, for --map.
     sheet : str, optional
-        Sheet of a workbook, name or number.
+        Sheet of a workbook, name or number; all for those with the same header.
     skip_rows : int, optional
         Number of lines to skip at the top.
     header_row : int, optional
@@ -151,8 +151,12 @@ class Import:
         Decimal mark: point or comma.
     empty : list of str, optional
         Text that marks an empty cell, such as 'n/a'. May be repeated.
+    skip_empty : bool, optional
+        Leave out rows without a load.
     count_is : str, optional
         What is counted: edges (proximal), ridges, segments or per-side.
+    closed_is : str, optional
+        Comma-separated codes of a status that mean contact, such as 2,3.
     texture : str, optional
         A,B: ridge and groove width, as shares of the radius.
     nu : str, optional
@@ -163,6 +167,8 @@ class Import:
         Young's modulus, such as '60 kPa'.
     thickness : str, optional
         Length of the body along the ridges, such as '20 mm'. Needed for forces.
+    load_se : str, optional
+        Standard error of every load, such as '0.05 N': the load cell's.
     deck : Path, optional
         Input deck of the run. The .inp file of the same name if not given.
     surface : str, optional
@@ -175,7 +181,8 @@ class Import:
     top : float, optional
         Height of the ridge tops.
     corner : float, optional
-        Corner radius of the ridges, as a share of the body's radius.
+        Corner radius of the ridges, as a share of the body's radius. That of the deck's nodes
+        if not given.
     field : str, optional
         Name of the point data of a series. 'displacement' if not given.
     time : str, optional
@@ -202,12 +209,15 @@ class Import:
     header_row: Natural[int | None] = None
     decimal: str | None = None
     empty: list[str] | None = None
+    skip_empty: bool = False
     count_is: str | None = None
+    closed_is: str = ""
     texture: str | None = None
     nu: str | None = None
     R: str | None = None
     E: str | None = None
     thickness: str | None = None
+    load_se: str | None = None
     deck: Path | None = None
     surface: str | None = None
     reaction: str | None = None

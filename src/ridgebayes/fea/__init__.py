@@ -1,10 +1,11 @@
 r"""Output of other finite element programs to contact tables, and scenes to their input decks.
 
-One module a format: `calculix` and `calculix_contact`, `abaqus_dat`, `abaqus_rpt`,
-`mesh_series` (over `mesh_files`), and tables of any columns (`columns`, over `delimited`,
-`spreadsheet` and `parquet`). `read` recognises a file and calls them; `surface` and `transitions`
-make loads of what they read; `deck_text` writes decks. It knows tables and scenes, and nothing of
-models. What a file holds becomes a table, with messages about it:
+A run is a contact history (`history`), and one module a format makes it: `calculix`, `abaqus_dat`,
+`abaqus_rpt`, `febio`, `ansys`, `mesh_series` (over `mesh_files`). `history.table_of` makes loads of
+any, by `rim` and `transitions`. Tables of any columns are read by `columns`, over `delimited`,
+`spreadsheet` and `parquet`; what words mean stands in `words.toml`. `read` recognises a file and
+calls them; `deck_text` writes decks. It knows tables and scenes, and nothing of models. What a file
+holds becomes a table, with messages about it:
 
 >>> from pathlib import Path
 >>> from tempfile import TemporaryDirectory

@@ -8,9 +8,8 @@ import numpy as np
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import RunDeck
+from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import NUMBER, Frame, Line, NodeTable, Printed, on, read_lines, unused
-from ridgebayes.fea.record import Imported
-from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
 
 _ALL = "ALL NODES"
 _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
@@ -18,9 +17,7 @@ _LABEL = re.compile("[0-9]{1,18}")  # the number of a node
 _TRAILERS = ("MAXIMUM", "MINIMUM", "TOTAL")
 
 
-def read_abaqus_dat(
-    path: Path, body: Body, *, deck: Path, surface: str, reaction: str, brackets: bool = False
-) -> Imported:
+def read_abaqus_dat(path: Path, *, deck: RunDeck) -> ContactHistory:
     """Read a run of Abaqus/Standard.
 
     Parameters
@@ -28,18 +25,12 @@ def read_abaqus_dat(
     path : pathlib.Path
         The ``.dat`` file: ``*NODE PRINT`` of ``U`` on the surface's set, and of ``RF`` on the
         driven set (summed, or its total with ``TOTALS=YES``), at each increment.
-    body : Body
-        What the files do not say.
-    deck : pathlib.Path
+    deck : RunDeck
         The run's ``.inp`` file: coordinates, sets, and the ridges' nodes.
-    surface, reaction : str
-        Node sets: the body's rim, and where the load is read.
-    brackets : bool, optional
-        As `ridgebayes.fea.transitions.transitions_of`.
 
     Returns
     -------
-    Imported
+    ContactHistory
 
     Raises
     ------
@@ -51,11 +42,11 @@ def read_abaqus_dat(
     Abaqus leaves out rows of zeros. A node that is not there has moved by nothing where its table
     ends in a summary (``MAXIMUM``, ``TOTAL``), without which the increment is ignored.
     """
-    run = RunDeck.read(deck, surface, reaction, E=body.E, nu=body.nu)
+    surface, reaction = deck.surface, deck.reaction
     asked = {
-        surface.upper(): set(run.nodes),
-        reaction.upper(): set(run.driven),
-        _ALL: set(run.deck.nodes),
+        surface.upper(): set(deck.nodes),
+        reaction.upper(): set(deck.driven),
+        _ALL: set(deck.deck.nodes),
     }
     increments, messages = _increments(path)
     force, moved, unit = [], [], 0.0
@@ -67,12 +58,12 @@ def read_abaqus_dat(
         except LookupError as lack:
             messages.append(f"line {one.line}: increment ignored, {lack}")
             continue
-        moved.append(rim.of(run.nodes, "U1", "U2"))
+        moved.append(rim.of(deck.nodes, "U1", "U2"))
         unit = max(unit, rim.unit)
         if "TOTAL" in driven.trailers and driven.nodes == reaction.upper():
             force.append(driven.trailers["TOTAL"][driven.columns.index("RF2")])
         else:
-            force.append(math.fsum(driven.of(run.driven, "RF2")[:, 0]))
+            force.append(math.fsum(driven.of(deck.driven, "RF2")[:, 0]))
     if not force:
         printed = {f"{' '.join(t.columns)} of {t.nodes}" for one in increments for t in one.tables}
         raise InputError(
@@ -81,16 +72,19 @@ def read_abaqus_dat(
             + (", ".join(sorted(printed)[:5]) or "none")
             + "".join(f"; {line}" for line in messages[:3])
         )
-    history = SurfaceHistory(
+    at = deck.undeformed + np.array(moved)
+    return ContactHistory(
         np.array(force),
-        run.undeformed,
-        run.undeformed + np.array(moved),
-        run.rigid,
+        str(path),
+        deck.provenance(path, "abaqus-dat"),
+        "abaqus",
+        at[..., 0],
+        at[..., 1],
+        undeformed=deck.undeformed,
+        rigid=deck.rigid,
         digits=unit / 2,
         messages=(f"{path}: {len(force)} increments with {surface} and {reaction}", *messages),
     )
-    origin = Origin(str(path), "abaqus", run.provenance(path, "abaqus-dat"))
-    return table_from_history(history, body, origin, brackets=brackets)
 
 
 def _table(increment: Frame, nodes: str, *columns: str) -> NodeTable:

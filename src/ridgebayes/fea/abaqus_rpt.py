@@ -10,9 +10,9 @@ import pandas as pd
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Deck, read_deck
+from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Frame, Line, NodeTable, Printed, on, read_lines, unused
-from ridgebayes.fea.record import Imported, provenance
-from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
+from ridgebayes.fea.record import provenance
 
 _DASHES = re.compile(r"\s*-{9,}\s*$")
 _GAP = re.compile(r"\s{2,}")  # between names, which hold single blanks
@@ -23,13 +23,11 @@ _MOVED = 1e-4  # of the largest displacement: how far undeformed coordinates may
 
 def read_abaqus_rpt(
     path: Path,
-    body: Body,
     *,
     surface: str | None = None,
     reaction: str | None = None,
     deck: Path | None = None,
-    brackets: bool = False,
-) -> Imported:
+) -> ContactHistory:
     """Read field output reports of Abaqus/Viewer, one after another in a file.
 
     Parameters
@@ -37,19 +35,15 @@ def read_abaqus_rpt(
     path : pathlib.Path
         The ``.rpt`` file: nodal ``U.U1``, ``U.U2`` of the rim, ``RF.RF2`` where the load is read,
         and ``COORD.COOR1``, ``COORD.COOR2`` of the rim without a `deck`, in each frame.
-    body : Body
-        What the file does not say; with no `deck` it needs ``top``.
     surface, reaction : str or None, optional
         A region as the report names it, ``PART-1-1.RIM`` or ``RIM``, or a node set of the deck;
         None takes the one region that has the columns.
     deck : pathlib.Path or None, optional
-        The run's ``.inp`` file.
-    brackets : bool, optional
-        As `ridgebayes.fea.transitions.transitions_of`.
+        The run's ``.inp`` file; without it the height of the ridges' tops is not known.
 
     Returns
     -------
-    Imported
+    ContactHistory
 
     Raises
     ------
@@ -90,7 +84,6 @@ def read_abaqus_rpt(
     moved = np.array([rim.of(nodes, "U.U1", "U.U2") for rim in used])
     digits = 0.5 * 10.0 ** (1 - max(rim.digits for rim in used)) * float(np.abs(moved).max())
     if sheet is not None and deck is not None:
-        sheet.check_material(body.E, body.nu, deck)
         undeformed = sheet.coordinates(nodes, str(deck))
         rigid = sheet.coordinates(sheet.rigid_nodes(nodes), str(deck))
     else:
@@ -98,18 +91,21 @@ def read_abaqus_rpt(
         undeformed, how = _undeformed(path, at, moved)
         messages.append(how)
         rigid = np.zeros((0, 2))
-    history = SurfaceHistory(
+    given = {"deck": deck and deck.name, "surface": surface, "reaction": reaction}
+    details = (f"{key}={name}" for key, name in given.items() if name)
+    position = undeformed + moved
+    return ContactHistory(
         np.array(force),
-        undeformed,
-        undeformed + moved,
-        rigid,
+        str(path),
+        provenance(path, "abaqus-rpt", *details),
+        "abaqus",
+        position[..., 0],
+        position[..., 1],
+        undeformed=undeformed,
+        rigid=rigid,
         digits=digits,
         messages=(f"{path}: {len(kept)} frames, {kept[0]} to {kept[-1]}", *messages),
     )
-    given = {"deck": deck and deck.name, "surface": surface, "reaction": reaction}
-    details = (f"{key}={name}" for key, name in given.items() if name)
-    origin = Origin(str(path), "abaqus", provenance(path, "abaqus-rpt", *details))
-    return table_from_history(history, body, origin, brackets=brackets)
 
 
 def _frames(path: Path) -> tuple[list[Frame], list[str]]:

@@ -36,6 +36,8 @@ _SPELLINGS = (
     *(("KPa", "kPa"), ("Mpa", "MPa"), ("gf", "gram_force"), ("kgram_force", "kilogram_force")),
 )
 NUMBER = re.compile(r"\s*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\s*", re.A)
+# Exponents as Fortran prints them: with a D, or of three digits and without any letter.
+FORTRAN = re.compile(r"\s*([+-]?(?:\d+\.\d*|\.\d+))(?:[dD]([+-]?\d+)|([+-]\d{3}))\s*", re.A)
 _POWER = re.compile(r"(?:1e|10\s?\^?)\s?(-?\d)")
 
 

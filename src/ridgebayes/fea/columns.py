@@ -14,13 +14,14 @@ from ridgebayes._types import BoolArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.abaqus_rpt import read_xy
 from ridgebayes.fea.delimited import Reading, TextTable, read_delimited
-from ridgebayes.fea.interpret import ABOVE_0, ColumnInterpreter, listed
+from ridgebayes.fea.interpret import ColumnInterpreter, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
 from ridgebayes.fea.parquet import ParquetTable
 from ridgebayes.fea.problems import SHOWN, FileError, Source
+from ridgebayes.fea.quantities import ABOVE_0
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
-from ridgebayes.fea.wide import melt_counts, melt_textures, named_textures
+from ridgebayes.fea.wide import melt_counts, melt_repeats, named_textures
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.runtime.text import count, some_of
 from ridgebayes.table.columns import RawTable
@@ -29,6 +30,7 @@ from ridgebayes.table.table import ContactTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 _OF_TEXTURES = ("a", "b", "pitch", "R", "D", "a_over_R", "b_over_R")
+_OF_GROUPS = (*_OF_TEXTURES, "E", "nu", "offset", "offset_over_R", "thickness")
 _LONGEST = 300  # characters of the mapping in `source`
 
 _PLAIN = Reading()
@@ -139,6 +141,7 @@ def _supplied(error: FileError) -> tuple[dict[str, str], dict[str, str], dict[st
     if "texture" in options:
         options |= dict.fromkeys(("a_over_R", "b_over_R"), options.pop("texture")[:1])
     ways: dict[str, Any] = {key: options.pop(key) for key in _WAYS if key in options}
+    ways |= {"skip_empty": True} if options.pop("skip_empty", "") else {}
     if "header_row" in ways:
         ways["header_row"] = int(ways["header_row"])
     if "empty" in ways:
@@ -150,13 +153,14 @@ def _read(
     path: Path, mapping: Mapping[str, str], values: Mapping[str, str | float], how: Reading
 ) -> Imported:
     problems = FileError(str(path))
-    source = _source(path, how, problems)
+    source = open_table(path, how, problems)
     where = source.where
     uses, term = assign(source.headers, mapping, values, problems)
-    problems.known = {use.name: _typed(use) for use in uses if use.texture is None}
+    problems.known = {use.name: _typed(use) for use in uses if use.repeat is None}
     taken = {use.key for use in uses} | set(values)
     settings = {key: one for key, one in source.settings.items() if key not in taken}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
+    _fill_down(cells, uses, problems)
     for use in uses:
         if use.header not in cells:
             raise InputError(
@@ -171,15 +175,9 @@ def _read(
         cells, uses = melt_counts(cells, uses, problems)
     elif named := named_textures(cells, uses, problems):
         cells, uses = named
-    elif any(use.texture is not None for use in uses):
-        cells, uses = melt_textures(cells, uses, problems)
-    if lone := _lone_series(cells, uses):
-        uses = [use for use in uses if use is not lone]
-        problems.known.pop(lone.name)
-        problems.messages.append(
-            f"column {lone.header!r} is not taken as series: no texture has rows of two of them "
-            f"(--map 'series={lone.header}' takes it)"
-        )
+    if any(use.repeat is not None for use in uses):
+        cells, uses = melt_repeats(cells, uses, problems)
+    cells, uses = _one_series(cells, uses, problems)
     constants = {key: text for key, (text, _) in settings.items()} | dict(values)
     interpreter = ColumnInterpreter(cells, uses, constants, how, problems)
     frame = interpreter.history(corners) if corners else interpreter.long(term)
@@ -200,15 +198,65 @@ def _read(
     return Imported(table, (*problems.messages, *_kept(table)), problems.known)
 
 
-def _lone_series(cells: pd.DataFrame, uses: Iterable[Use]) -> Use | None:
-    """Return a guess of series of which each texture has one: they tell no more than textures."""
-    series = next((use for use in uses if use.key == "series" and use.how == "guessed"), None)
-    if series is None:
-        return None
+def _fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> None:
+    """Fill what stands once for a group of rows: widths, and texts of the same groups.
+
+    A group's first row has all of its widths, and two groups that follow each other differ; else
+    the cells that are empty are lost ones.
+    """
+    there = [use.header for use in uses if use.Q is None and use.header in cells]
+    groups = [use.header for use in uses if use.key in _OF_GROUPS and use.header in there]
+    widths = [name for name in groups if cells[name].dtype.kind == "f" and cells[name].isna().any()]
+    if not widths:
+        return
+    head = cells[widths].notna()
+    first, values = head.all(axis=1), cells[widths]
+    follows = first & first.shift(fill_value=False)
+    again = follows & (values == values.shift()).all(axis=1)
+    if (head.any(axis=1) != first).any() or not first.iloc[0] or again.any():
+        return
+    cells[widths] = values.ffill()
+    texts = [use.header for use in uses if use.key in ("series", "texture") and use.header in there]
+    full = [name for name in texts if (cells[name].ne("") <= first).all()]
+    for name in full:
+        cells[name] = cells[name].mask(cells[name].eq("") & ~first).ffill()
+    problems.messages.append(
+        f"columns {', '.join(map(repr, [*widths, *full]))}: {count(int((~first).sum()), 'row')} "
+        "with empty cells have the value above, as in merged cells"
+    )
+
+
+def _one_series(
+    cells: pd.DataFrame, uses: list[Use], problems: FileError
+) -> tuple[pd.DataFrame, list[Use]]:
+    """Return one column of series: of guesses those of which a texture has two or more, joined."""
+    some = [use for use in uses if use.key == "series" and use.how in ("guessed", "wide")]
     widths = [use.header for use in uses if use.key in _OF_TEXTURES]
-    pairs = cells[widths].assign(series=as_text(cells[series.header])).drop_duplicates()
-    is_repeated = pairs.duplicated(widths).any() if widths else len(pairs) > 1
-    return None if is_repeated else series
+    again = [*widths, *(use.header for use in uses if use.key == "Q")]
+    kept = []
+    for use in some:
+        labels = as_text(cells[use.header])
+        pairs = cells[widths].assign(series=labels).drop_duplicates()
+        is_repeated = pairs.duplicated(widths).any() if widths else len(pairs) > 1
+        # A label for each row numbers rows, but where a texture has a count twice.
+        if is_repeated and (labels.nunique() < len(labels) or cells[again].duplicated().any()):
+            kept.append(use)
+            continue
+        problems.messages.append(
+            f"column {use.header!r} is not taken as series: no texture has rows of two of them "
+            f"(--map 'series={use.header}' takes it)"
+        )
+    uses = [use for use in uses if use not in some or use in kept[:1]]
+    if not kept:
+        problems.known.pop("series" if some else "", None)
+    if len(kept) < 2:
+        return cells, uses
+    name = ", ".join(use.header for use in kept)
+    texts = pd.DataFrame({use.header: as_text(cells[use.header]) for use in kept})
+    joined = texts.agg(", ".join, axis=1)
+    problems.messages.append(f"series: {name}, joined")
+    one = Use("series", name, how="guessed")
+    return cells.assign(**{name: joined}), [one if use is kept[0] else use for use in uses]
 
 
 def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:
@@ -288,7 +336,7 @@ def _mapping_text(
         use
         for use in uses
         if (use.name != use.header or use.unit is not None)
-        and (use in used or use.Q is not None or use.texture is not None)
+        and (use in used or use.Q is not None or use.repeat is not None)
     ]
     first: dict[tuple[str, bool], list[Use]] = {}
     for use in own:
@@ -299,7 +347,7 @@ def _mapping_text(
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def _source(path: Path, how: Reading, problems: FileError) -> Source:
+def open_table(path: Path, how: Reading, problems: FileError) -> Source:
     """Return the file, by its suffix; nothing in it is run."""
     suffix = path.suffix.lower()
     if suffix in _OLD:

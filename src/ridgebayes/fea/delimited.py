@@ -1,6 +1,5 @@
 """Text of cells between separators, and the numbers that are meant by them."""
 
-import codecs
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
@@ -13,15 +12,14 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.column_units import NUMBER, is_unit, split_header
+from ridgebayes.fea.column_units import FORTRAN, NUMBER, is_unit, split_header
 from ridgebayes.fea.layout import FINITE, FORMULA, LOOKED_AT, clean_headers, filled, find_layout
 from ridgebayes.fea.problems import FileError, Source
+from ridgebayes.fea.separators import SEPARATORS, as_text, separated
 from ridgebayes.fea.words import NOTHING
-from ridgebayes.runtime.reading import decoded
 from ridgebayes.runtime.text import clipped, count, some_of
 from ridgebayes.table.files import lossless, records
 
-SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
 _COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 
 
@@ -67,6 +65,10 @@ class Reading:
         What counts are of, one of `ridgebayes.fea.words.COUNTS`.
     brackets, interpolate : bool
         For increments: always intervals, even where gaps tell the load within; or always loads.
+    closed_is : tuple of int
+        Codes of a status that mean contact; none for 0 open, 1 closed.
+    skip_empty : bool
+        Whether rows without a load are left out.
     """
 
     sheet: str | None = None
@@ -77,6 +79,8 @@ class Reading:
     count_is: str | None = None
     brackets: bool = False
     interpolate: bool = False
+    closed_is: tuple[int, ...] = ()
+    skip_empty: bool = False
 
 
 def read_delimited(where: str, content: bytes, how: Reading, problems: FileError) -> "TextTable":
@@ -98,12 +102,12 @@ def read_delimited(where: str, content: bytes, how: Reading, problems: FileError
     InputError
         If it is no text, is empty, or has an open quote.
     """
-    text = _decoded(content, where, problems)
+    text = as_text(content, where, problems)
     lines = text.split("\n", how.skip_rows)
     text = lines[-1] if len(lines) > how.skip_rows else ""
     if not text.strip():
         raise InputError(f"{where}: the file is empty")
-    text, separator = _separated(text, where)
+    text, separator = separated(text, where, problems)
     rows = ((line + how.skip_rows, cells) for line, cells in records(text, where, separator))
     return TextTable(where, rows, separator, how, problems)
 
@@ -125,6 +129,8 @@ class TextTable(Source):
         Where rows of another length and formulas are noted.
     cell : callable, optional
         Of a worksheet: words for the cell of a line and a column, both from 1.
+    typed : collection of str, optional
+        Of a worksheet: cells that are numbers, not text, and so have a point for decimals.
 
     Raises
     ------
@@ -140,7 +146,9 @@ class TextTable(Source):
         how: Reading,
         problems: FileError,
         cell: Callable[[int, int], str] | None = None,
+        typed: Collection[str] = (),
     ) -> None:
+        self._is_typed = frozenset(typed)
         self.where, self._separator, self._how, self._cell = where, separator, how, cell
         head = list(islice(rows, LOOKED_AT))
         full = [(line, cells) for line, cells in head if any(one.strip() for one in cells)]
@@ -173,7 +181,8 @@ class TextTable(Source):
         self.lines, self._typed = self._checked(below, problems)
         for name, cells in self._typed.items():
             begin = cells.str.lstrip().str.startswith("=").to_numpy(bool)
-            problems.cells(begin, str(name), FORMULA)
+            save = "; no value is stored: open the file in Excel or LibreOffice, and save it once"
+            problems.cells(begin, str(name), FORMULA + (save if cell else ""))
 
     def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
         """Read all rows, the columns of these headers as numbers; note cells that are none."""
@@ -246,6 +255,15 @@ class TextTable(Source):
         for cells in text.values():
             counts.update(cells[cells != ""].value_counts(sort=False).to_dict())
 
+        some = ((cell, _exact(cell, self._is_typed)) for cell in counts)
+        exact = {cell: number for cell, number in some if number is not None}
+        if fortran := [cell.strip() for cell in exact if cell not in self._is_typed]:
+            problems.messages.append(
+                f"{count(len(fortran), 'number')} with an exponent of Fortran's, such as "
+                f"{fortran[0]!r} = {exact[next(c for c in exact if c.strip() == fortran[0])]:g}"
+            )
+        counts = Counter({cell: n for cell, n in counts.items() if cell not in exact})
+
         def n_off(style: tuple[str, str, re.Pattern[str]]) -> int:
             return sum(n for cell, n in counts.items() if not style[2].fullmatch(cell))
 
@@ -267,7 +285,7 @@ class TextTable(Source):
             if style.fullmatch(cell)
             else np.inf
             for cell in counts
-        }
+        } | exact
         rule = FINITE.replace("a point", "a comma") if mark == "," else FINITE
         nothing = [cell for cell in counts if np.isinf(numbers[cell]) and NOTHING.fullmatch(cell)]
         found = {}
@@ -298,68 +316,9 @@ def _without_notes(rows: list[_Row]) -> tuple[list[_Row], list[str]]:
     return rows[:1], notes[::-1]
 
 
-def _decoded(content: bytes, where: str, problems: FileError) -> str:
-    """Return text that may be UTF-16 or Windows-1252; say so if it is."""
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        try:
-            content = content.decode("utf-16").encode()
-        except UnicodeDecodeError:
-            raise InputError(f"{where}: begins as UTF-16 text, and is none") from None
-        problems.messages.append(f"{where}: UTF-16 text")
-    try:
-        return decoded(content, where)
-    except InputError as error:
-        try:
-            text = decoded(content.decode("cp1252").encode(), where)
-        except UnicodeDecodeError:
-            raise error from None
-        byte = str(error).removesuffix("; expected UTF-8")
-        problems.messages.append(f"{byte}: read as Windows-1252")
-        return text
-
-
-def _tabs_for_blanks(text: str) -> str:
-    """Return text in columns with tabs between; empty if most lines are not equally wide."""
-    lines = text.split("\n")
-    n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith("#")), 0)
-    rows = [re.sub(r"^\s*#+", "", row) for row in lines[:n]] + lines[n:]  # a header among them
-    some = [row.split() for row in rows[:LOOKED_AT] if row.strip() and row.lstrip()[0] != "#"]
-    widths = Counter(map(len, some))
-    width, n = widths.most_common(1)[0] if widths else (0, 0)
-    if width < 2 or n < 2 or 2 * n <= widths.total():
-        return ""
-    return "\n".join(
-        "\t".join(row.split()) if len(row.split()) == width else as_is
-        for row, as_is in zip(rows, lines, strict=True)
-    )
-
-
-def _separated(text: str, where: str) -> tuple[str, str]:
-    """Return the text and its separator: the one by which most first records are equally wide.
-
-    Tab goes before semicolon, bar and comma: a comma may stand within cells of the others. Text in
-    columns with blanks between gets tabs.
-    """
-    best, n_record, failed = (0, ""), 0, None
-    for separator in SEPARATORS:
-        try:
-            some = islice(records(text, where, separator), LOOKED_AT)
-            widths = Counter(len(cells) for _, cells in some)
-        except InputError as error:
-            failed = error
-            continue
-        n_record = widths.total()
-        width, n = max(widths.items(), key=lambda one: (one[1] * (one[0] > 1), one[0]))
-        if width > 1 and n > best[0]:
-            best = n, separator
-    blank = "" if 2 * best[0] > n_record else _tabs_for_blanks(text)
-    if blank:
-        return blank, "\t"
-    if best[1]:
-        return text, best[1]
-    if failed is not None:
-        raise failed
-    raise InputError(
-        f"{where}, line 1: one column only; expected columns separated by commas, semicolons, "
-        "bars or tabs"
-    )
+def _exact(cell: str, typed: Collection[str]) -> float | None:
+    """Return a number that no decimal mark has to be known for; None of other cells."""
+    if cell in typed:
+        return float(cell) if NUMBER.fullmatch(cell) else None
+    match = FORTRAN.fullmatch(cell)
+    return None if match is None else float(f"{match[1]}e{match[2] or match[3]}")

@@ -1,8 +1,7 @@
 """What the columns of a table mean together: ratios, transitions, and messages about them."""
 
 import re
-from collections.abc import Iterable, Mapping
-from fractions import Fraction
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -13,50 +12,30 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import (
     DIMENSIONS,
     NUMBER,
-    column_unit,
     divided,
     split_header,
     unit_factor,
 )
-from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
-from ridgebayes.fea.problems import FileError
-from ridgebayes.fea.transitions import counts_repeat, middle_loads, transitions_of_runs
+from ridgebayes.fea.quantities import Quantities
+from ridgebayes.fea.transitions import (
+    counts_repeat,
+    last_digit,
+    middle_loads,
+    transitions_of_runs,
+)
 from ridgebayes.fea.words import COUNTS, STATUS_RULE, touching
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import COUNT, NAMES, OK
 from ridgebayes.table.rules import as_text
 
-ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
 _SHOWN = 8  # names that a line lists
 # Columns of increments that are nothing of a texture.
 _COUNTER = re.compile(r"\b(?:inc|increment|inkrement|time|zeit|step|schritt|nr|no|id|index)\b|^#")
-_NEEDED = {  # what it is for, and an example
-    "R": ("radius of the body", "? mm"),
-    "E": ("Young's modulus of the body", "? kPa"),
-    "thickness": ("length of the body along the ridges, needed for forces", "? mm"),
-}
 
 
-class ColumnInterpreter:
+class ColumnInterpreter(Quantities):
     """Columns that are understood, and what follows from them."""
-
-    def __init__(
-        self,
-        cells: pd.DataFrame,
-        uses: list[Use],
-        values: Mapping[str, str | float],
-        how: Reading,
-        problems: FileError,
-    ) -> None:
-        self.cells, self.where = cells, problems.where
-        self.rows: pd.Index[int] | None = None  # of the file, that are the table's
-        self._uses, self._values, self._how, self._problems = uses, values, how, problems
-        self._by_key = {(use.key, use.Q): use for use in uses}
-        self.used: dict[Use, None] = {}
-        self._units: dict[str, str] = {}  # of what has a dimension, by its name in messages
-        self.messages, self._begun = problems.messages, len(problems.messages)
-        self._used_values: set[str] = set()
 
     def long(self, term: str | None) -> pd.DataFrame:
         """Return the rows of a table with one transition or increment each, and its own columns.
@@ -69,7 +48,8 @@ class ColumnInterpreter:
         found = self._curve()
         found["Q"] = self._counts(self._required("Q", self._first("Q")), term)
         found["p_over_E"] = self._required("p_over_E", self._load())
-        found |= {"p_over_E_lower": self._load("_lower"), "rel_se": self._first("rel_se")}
+        found |= {"p_over_E_lower": self._load("_lower"), "rel_se": self._rel_se()}
+        self._load_se()
         found |= self._texts("kind", "role", "status")
         left = self._left()
         own = [name for name in left if name not in NAMES]
@@ -85,9 +65,11 @@ class ColumnInterpreter:
         if own:
             self.messages.append(f"kept as they are: {listed(own)}")
         frame = frame.assign(**{n: self.cells[n] for n in own})
+        frame = self._with_load_se(frame)
         keep = (frame["Q"] >= 4) | ~frame["Q"].isin([0, 2]) | (frame.get("kind", "") == COUNT)
         if n := int((~keep).sum()):
             self.messages.append(f"{n} rows of Q under 4 ignored: that many touch at any load")
+        keep &= ~self._empty(frame, own)
         self.rows = frame.index[keep]
         return frame[keep].reset_index(drop=True)
 
@@ -102,8 +84,10 @@ class ColumnInterpreter:
                 )
         curve = self._curve() | self._texts("role")
         load = self._required("p_over_E", self._load())
+        self._load_se()
         corners = sorted(corners, key=lambda use: use.Q or 0)
         gaps = np.column_stack([self._gap(use) for use in corners])
+        digits = last_digit(gaps) / 2  # a gap is printed as it is, and so rounded once
         keep = np.ones(len(self.cells), dtype=bool)
         ignored = []
         if status := self._use("status", None):
@@ -118,13 +102,21 @@ class ColumnInterpreter:
             return pd.DataFrame()
         # In a run the empty cells of a column are its default; NaN would tell rows apart.
         frame, Q = self._framed(curve)[keep].reset_index(drop=True), [use.Q or 0 for use in corners]
-        return self._of_runs(frame, load[keep], gaps[keep], np.array(Q), ignored)
+        return self._of_runs(frame, load[keep], gaps[keep], np.array(Q), ignored, digits)
 
     def _of_runs(
-        self, frame: pd.DataFrame, load: FloatArray, gaps: FloatArray, Q: IntArray, said: list[str]
+        self,
+        frame: pd.DataFrame,
+        load: FloatArray,
+        gaps: FloatArray,
+        Q: IntArray,
+        said: list[str],
+        digits: float = 0.0,
     ) -> pd.DataFrame:
         try:
-            rows, remarks = transitions_of_runs(frame, load, gaps, Q, brackets=self._how.brackets)
+            rows, remarks = transitions_of_runs(
+                frame, load, gaps, Q, brackets=self._how.brackets, digits=digits
+            )
         except InputError as error:
             raise self._problems.error(str(error)) from None
         if left := self._left():
@@ -133,7 +125,84 @@ class ColumnInterpreter:
         if self._how.interpolate:
             rows, n = middle_loads(rows)
             self.messages.append(f"{n} loads in the middle of their increments")
-        return rows
+        return self._with_load_se(rows)
+
+    def _empty(self, frame: pd.DataFrame, own: list[str]) -> "pd.Series[bool]":
+        """Return which rows have no load, to be left out; ask for it where the user did not."""
+        status = frame["status"] if "status" in frame else pd.Series(OK, index=frame.index)
+        empty = frame["p_over_E"].isna() & status.isin(["", OK])
+        if not empty.any():
+            return empty & False
+        if not self._how.skip_empty:
+            use = next((one for key in LOADS if (one := self._use(key, None))), None)
+            rule = "expected a load; --skip-empty leaves out rows without one"
+            if use is not None and use.header in self.cells:
+                self._problems.cells(frame.index[empty], use.header, rule)
+            self._problems.options.setdefault("skip_empty", "yes")
+            return empty & False
+        texts = [name for name in own if frame[name].dtype.kind not in "if"]
+        why = frame.loc[empty, texts].astype(str).agg(" ".join, axis=1).str.strip()
+        said = some_of([one or "no reason given" for one in dict.fromkeys(why)], _SHOWN)
+        self.messages.append(f"{int(empty.sum())} rows without a load left out: {said}")
+        return empty
+
+    def _rel_se(self) -> FloatArray | None:
+        """Return the relative error of loads: as a column, or a deviation over its mean."""
+        own, sd = self._first("rel_se"), self._use("load_sd", None)
+        mean = next((one for key in LOADS if (one := self._use(key, None))), None)
+        if sd is None or mean is None:
+            return own
+        factors = []
+        for use in (sd, mean):
+            unit = use.own_unit or mean.own_unit
+            dimension = DIMENSIONS.get(mean.key)
+            factor = unit_factor(unit, dimension) if dimension and unit not in ("", "1") else None
+            factors.append(float(factor or 1))
+        ratio = divided(self.cells[sd.header].to_numpy(dtype=float) * factors[0])
+        ratio = ratio / (self.cells[mean.header].to_numpy(dtype=float) * factors[1])
+        what = "standard deviation of the load"
+        if (n := self._use("n_mean", None)) is not None:
+            ratio = ratio / np.sqrt(self.cells[n.header].to_numpy(dtype=float))
+            self._tell(n, ", how many loads the mean is of", is_plain=False)
+            what = "standard deviation of the load, over the root of their number: its error"
+        self._tell(sd, f", {what}", is_plain=False)
+        return ratio if own is None else np.hypot(own, ratio)
+
+    def _load_se(self) -> None:
+        """Find the standard error of every load, as p/E, where the user gives one."""
+        if "load_se" not in self._values:
+            return
+        text = str(self._values["load_se"]).strip()
+        match = NUMBER.match(text)
+        unit = "" if match is None else text[match.end() :].strip()
+        of_loads = next((one for key in LOADS if (one := self._use(key, None))), None)
+        key = next((key for key in LOADS[1:] if unit_factor(unit, DIMENSIONS[key])), "")
+        if not unit and of_loads is not None:  # as the loads: both without a unit
+            key = of_loads.key
+        if match is None or not key or not float(match.group()) > 0:
+            raise self._problems.error(
+                f"--load-se {text!r}: expected a number above 0 and a unit of loads, as '0.05 N'"
+            )
+        self._tell_value("load_se")
+        if key in DIMENSIONS:
+            self._units[f"{key} (--load-se)"] = unit
+        factor = unit_factor(unit, DIMENSIONS[key]) if unit else None
+        size = np.array(float(match.group()) * float(factor or 1))
+        names = {"p_over_E": (), "p": ("E",), "line": ("R", "E"), "force": ("thickness", "R", "E")}
+        by = [self._needed(one) for one in names[key]]
+        self._p_se = divided(size / 2 if len(by) > 1 else size, *by) if by else size
+
+    def _with_load_se(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """Return rows with the load cell's error in rel_se, in quadrature."""
+        if self._p_se is None:
+            return frame
+        p_se = self._p_se
+        if p_se.size not in (1, len(frame)):  # increments became transitions
+            if len(np.unique(p_se)) > 1:
+                raise self._problems.error("--load-se: expected one R and E in all increments")
+            p_se = p_se.ravel()[:1]
+        own = frame["rel_se"].fillna(0.0) if "rel_se" in frame else 0.0
+        return frame.assign(rel_se=np.hypot(own, p_se / frame["p_over_E"].to_numpy()))
 
     def _counts(self, counts: FloatArray | None, term: str | None) -> FloatArray | None:
         """Return Q of counts, whatever they are of."""
@@ -179,78 +248,6 @@ class ColumnInterpreter:
         found |= {"offset_over_R": self._over_R("offset"), "nu": self._first("nu")}
         return found | self._texts("texture", "series", "solver", "source")
 
-    def _framed(self, found: Mapping[str, Any]) -> pd.DataFrame:
-        there = {key: value for key, value in found.items() if value is not None}
-        return pd.DataFrame(there, index=self.cells.index)
-
-    def _use(self, key: str, Q: int | None) -> Use | None:
-        """Return the column of a key: for each Q, or else the one for all."""
-        return self._by_key.get((key, Q)) or self._by_key.get((key, None))
-
-    def _quantity(self, key: str, Q: int | None = None) -> FloatArray | None:
-        """Return a column or constant in SI units; None where there is none."""
-        use = self._use(key, Q)
-        return self._constant(key) if use is None else self._column(key, use)
-
-    def _column(self, key: str, use: Use) -> FloatArray:
-        try:
-            unit, factor = column_unit(key, use.header, use.unit, self.where)
-        except InputError as error:
-            last = split_header(use.header)[0].replace("_", " ").split()[-1]
-            fits = key in DIMENSIONS and unit_factor(last, DIMENSIONS[key]) is not None
-            name = f"{key} Q={use.Q}" if use.Q is not None else key
-            self._problems.need(str(error), {name: f"{use.header};{last if fits else '?'}"})
-            unit, factor = None, Fraction(1)
-        numbers = self.cells[use.header].to_numpy(dtype=float)
-        if use not in self.used:
-            in_unit = f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else ""
-            self._tell(use, in_unit)
-        if unit is not None and key in DIMENSIONS:  # else told above, and not to be told again
-            self._units[f"{key} ({use.header!r})"] = unit
-        return numbers if factor == 1 else divided(numbers * float(factor))
-
-    def _constant(self, key: str) -> FloatArray | None:
-        if key not in self._values:
-            return None
-        text = str(self._values[key]).strip()
-        match = NUMBER.match(text)
-        unit = "" if match is None else text[match.end() :].strip()
-        factor = unit_factor(unit, DIMENSIONS[key]) if unit and key in DIMENSIONS else None
-        if match is None or (unit and factor is None):
-            what = f"a number and a unit of {DIMENSIONS[key]}" if key in DIMENSIONS else "a number"
-            raise self._problems.error(f"value {key} = {text!r}: expected {what}")
-        number = float(match.group())
-        if not np.isfinite(number) or (key in ABOVE_0 and number <= 0):
-            rule = "above 0" if key in ABOVE_0 else "finite"
-            raise self._problems.error(f"value {key} = {text!r}: expected {rule}")
-        self._tell_value(key)
-        if key in DIMENSIONS:
-            self._units[key] = unit
-        return np.array(number * float(factor or 1))
-
-    def _tell(self, use: Use, what: str = "", *, is_plain: bool = True) -> None:
-        """Say which column is used, but of a plain one by its own name, which `_summarize` does."""
-        self.used[use] = None
-        what += ", guessed from its header" if use.how == "guessed" else ""
-        if use.name != use.header or what or not is_plain:
-            self.messages.append(f"{use.name}: column {use.header!r}{what}")
-
-    def _tell_value(self, key: str) -> None:
-        """Say once that a constant is used."""
-        if key not in self._used_values:
-            self.messages.append(f"{key}: {str(self._values[key]).strip()}, as given")
-        self._used_values.add(key)
-
-    def _first(self, *ways: str) -> FloatArray | None:
-        """Return the first of some quantities that is there, over those that it is divided by."""
-        for way in ways:
-            key, *under = way.split("/")
-            if (found := self._quantity(key)) is not None:
-                by = [self._needed(one) for one in under]
-                # Only loads are over two: p is line / 2 R.
-                return divided(found / 2 if len(by) > 1 else found, *by) if by else found
-        return None
-
     def _over_R(self, key: str) -> FloatArray | None:
         return self._first(f"{key}_over_R", f"{key}/R")
 
@@ -263,7 +260,7 @@ class ColumnInterpreter:
             what = ", contact pressure" if use.key == "pressure" else ""
             self._tell(use, what, is_plain=False)
         if use.key == "status":
-            gap, bad = touching(as_text(self.cells[use.header]))
+            gap, bad = touching(as_text(self.cells[use.header]), self._how.closed_is)
             self._problems.cells(self.cells.index[bad], use.header, STATUS_RULE)
             return gap
         if use.key == "pressure":
@@ -274,29 +271,6 @@ class ColumnInterpreter:
         R = None if use.key == "gap_over_R" else self._quantity("R")
         # Without R: only its zero counts, and how it falls, not its size.
         return found if R is None else divided(found, R)
-
-    def _texts(self, *keys: str) -> dict[str, Any]:
-        """Return columns of text, and constants in place of some."""
-        found: dict[str, Any] = {}
-        for key in keys:
-            if (use := self._use(key, None)) is not None:
-                self._tell(use)
-                found[key] = as_text(self.cells[use.header])
-            elif key in self._values:
-                self._tell_value(key)
-                found[key] = str(self._values[key])
-        return found
-
-    def _needed(self, key: str) -> FloatArray:
-        if (found := self._quantity(key)) is not None:
-            return found
-        if key == "R" and (found := self._quantity("D")) is not None:
-            return found / 2
-        why, example = _NEEDED[key]
-        ways = f"expected --{key} '{example}', or a column, --map '{key}=HEADER'"
-        self._problems.need(f"{key} is missing ({why}): {ways}", None, **{key: example})
-        # Loads rise or do not, whatever it is.
-        return np.array(1.0)
 
     def _required(self, key: str, found: FloatArray | None) -> FloatArray | None:
         if found is None:
@@ -332,41 +306,6 @@ class ColumnInterpreter:
 
         best = max(numbers, key=fits, default=None)
         return "?" if best is None or fits(best) < (key == "Q") else best
-
-    def _summarize(self) -> None:
-        if plain := [one.key for one in self.used if one.key == one.header and one.key in NAMES]:
-            self.messages.insert(self._begun, f"recognised by name: {', '.join(plain)}")
-        have = [f"{name} in {unit}" for name, unit in self._units.items() if unit]
-        bare = [name for name, unit in self._units.items() if not unit]
-        if have and bare:
-            self._ask_units(have, bare)
-        elif have or bare:
-            one_system = "no units given; one consistent system assumed"
-            self.messages.append("all units converted" if have else one_system)
-        if given := set(self._values) - self._used_values:
-            self.messages.append(f"values given but not used: {', '.join(sorted(given))}")
-
-    def _ask_units(self, have: list[str], bare: list[str]) -> None:
-        """Ask for units, with those of the same dimension as a first guess."""
-        units = {DIMENSIONS[name.split(" ")[0]]: one for name, one in self._units.items() if one}
-        mapping, options = {}, {}
-        for key in (name.split(" ")[0] for name in bare):
-            unit = units.get(DIMENSIONS[key], "?")
-            if key in self._values:
-                options[key] = f"{self._values[key]} {unit}"
-            elif (use := self._by_key.get((key, None))) is not None:
-                mapping[key] = f"{use.header};{unit}"
-        self._problems.need(
-            f"{self.where}: {', '.join(have)}, but {', '.join(bare)} without a "
-            "unit; expected units on all columns and values that have dimensions, or on none",
-            mapping,
-            **options,
-        )
-
-    def _left(self) -> list[str]:
-        """Return the columns that are nothing of the contract."""
-        used = {use.header for use in self.used}
-        return [name for name in map(str, self.cells) if name not in used]
 
 
 def _as_numbers(cells: "pd.Series[Any]") -> FloatArray:

@@ -81,7 +81,7 @@ def find_layout(rows: Records, where: str, header_row: int | None = None) -> Lay
     headers[0] = re.sub(r"^\s*(?:#|%|//)\s*", "", headers[0])
     if header_row is None:
         _refuse_rows(rows[:i], headers, line, where)
-    titles = [(at, "; ".join(one for one in row if one.strip())) for at, row in rows[:i]]
+    titles = [(at, _title(row)) for at, row in rows[:i]]
     settings = settings_of(titles)
     messages = []
     if titles:
@@ -177,6 +177,12 @@ def known(cells: Sequence[str]) -> int:
 def is_number(cell: str) -> bool:
     """Return whether a cell looks like a number, in whichever country."""
     return _NUMBER.fullmatch(cell) is not None
+
+
+def _title(cells: Sequence[str]) -> str:
+    """Return a title line as one text; a decimal comma that parted a number is put back."""
+    text = "; ".join(one for one in cells if one.strip())
+    return re.sub(r"(?<=\d); (?=\d+\s*[^\W\d])", ",", text)
 
 
 def _at(rows: Records, line: int, where: str) -> int | None:

@@ -2,19 +2,24 @@
 
 import math
 import re
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_text
 
 # A number as programs print it: Fortran drops the E of an exponent of three digits.
 NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
+_PLAIN = re.compile(r"[-+0-9.Ee \t]*")  # what numbers of Python's spelling are made of
+_ROW = re.compile(r"\s*\d+\s+[-+.\d][-+0-9.Ee\s]*$")
+_MOST_NODE = 2**53
 _SHOWN = 60  # characters
 Handler = Any  # a method of a `Printed`, of a line and its match
 
@@ -92,6 +97,62 @@ class Line:
         if number != int(number) or int(number) in seen:
             raise self.error(f"node {word[:40]!r}; expected a whole number, each node once{rule}")
         return int(number)
+
+
+@dataclass(frozen=True, eq=False)
+class NodeRows:
+    """Rows of numbers by node.
+
+    Parameters
+    ----------
+    nodes : ndarray of int, shape (n_row,)
+        Empty where rows are not of nodes.
+    values : ndarray of float, shape (n_row, n_column)
+        What stands beside them.
+    """
+
+    nodes: IntArray
+    values: FloatArray
+
+    @classmethod
+    def of_lines(cls, lines: Sequence[Line], columns: str, *, is_node: bool = True) -> "NodeRows":
+        """Read rows of some columns, named between commas, the first of them a node.
+
+        Raises
+        ------
+        InputError
+            With its line, if a row has another number of columns, a cell is no finite number, or a
+            node is not whole or stands twice.
+        """
+        words = [line.words for line in lines]
+        n = columns.count(",") + 1
+        try:
+            if not all(len(one) == n for one in words):
+                raise ValueError("another number of columns")
+            if not all(_PLAIN.fullmatch(line.text) for line in lines):
+                raise ValueError("not as Python has numbers")
+            values = np.array(list(chain.from_iterable(words)), dtype=float).reshape(-1, n)
+        except ValueError:  # exponents without an E, or a row that is none
+            values = np.array([line.values(columns) for line in lines]).reshape(-1, n)
+        is_odd = ~np.isfinite(values).all(axis=1)
+        if not is_node:
+            for i in np.flatnonzero(is_odd).tolist()[:1]:
+                lines[i].values(columns)
+            return cls(np.zeros(0, dtype=np.int64), values)
+        is_odd |= ~(np.abs(values[:, 0]) <= _MOST_NODE)
+        is_odd |= np.where(is_odd, 0.0, values[:, 0]) % 1 != 0
+        is_odd |= pd.Series(values[:, 0]).duplicated().to_numpy()
+        for i in np.flatnonzero(is_odd).tolist()[:1]:
+            lines[i].values(columns)
+            lines[i].node(words[i][0], set(values[:i, 0].tolist()))
+        return cls(values[:, 0].astype(np.int64), values[:, 1:])
+
+    def of(self, nodes: Sequence[int]) -> FloatArray:
+        """Return the values of some nodes, NaN where there are none."""
+        if not len(self.nodes):
+            return np.full((len(nodes), max(self.values.shape[1], 1)), np.nan)
+        place = pd.Index(self.nodes).get_indexer(pd.Index(nodes))
+        return np.where((place >= 0)[:, None], self.values[place], np.nan)
 
 
 @dataclass
@@ -203,6 +264,9 @@ class Printed:
 
     def take(self, line: Line) -> None:
         """Take a line."""
+        if self.table is not None and _ROW.match(line.text):  # most lines are rows
+            self.row(line, self.table)
+            return
         for handler in self._handlers:
             if match := handler.pattern.match(line.text):
                 handler(self, line, match)

@@ -8,7 +8,14 @@ from difflib import get_close_matches
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import DIMENSIONS, split_header, unit_factor
 from ridgebayes.fea.problems import FileError
-from ridgebayes.fea.words import corners_of, count_term, key_of, texture_of
+from ridgebayes.fea.words import (
+    corner_key,
+    corners_of,
+    count_term,
+    is_number_of_repeats,
+    key_of,
+    repeats_of,
+)
 from ridgebayes.table.columns import NAMES, NUMBERS
 
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
@@ -18,12 +25,13 @@ CORNERS = ("gap", "gap_over_R", "pressure", "status")
 KEYS = (
     *NAMES,
     *(key for key in DIMENSIONS if key not in ("gap", "thickness")),
-    *("load", "load_lower"),
+    *("load", "load_lower", "load_sd", "n_mean"),
 )
 PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", *CORNERS)
-_QUANTITIES = (*NUMBERS, *DIMENSIONS, "load", "load_lower", "gap_over_R", "pressure")
+_QUANTITIES = (*NUMBERS, *DIMENSIONS, "load", "load_lower", "load_sd", "n_mean")
+_QUANTITIES += ("gap_over_R", "pressure")
 _VARYING = ("Q", "p_over_E", "p_over_E_lower", "source")
-_KNOWN = ("R", "D", "E", "thickness", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
+_KNOWN = ("R", "D", "E", "thickness", "load_se", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
 CONSTANTS = tuple(name for name in _KNOWN if name not in _VARYING)
 _WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
@@ -49,8 +57,8 @@ class Use:
         Which corner, for one column per Q.
     how : {"mapped", "named", "guessed"}
         Who says so.
-    texture : (str, str, str) or None
-        Both widths and their unit, of a column for each texture.
+    repeat : str or None
+        Which repeat, for one column of loads each.
     """
 
     key: str
@@ -58,7 +66,7 @@ class Use:
     unit: str | None = None
     Q: int | None = None
     how: str = "mapped"
-    texture: tuple[str, str, str] | None = None
+    repeat: str | None = None
 
     @property
     def is_number(self) -> bool:
@@ -115,9 +123,7 @@ def assign(
     columns = _Columns(headers, values, problems)
     is_wide = False
     for name, text in mapping.items():
-        if name.strip() in columns.per_texture and text.lstrip().startswith("*"):
-            columns.per_texture[name.strip()] = text.partition(";")[2].strip()
-        elif name.strip() == "Q" and text.strip() in ("*", "Q=*"):
+        if name.strip() == "Q" and text.strip() in ("*", "Q=*"):
             is_wide = True
         else:
             columns.map(name, " ".join(text.split()))
@@ -129,7 +135,7 @@ def assign(
     columns.guess()
     columns.check_once()
     # Q by words that may count something else.
-    counts = [u for u in columns.uses if u.key == "Q" and u.how == "guessed" and u.texture is None]
+    counts = [u for u in columns.uses if u.key == "Q" and u.how == "guessed"]
     terms = columns.terms | {count_term(use.header) for use in counts}
     term = None if not terms else min(terms) if len(terms) == 1 else ""
     return [_without_load(use, columns) for use in columns.uses], term
@@ -156,7 +162,6 @@ class _Columns:
     ) -> None:
         self.uses: list[Use] = []
         self.terms: set[str] = set()
-        self.per_texture = {"texture": "", "value": ""}  # units of columns of a texture each
         self.problems = problems
         self._headers, self.values = list(headers), values
         for header in headers:
@@ -237,8 +242,9 @@ class _Columns:
         words = {header: text for header, text, _ in self._free()}
         for header, text in words.items():
             match = _WIDE.fullmatch(text)
-            if match is not None and (match[1] or "").strip(" _") in ("", *PER_Q):
-                key = (match[1] or "load").strip(" _")
+            key = (match[1] or "load").strip(" _") if match is not None else ""
+            key = key if key in PER_Q else corner_key(key)
+            if match is not None and key:
                 self.uses.append(Use(key, header, Q=int(match[2]), how="named"))
         if len(self.uses) == n:
             found = corners_of(words.values())
@@ -251,16 +257,23 @@ class _Columns:
             raise self._missing("no column with a header such as 'Q=4'")
 
     def guess(self) -> None:
-        """Add columns whose headers have words of the field, or name a texture each."""
+        """Add columns whose headers have words of the field."""
         keys = self._keys()
         is_wide = any(use.Q is not None for use in self.uses)
         found: dict[str, dict[str, str]] = {}
-        for header, words, _ in self._free():
+        free = self._free()
+        of_mean = sum(key_of(words) in ("load_sd", "Q") for _, words, _ in free) > 2
+        for header, words, _ in free:
             key = key_of(words)
+            key = "n_mean" if of_mean and is_number_of_repeats(words) else key
             if key and not _rivals(key) & keys and not (key == "Q" and is_wide):
                 found.setdefault(min(_rivals(key)), {})[header] = key
         for some in found.values():
             header, key = next(iter(some.items()))
+            if key == "series" or (key in PER_Q and not is_wide and repeats_of(some)):
+                repeats = {} if key == "series" else repeats_of(some)
+                self.uses += [Use(key, one, how="guessed", repeat=repeats.get(one)) for one in some]
+                continue
             if len(some) > 1 and key not in TEXTS and not (key in PER_Q and is_wide):
                 self.problems.need(
                     f"columns {', '.join(map(repr, some))} could each be {key}: name one with "
@@ -272,14 +285,6 @@ class _Columns:
             of_R = key in ("a", "b", "offset") and split_header(header)[1].startswith("%")
             one = Use(f"{key}_over_R", header, "%") if of_R else Use(key, header)
             self.uses.append(replace(one, how="guessed"))
-        keys = self._keys()
-        pairs = {header: pair for header, *_ in self._free() if (pair := texture_of(header))}
-        is_given = _rivals("a") & keys or _rivals("b") & keys or is_wide
-        if pairs and not is_given and ("Q" in keys) != bool(_rivals("load") & keys):
-            unit, value = self.per_texture["texture"], self.per_texture["value"]
-            for header, (a, b, own) in pairs.items():
-                one = Use("load" if "Q" in keys else "Q", header, value or None, how="guessed")
-                self.uses.append(replace(one, texture=(a, b, unit or own)))
 
     def check_once(self) -> None:
         """Refuse two columns, or a column and a value, that say the same."""
@@ -290,8 +295,8 @@ class _Columns:
                 if key in self.values:
                     raise self._twice(key, use.header)
             is_corner = use.Q is not None and use.key in CORNERS
-            place = ("corner" if is_corner else min(rivals), use.Q or use.texture)
-            if place in seen:
+            place = ("corner" if is_corner else min(rivals), use.Q or use.repeat)
+            if place in seen and not (use.key == "series" and use.how == "guessed"):
                 of_Q = "" if use.Q is None else f" of Q = {use.Q}"
                 text = (
                     f"columns {seen[place]!r} and {use.header!r} could both be {use.key}{of_Q}; "
@@ -330,7 +335,7 @@ def _rivals(key: str) -> set[str]:
 
 def _without_load(use: Use, columns: _Columns) -> Use:
     """Return what a load is, by its unit; note one without a unit where others have some."""
-    if not use.key.startswith("load"):
+    if use.key not in ("load", "load_lower"):
         return use
     lower = use.key.removeprefix("load")
     unit = use.own_unit
@@ -340,13 +345,6 @@ def _without_load(use: Use, columns: _Columns) -> Use:
     of_dimension = [one for one in columns.uses if one.key in DIMENSIONS]
     has_units = any(one.own_unit not in ("", "1", "-") for one in of_dimension)
     if use.unit is None and (has_units or {"E", "R"} & columns.values.keys()):
-        if use.texture is not None:
-            columns.problems.need(
-                "loads in columns for each texture have no unit: expected --map 'value=*;kPa', or "
-                "1 for p/E",
-                {"value": "*;?"},
-            )
-            return replace(use, key=f"p_over_E{lower}")
         shown = re.sub(r"\d+", "*", use.header) if use.Q is not None else use.header
         columns.problems.need(
             f"column {shown!r}: {f'{unit!r} is no unit' if unit else 'no unit'}: p/E, pressure, "

@@ -40,7 +40,7 @@ class Budget:
     left: int = LARGEST
 
 
-class _Xml:
+class PlainXml:
     """A parsed file.
 
     Parameters
@@ -103,7 +103,7 @@ class _Xml:
             return np.asarray(numbers, dtype="f4" if is_single else "f8").reshape(shape)
 
 
-class Xdmf(_Xml):
+class Xdmf(PlainXml):
     """A parsed XDMF file."""
 
     def points(self, states: list[ET.Element]) -> FloatArray:
@@ -152,17 +152,14 @@ class Xdmf(_Xml):
         import h5py  # slow to load, and other formats need none
 
         name, _, inner = text.rpartition(":")
-        folder, within = self.path.parent.resolve(), PureWindowsPath(name)
-        target = folder / name
+        target = self.path.parent.resolve() / name
         here = f"{target}: {_short(inner)}"
         # TypeError: a type of HDF5 that NumPy has not.
         kinds = (OSError, RuntimeError, KeyError, ValueError, TypeError)
         with refusing(f"{self.path}: numbers in {_short(text)}: cannot be read", *kinds):
             if not re.fullmatch("(/[^/]+)+", inner):
                 raise self.error(f"numbers in {_short(text)}; expected FILE.h5:/PATH")
-            # Backslashes and drives too: the file may have been made elsewhere.
-            is_away = not name or within.anchor or ".." in within.parts
-            if is_away or not target.resolve().is_relative_to(folder):
+            if not name or not is_beside(self.path, name):
                 raise self.error(f"numbers in {_short(text)}; expected a file in the same folder")
             if not target.is_file():
                 raise self.error(f"numbers in {_short(name)}: no such file; move both together")
@@ -181,7 +178,7 @@ class Xdmf(_Xml):
                 return _as_floats(data[()])
 
 
-class Vtu(_Xml):
+class Vtu(PlainXml):
     """A parsed VTU file."""
 
     def state(self, field: str) -> tuple[FloatArray, FloatArray]:
@@ -269,6 +266,14 @@ class Vtu(_Xml):
             parts.append(part)
             at += one
         return b"".join(parts)
+
+
+def is_beside(path: Path, name: str) -> bool:
+    """Return whether the name of a file stays in the folder of another, links followed."""
+    folder, within = path.parent.resolve(), PureWindowsPath(name)
+    # Backslashes and drives too: the file may have been made elsewhere.
+    is_away = within.anchor or ".." in within.parts
+    return not is_away and (folder / name).resolve().is_relative_to(folder)
 
 
 def _encoded(n: int) -> int:

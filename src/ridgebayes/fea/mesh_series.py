@@ -1,4 +1,4 @@
-"""Deformed meshes over load: XDMF time series and lists of VTU files.
+"""Deformed meshes over load: XDMF time series, PVD collections and lists of VTU files.
 
 Files are read here rather than by meshio, so that no size or path in them is taken on trust: see
 `ridgebayes.fea.mesh_files`.
@@ -6,7 +6,6 @@ Files are read here rather than by meshio, so that no size or path in them is ta
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
@@ -15,50 +14,52 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
+from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import parse_number
-from ridgebayes.fea.mesh_files import Budget, Vtu, Xdmf, displacements, one_named
-from ridgebayes.fea.record import FARTHEST, HUGE, Imported, provenance
-from ridgebayes.fea.surface import Body, CylinderSurface, Origin, SurfaceHistory, table_from_history
+from ridgebayes.fea.mesh_files import (
+    Budget,
+    PlainXml,
+    Vtu,
+    Xdmf,
+    displacements,
+    is_beside,
+    one_named,
+)
+from ridgebayes.fea.record import FARTHEST, HUGE, provenance
 
 _ROUND = 5e-6  # of R: nodes so near to the circle are on it
-_REST = 3e-6  # of R: how well the height of a rim at rest on a ridge is known
-_INSIDE = (0.1, 0.9)  # of a ridge's width: away from its corners, where meshes sink in
-_LOWEST = 0.25  # of a ridge's nodes: where the body rests, if it rests on part of it
-_LIFTED = 1e-4  # of R: nodes so far above those do not rest
+_MOST_NAMED = 5  # files that a source names beside the first
 
 
 def read_series(
-    path: Path | Sequence[Path],
-    body: Body,
+    paths: Sequence[Path],
     *,
-    field: str = "displacement",
-    time: str = "p_over_E",
+    R: float | None = None,
+    field: str | None = None,
+    time: str | None = None,
     loads: Sequence[float] | None = None,
-    brackets: bool = False,
-) -> Imported:
+) -> ContactHistory:
     """Read a series of deformed meshes.
 
     Parameters
     ----------
-    path : pathlib.Path or sequence of pathlib.Path
-        An ``.xdmf`` time series (numbers in it, or in an HDF5 file in its folder), or several
-        ``.vtu`` files, of an undeformed plane mesh down from the cylinder's mid-plane.
-    body : Body
-        What the files do not say. `R` None takes the mesh's extent at its mid-plane. `top` is
-        where ridges' tops stand still; with None they are where the body rests on the first
-        ridge, state by state, as for the XDMF files that this package writes.
-    field : str, optional
-        Point data that hold the displacement, in the units of the points.
-    time : {"p_over_E", "line"}, optional
-        Whether the series' time is p/E, or the body's line load 2 R p.
-    loads : sequence of float, optional
-        The same for each of several ``.vtu`` files, which have no time.
-    brackets : bool, optional
-        As `ridgebayes.fea.transitions.transitions_of`.
+    paths : sequence of pathlib.Path
+        An ``.xdmf`` time series (numbers in it, or in an HDF5 file in its folder), a ``.pvd`` with
+        its ``.vtu`` files in its folder, or several ``.vtu`` files, of an undeformed plane mesh
+        down from the cylinder's mid-plane.
+    R : float, length, or None
+        Radius; None takes the mesh's extent at its mid-plane.
+    field : str or None
+        Point data that hold the displacement, in the units of the points; "displacement" if None.
+    time : {"p_over_E", "line", None}
+        Whether the series' time is p/E, the default, or the body's line load 2 R p.
+    loads : sequence of float or None
+        The same for each of several ``.vtu`` files, which have no time, or of those of a ``.pvd``
+        whose times are no loads.
 
     Returns
     -------
-    Imported
+    ContactHistory
 
     Raises
     ------
@@ -66,48 +67,72 @@ def read_series(
         If a file cannot be understood; if it has a document type, entities, an encoding other than
         UTF-8, numbers elsewhere than in its folder, or more than 2 GiB of them.
     """
-    if time not in ("p_over_E", "line"):
+    field = field or "displacement"
+    if time not in (None, "p_over_E", "line"):
         raise InputError(f"--time {time}: expected p_over_E or line")
-    paths = [path] if isinstance(path, Path) else list(path)
     if not paths:
-        raise InputError("no files; expected one .xdmf, or several .vtu")
-    where = str(paths[0])
+        raise InputError("no files; expected one .xdmf or .pvd, or several .vtu")
+    where, first = str(paths[0]), paths[0]
     suffixes = {one.suffix.lower() for one in paths}
-    if suffixes <= {".xdmf", ".xmf"} and len(paths) == 1:
-        if loads is not None:
-            raise InputError(f"{where}: loads of a series; expected its times")
-        states = _of_xdmf(paths[0], field)
+    is_single = len(paths) == 1 and suffixes <= {".xdmf", ".xmf", ".pvd"}
+    if is_single and loads and suffixes != {".pvd"}:
+        raise InputError(f"{where}: loads of a series; expected its times")
+    if suffixes == {".pvd"} and is_single:
+        paths, times = _of_pvd(first)
+        loads = loads or times
+        states = _of_vtus(paths, field, loads)
+    elif is_single:
+        states = _of_xdmf(first, field)
     elif suffixes == {".vtu"}:
         states = _of_vtus(paths, field, loads)
     else:
-        raise InputError(f"{where}: expected one .xdmf, or several .vtu")
+        raise InputError(f"{where}: expected one .xdmf or .pvd, or several .vtu")
     points, moved = (np.asarray(one, dtype=float) for one in (states.points, states.moved))
-    nodes, R = _rim(points, body, where)
+    nodes, R = _rim(points, R, where)
     most = np.abs(moved).max(axis=(1, 2))
     if not most.max() <= FARTHEST * R:
         raise InputError(
             f"{states.places[most.argmax()]}: {field!r} up to {most.max():.3g}; expected within "
             f"{FARTHEST:g} R"
         )
-    digits = float(np.finfo(states.moved.dtype).eps * most.max())
-    body = replace(body, R=R)
-    half = 2.0 if body.symmetry == "half" else 1.0
-    scale = 2 * R * body.E if time == "p_over_E" else 1.0
-    levels = SurfaceHistory(
-        states.loads * (scale * body.thickness / half),
-        points[nodes, :2],
-        points[nodes, :2] + moved[:, nodes, :2],
-        np.zeros((0, 2)),
-        digits=digits,
+    at = points[nodes, :2] + moved[:, nodes, :2]
+    named = [one.name for one in paths if one != first][:_MOST_NAMED]
+    return ContactHistory(
+        states.loads,
+        where,
+        provenance(first, "series", f"field={field}", *named),
+        "series",
+        at[..., 0],
+        at[..., 1],
+        undeformed=points[nodes, :2],
+        R=R,
+        digits=float(np.finfo(states.moved.dtype).eps * most.max()),
+        load_is=time or "p_over_E",
         messages=(
             f"{where}: {len(moved)} states, {len(nodes)} of {len(points)} nodes are the rim",
         ),
     )
-    if body.top is None:
-        levels = _at_rest(levels, body, where)
-        body = replace(body, top=0.0)
-    source = provenance(paths[0], "series", f"field={field}", *(one.name for one in paths[1:]))
-    return table_from_history(levels, body, Origin(where, "series", source), brackets=brackets)
+
+
+def _of_pvd(path: Path) -> tuple[list[Path], list[float]]:
+    """Return the files that a collection lists, in its folder, and their times."""
+    found: dict[float, Path] = {}
+    listed = PlainXml(path, Budget()).root.findall("Collection/DataSet")
+    for one in listed:
+        name, word = one.get("file", ""), one.get("timestep", "")
+        time, target = parse_number(word.strip()), path.parent / name
+        if not (name and is_beside(path, name) and target.suffix.lower() == ".vtu"):
+            raise InputError(f"{path}: file {name[:80]!r}; expected a .vtu in the same folder")
+        if not 0 <= time <= HUGE:
+            raise InputError(f"{path}: timestep {word[:40]!r} of {name[:80]!r}; expected a load")
+        if time in found:
+            raise InputError(
+                f"{path}: timestep {word[:40]!r} twice; expected one file a step, of one part"
+            )
+        found[time] = target
+    if len(found) < 2:
+        raise InputError(f"{path}: {len(found)} files; expected a collection of two or more .vtu")
+    return list(found.values()), list(found)
 
 
 class _States(NamedTuple):
@@ -188,7 +213,7 @@ def _of_vtus(paths: Sequence[Path], field: str, loads: Sequence[float] | None) -
     return _States(points, moved, np.array(loads, dtype=float), [str(path) for path in paths])
 
 
-def _rim(points: FloatArray, body: Body, where: str) -> tuple[np.ndarray, float]:
+def _rim(points: FloatArray, R: float | None, where: str) -> tuple[np.ndarray, float]:
     """Return the nodes of the lower rim, and R."""
     if not len(points) or points.shape[1] not in (2, 3):
         raise InputError(
@@ -199,7 +224,7 @@ def _rim(points: FloatArray, body: Body, where: str) -> tuple[np.ndarray, float]
     if points.shape[1] == 3 and np.ptp(points[:, 2]) > 0:
         raise InputError(f"{where}: z from {points[:, 2].min():g}; expected a plane mesh")
     lowest = points[np.argmin(points[:, 1])]
-    R = body.R if body.R is not None else float(np.abs(points[:, 0] - lowest[0]).max())
+    R = R if R is not None else float(np.abs(points[:, 0] - lowest[0]).max())
     if not R >= 1 / HUGE:
         raise InputError(f"{where}: points within {R:.3g}; expected a disk, or --R")
     centre = lowest[:2] + np.array([0.0, R])
@@ -211,33 +236,3 @@ def _rim(points: FloatArray, body: Body, where: str) -> tuple[np.ndarray, float]
         )
     on = (away >= R * (1 - _ROUND)) & (points[:, 1] <= centre[1] + _ROUND * R)
     return np.flatnonzero(on), R
-
-
-def _at_rest(levels: SurfaceHistory, body: Body, where: str) -> SurfaceHistory:
-    """Return levels seen from the ridges: tops at y = 0, where the body rests on the first."""
-    rim = CylinderSurface.of(levels.undeformed, where, R=body.R, symmetry=body.symmetry)
-    near, far = (rim.R * (body.b_over_R / 2 + part * body.a_over_R) for part in _INSIDE)
-    away = np.abs(levels.position[..., 0] - rim.centre[0])
-    position = levels.position.copy()
-    for k, x in enumerate(away):
-        over = (near <= x) & (x <= far)
-        if not over.any():
-            raise InputError(
-                f"{where}, state {k + 1}: no rim node over the first ridge, {near:.4g} to "
-                f"{far:.4g} from the axis; expected its texture and a mesh as fine, or --top"
-            )
-        # Nodes at rest scatter about the top by what the mesh leaves: their median does not.
-        heights = position[k, over, 1]
-        low = float(np.quantile(heights, _LOWEST))
-        rest = float(np.median(heights[heights <= low + _LIFTED * rim.R]))
-        # States at a transition touch by rounding only: a little lower they do.
-        position[k, :, 1] -= rest + _REST * rim.R
-    return replace(
-        levels,
-        position=position,
-        digits=math.hypot(levels.digits, _REST * rim.R),
-        messages=(
-            *levels.messages,
-            "tops: where the body rests on the first ridge, state by state",
-        ),
-    )

@@ -109,7 +109,7 @@ class FileError(InputError):
     def raise_all(self, source: Source | None = None) -> None:
         """Raise what was noted, if anything was."""
         # What --empty could mend is not broken.
-        self.is_broken = bool(self.wrong) or any("--empty" not in rule for _, rule in self._cells)
+        self.is_broken = bool(self.wrong) or any("-empty" not in rule for _, rule in self._cells)
         self.wrong += [] if source is None else self._of_cells(source)
         self.needs += [f"the columns are {self.columns}"] if self.columns else []
         if self.wrong or self.needs:

@@ -1,51 +1,54 @@
-"""The job behind `import`: a file of any known format to a contact table."""
+"""The job behind `import`: files of any known format to a contact table."""
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from ridgebayes.errors import InputError
+from ridgebayes.fea import ansys, febio
 from ridgebayes.fea.abaqus_dat import read_abaqus_dat
 from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
+from ridgebayes.fea.ansys import read_ansys
 from ridgebayes.fea.calculix import read_calculix
-from ridgebayes.fea.calculix_contact import read_calculix_contact
 from ridgebayes.fea.columns import SUFFIXES, read_columns
-from ridgebayes.fea.deck import Deck, read_deck
+from ridgebayes.fea.deck import Deck, RunDeck, read_deck
 from ridgebayes.fea.delimited import Reading
+from ridgebayes.fea.febio import read_febio
+from ridgebayes.fea.history import Body, ContactHistory, table_of
+from ridgebayes.fea.map_files import parse_map, read_mapping
 from ridgebayes.fea.mesh_series import read_series
+from ridgebayes.fea.node_table import read_node_table
 from ridgebayes.fea.problems import FileError
 from ridgebayes.fea.record import Imported
-from ridgebayes.fea.surface import Body
-from ridgebayes.fea.words import COUNTS
-from ridgebayes.runtime.reading import read_bytes, read_toml
-from ridgebayes.runtime.text import shown_value
+from ridgebayes.fea.words import COUNTS, NOT_READ
+from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.table import ContactTable
 
-_LARGEST = 10**30  # of whole numbers: longer ones cannot be shown
-_SHOWN = 80  # characters of a key that messages show
 _LOOKED_AT = 20_000  # bytes
 _ABAQUS = (b"THE FOLLOWING TABLE IS PRINTED", b"A B A Q U S", b"Abaqus")
 _CALCULIX = (b"displacements (", b"contact stress (", b") for set ")
 _OF_TABLES = ("sheet", "skip_rows", "header_row", "decimal", "empty", "count_is", "interpolate")
-_OF_RUNS = ("deck", "surface", "reaction")
+_OF_DECKS = ("deck", "surface", "reaction")
 _OF_BODIES = ("texture", "symmetry", "top", "thickness", "corner")
-_RUNS: dict[str, Callable[..., Imported]] = {
-    "calculix": read_calculix,
-    "calculix-contact": read_calculix_contact,
-    "abaqus-dat": read_abaqus_dat,
-    "abaqus-rpt": read_abaqus_rpt,
-}
 # Options that are not of every format.
 _ALLOWED: dict[str, tuple[str, ...]] = {
-    "table": ("map", "texture", "thickness", *_OF_TABLES),
-    **dict.fromkeys(_RUNS, (*_OF_BODIES, *_OF_RUNS)),
+    "table": ("map", "texture", "thickness", "closed_is", "skip_empty", "load_se", *_OF_TABLES),
+    "calculix": (*_OF_BODIES, *_OF_DECKS),
+    "abaqus-dat": (*_OF_BODIES, *_OF_DECKS),
+    "abaqus-rpt": (*_OF_BODIES, *_OF_DECKS),
+    "febio": _OF_BODIES,
+    "ansys": (*_OF_BODIES, "closed_is", "map"),
+    "nodes": (*_OF_BODIES, "closed_is", "map", *_OF_TABLES[:5]),
     "series": (*_OF_BODIES, "field", "time", "loads"),
 }
 FORMATS = tuple(_ALLOWED)
+_WITH_DECK = ("calculix", "abaqus-dat")
+_OF_SEVERAL = ("febio", "ansys", "series")
+_CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,8 @@ class Given(Reading):
         Of a series: name of the displacements, and what its time is.
     loads : tuple of float
         Of several ``.vtu``, which have no time: the same for each.
+    load_se : str or None
+        Standard error of every load of a table, in any unit of loads.
     """
 
     map: tuple[str, ...] = ()
@@ -91,6 +96,7 @@ class Given(Reading):
     field: str | None = None
     time: str | None = None
     loads: tuple[float, ...] = ()
+    load_se: str | None = None
 
 
 def import_files(
@@ -100,12 +106,13 @@ def import_files(
     program: str | None = None,
     role: str | None = None,
 ) -> Imported:
-    """Read a file, or the files of a series.
+    """Read a file, or the files of a run.
 
     Parameters
     ----------
     paths : sequence of Path
-        One, or several ``.vtu`` in the order of their loads.
+        One, several ``.vtu`` in the order of their loads, or what FEBio or ANSYS printed of a run
+        into several.
     given : Given
         What they do not say.
     program : str or None
@@ -126,8 +133,11 @@ def import_files(
     name = recognise(path) if program is None else program
     if name not in FORMATS:
         raise InputError(f"--format {name}: expected {', '.join(FORMATS)}")
-    if len(paths) > 1 and name != "series":
-        raise InputError(f"{len(paths)} files of format {name}: expected one (several of .vtu)")
+    if len(paths) > 1 and name not in _OF_SEVERAL:
+        raise InputError(
+            f"{len(paths)} files of format {name}: expected one (several of "
+            f"{', '.join(_OF_SEVERAL)})"
+        )
     _check_given(name, given)
     found = _read(name, paths, given)
     if role is not None:
@@ -153,26 +163,33 @@ def recognise(path: Path) -> str:
     Raises
     ------
     InputError
-        If it cannot be read, or is none that is known.
+        If it cannot be read, is of a program whose files are not read, or is none that is known.
     """
-    suffix = path.suffix.lower()
+    suffix, name = path.suffix.lower(), path.name.lower()
     content = read_bytes(path)
     head = content[:_LOOKED_AT]
-    if suffix in (".vtu", ".xdmf", ".xmf"):
+    for one in NOT_READ.values():
+        if suffix in one.get("suffixes", ()) or name in one.get("names", ()):
+            raise InputError(f"{path}: {one['is']} is not read; {one['instead']}")
+    if suffix in (".vtu", ".pvd", ".xdmf", ".xmf"):
         return "series"
+    if suffix == ".frd":
+        return "calculix"
+    for program, mark in (("febio", febio.MARK), ("ansys", ansys.MARK)):
+        if mark.search(head):
+            return program
     if b"Field Output Report" in head:
         return "abaqus-rpt"
     if suffix == ".dat":
         if any(mark in head for mark in _ABAQUS):
             return "abaqus-dat"
         if any(mark in head for mark in _CALCULIX):
-            # Contact stresses alone tell which faces carry; displacements tell more.
-            return "calculix" if b"displacements (" in content else "calculix-contact"
+            return "calculix"
     if suffix in SUFFIXES:
         return "table"
     raise InputError(
         f"{path}: its format is not recognised; expected --format {', '.join(FORMATS)}, or a "
-        f"suffix of {', '.join(SUFFIXES)}, .vtu or .xdmf"
+        f"suffix of {', '.join(SUFFIXES)}, .frd, .vtu, .pvd or .xdmf"
     )
 
 
@@ -188,31 +205,57 @@ def _check_given(name: str, given: Given) -> None:
 
 
 def _read(name: str, paths: Sequence[Path], given: Given) -> Imported:
-    path = paths[0]
     if name == "table":
         mapping, values = _mapping(given)
-        return read_columns(path, mapping, values=values, how=given)
-    given, messages = _completed(path, given, name)
+        return read_columns(paths[0], mapping, values=values, how=given)
+    given, messages = _completed(paths[0], given, name)
     body = _body(given)
-    options: dict[str, Any] = {"brackets": given.brackets}
+    if name == "nodes":  # gaps are from the tops
+        body = replace(body, top=body.top or 0.0)
+    history = _history(name, paths, given, body)
+    history = replace(history, messages=(*messages, *history.messages))
+    return table_of(history, body, brackets=given.brackets)
+
+
+def _history(name: str, paths: Sequence[Path], given: Given, body: Body) -> ContactHistory:
+    """Return what the files of a run print."""
+    path = paths[0]
     if name == "series":
-        options |= {key: getattr(given, key) or None for key in ("field", "time", "loads")}
-        return read_series(paths, body, **{k: v for k, v in options.items() if v is not None})
-    if name.startswith("calculix"):
-        # CalculiX writes its status beside its results.
-        options["sta"] = sta if (sta := path.with_suffix(".sta")).is_file() else None
-    if name == "calculix-contact":
-        del options["brackets"]  # of which all of its loads are
-    run = {option: getattr(given, option) for option in _OF_RUNS}
-    found = _RUNS[name](path, body, **run, **options)
-    return replace(found, messages=(*messages, *found.messages))
+        how = {key: getattr(given, key) or None for key in ("field", "time", "loads")}
+        return read_series(paths, R=body.R, **how)
+    if name == "febio":
+        return read_febio(paths)
+    if name == "nodes":
+        return read_node_table(path, parse_map(given.map), given)
+    if name == "ansys":
+        corners = {}
+        for key, node in parse_map(given.map).items():
+            match = _CORNER.fullmatch(key.strip())
+            if match is None or not node.isdigit():
+                raise InputError(f"--map {key}={node}: expected 'status Q=4=NODE' for a listing")
+            corners[int(match[1])] = int(node)
+        return read_ansys(paths, closed_is=given.closed_is, corners=corners)
+    if name == "abaqus-rpt":
+        if given.deck is not None:
+            read_deck(given.deck).check_material(body.E, body.nu, given.deck)
+        options = {option: getattr(given, option) for option in _OF_DECKS}
+        return read_abaqus_rpt(path, **options)
+    assert given.deck is not None
+    assert given.surface is not None
+    assert given.reaction is not None
+    run = RunDeck.read(given.deck, given.surface, given.reaction, E=body.E, nu=body.nu)
+    if name == "abaqus-dat":
+        return read_abaqus_dat(path, deck=run)
+    # CalculiX writes its status beside its results.
+    sta = path.with_suffix(".sta")
+    return read_calculix(path, deck=run, sta=sta if sta.is_file() else None)
 
 
 def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
     """Return what is given and what the run's deck says; ask for all the rest at once."""
     problems = FileError(str(path))
     found: dict[str, Any] = {}
-    is_run = name in _RUNS and name != "abaqus-rpt"
+    is_run = name in _WITH_DECK
     beside = path.with_suffix(".inp")
     if is_run and given.deck is None and beside.is_file():
         found["deck"] = beside
@@ -223,30 +266,57 @@ def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
     # The unit modulus of export-deck is 1 but for printed digits.
     if given.E is None and deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
         found["E"] = f"{deck.E:.10g}"
-    for key, kind in (("surface", "U"), ("reaction", "RF")) if is_run else ():
-        sets = deck.printed.get(kind, [])
-        others = [one for one in sets if one not in deck.printed.get("RF", [])]
-        sets = others if kind == "U" and len(others) == 1 else sets
-        if getattr(given, key) is None and len(sets) == 1:
-            found[key] = sets[0]
-        elif getattr(given, key) is None:
-            there = ", ".join(sets or deck.nsets) or "in the deck"
-            what = "the body's surface" if kind == "U" else "the driven nodes"
-            problems.need(
-                f"--{key}: missing; expected the node set of {what}: {there}", **{key: "?"}
-            )
+    if is_run:
+        found |= _sets(deck, given, problems)
     if is_run and file is None:
         problems.need("--deck: missing; expected the run's input deck", deck="?.inp")
-    if given.texture is None:
-        text = "--texture: missing; expected A,B, ridge and groove width over R"
-        problems.need(text, texture="?,?")
-    if given.nu is None and "nu" not in found:
-        problems.need("--nu: missing; expected Poisson's ratio of the run", nu="?")
+    _ask(path, name, given, file, deck, problems)
     problems.raise_all()
+    if given.E is None and deck.E is None and file is not None:
+        problems.messages.append(f"{file}: no material, so E = 1; --E gives another")
     if found:
         shown = ", ".join(f"{key} = {value}" for key, value in found.items())
         problems.messages.append(f"{file}: {shown}")
     return replace(given, **found), problems.messages
+
+
+def _ask(
+    path: Path, name: str, given: Given, file: Path | None, deck: Deck, problems: FileError
+) -> None:
+    """Ask for what neither the files of a run nor the user say of the body."""
+    if given.texture is None:
+        text = "--texture: missing; expected A,B, ridge and groove width over R"
+        problems.need(text, texture="?,?")
+    if given.nu is None and deck.nu is None:
+        problems.need("--nu: missing; expected Poisson's ratio of the run", nu="?")
+    without_deck = name in ("febio", "ansys", "nodes")
+    is_line = given.time == "line" or (name == "abaqus-rpt" and file is None)
+    if given.E is None and (without_deck or is_line):
+        problems.need("--E: missing; expected Young's modulus, in the units of the run", E="?")
+    if path.suffix.lower() == ".pvd" and given.time is None:
+        problems.need(
+            "--time: missing; expected line or p_over_E, what times or loads are", time="?"
+        )
+    if given.R is None and without_deck:
+        problems.need("--R: missing; expected the body's radius, in the units of the run", R="?")
+
+
+def _sets(deck: Deck, given: Given, problems: FileError) -> dict[str, str]:
+    """Return the node sets of surface and load that a deck prints; ask for those it leaves open."""
+    found = {}
+    for key, kind in (("surface", "U"), ("reaction", "RF")):
+        if getattr(given, key) is not None:
+            continue
+        sets = deck.printed.get(kind, [])
+        others = [one for one in sets if one not in deck.printed.get("RF", [])]
+        sets = others if kind == "U" and len(others) == 1 else sets
+        if len(sets) == 1:
+            found[key] = sets[0]
+            continue
+        there = ", ".join(sets or deck.nsets) or "in the deck"
+        what = "the body's surface" if kind == "U" else "the driven nodes"
+        problems.need(f"--{key}: missing; expected the node set of {what}: {there}", **{key: "?"})
+    return found
 
 
 def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
@@ -259,6 +329,8 @@ def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
         values |= constants
     mapping |= parse_map(one for one in given.map if one not in files)
     values |= _numbers(given)
+    if given.load_se is not None:
+        values["load_se"] = given.load_se
     if given.texture is not None:
         values["a_over_R"], values["b_over_R"] = given.texture
     return mapping, values
@@ -279,70 +351,10 @@ def _body(given: Given) -> Body:
         **numbers,
         symmetry=given.symmetry or "half",
         top=given.top,
-        corner_over_R=given.corner or 0.0,
+        corner_over_R=given.corner,
     )
 
 
 def _numbers(given: Given) -> dict[str, str]:
     typed = {key: getattr(given, key) for key in ("nu", "R", "E", "thickness")}
     return {key: text for key, text in typed.items() if text is not None}
-
-
-def parse_map(texts: Iterable[str]) -> dict[str, str]:
-    """Return a mapping from texts ``key=header``, ``key=header;unit`` or ``gap Q=4=header``.
-
-    Raises
-    ------
-    InputError
-        If a text has no key or header, or a key stands twice.
-
-    Examples
-    --------
-    >>> parse_map(["a=Ridge width;mm", "gap Q=4=Gap 1 [mm]", "Q=4=First", "p=Load Q=* [kPa]"])
-    {'a': 'Ridge width;mm', 'gap Q=4': 'Gap 1 [mm]', 'Q=4': 'First', 'p': 'Load Q=* [kPa]'}
-    """
-    found: dict[str, str] = {}
-    for text in texts:
-        match = re.fullmatch(r"\s*((?:\w+[\s:]+)?Q?\s*=?\s*\d+|[^=]*?)\s*=\s*(.*?)\s*", text, re.S)
-        if match is None or not match.group(1) or not match.group(2):
-            raise InputError(f"--map {text!r}: expected KEY=HEADER, or KEY=HEADER;UNIT")
-        key, header = match.groups()
-        if key in found:
-            raise InputError(f"--map {text!r}: expected each key once")
-        found[key] = header
-    return found
-
-
-def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
-    """Read a mapping that is kept beside the data.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A TOML file: ``[columns]`` of key and header (``a = "Ridge width [mm]"``), and optionally
-        ``[values]`` of key and value (``R = "8 mm"``).
-
-    Returns
-    -------
-    mapping, values : dict of str to str
-        As `ridgebayes.fea.columns.read_columns` takes them.
-
-    Raises
-    ------
-    InputError
-        If it is not TOML, or has other keys, or others than text in columns.
-    """
-    tables: dict[str, dict[str, str]] = {"columns": {}, "values": {}}
-    for name, entries in read_toml(path).items():
-        if name not in tables or not isinstance(entries, dict):
-            raise InputError(f"{path}: {name[:_SHOWN]}: expected tables [columns] and [values]")
-        for key, value in entries.items():
-            is_whole = isinstance(value, int) and not isinstance(value, bool)
-            number = isinstance(value, float) or (is_whole and abs(value) < _LARGEST)
-            text = value if isinstance(value, str) else shown_value(value)
-            if not (isinstance(value, str) or (number and name == "values")):
-                raise InputError(
-                    f"{path}: [{name}] {key[:_SHOWN]} = {text}: expected text in quotes"
-                )
-            tables[name][key] = text
-    return tables["columns"], tables["values"]

@@ -5,6 +5,7 @@ import re
 import warnings
 import zipfile
 from contextlib import closing
+from dataclasses import replace
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -14,8 +15,9 @@ import numpy as np
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.delimited import Reading, TextTable
-from ridgebayes.fea.layout import LOOKED_AT, known
+from ridgebayes.fea.layout import LOOKED_AT, find_layout, known
 from ridgebayes.fea.problems import FileError
+from ridgebayes.fea.words import settings_of
 from ridgebayes.runtime.reading import extra, refusing
 
 LARGEST = 2**30  # bytes of all members, unpacked
@@ -28,6 +30,10 @@ _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
 _ODD = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
 
 
+ALL = "all"  # sheets
+Grids = dict[str, list[list[str]]]  # text of cells, by sheet and row
+
+
 def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError) -> TextTable:
     """Read one worksheet of an Excel workbook, as the text that its cells hold.
 
@@ -38,7 +44,7 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError)
     content : bytes
         All of it.
     how : Reading
-        Its sheet is a name or a number; None takes the one with most words of the field.
+        Its sheet is a name or a number, or all; None takes the one with most words of the field.
     problems : FileError
         As `ridgebayes.fea.delimited.TextTable`.
 
@@ -49,9 +55,12 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError)
         sheet is meant.
     """
     _check_archive(content, str(path))
-    name, rows = _grid(content, problems, how.sheet)
+    found, typed = _grids(content, problems, how.sheet)
+    name, rows = next(iter(found.items()))
     if len(rows) <= how.skip_rows:
         raise InputError(f"{path}, sheet {name!r}: the file is empty")
+    if how.sheet == ALL and len(found) > 1:
+        return _joined(path, found, typed, how, problems)
     width = max(map(len, rows))
     wide = ([*row, *[""] * (width - len(row))] for row in rows)
     lines = islice(enumerate(wide, start=1), how.skip_rows, None)
@@ -64,7 +73,62 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError)
         how,
         problems,
         lambda line, column: f"cell {letter(column)}{line}",
+        typed,
     )
+
+
+def _joined(
+    path: Path, found: Grids, typed: set[str], how: Reading, problems: FileError
+) -> TextTable:
+    """Read all sheets with the header of the first, one after the other; their names are a column.
+
+    Raises
+    ------
+    InputError
+        If R, E or nu above the headers differ.
+    """
+    rows: list[list[str]] = []
+    places: list[tuple[str, int]] = []  # sheet and line of each row
+    first, left_out = None, []
+    for name, cells in found.items():
+        full = [(i, row) for i, row in enumerate(cells, start=1) if any(row) and i > how.skip_rows]
+        layout = find_layout(full[:LOOKED_AT], f"{path}, sheet {name!r}", how.header_row)
+        first = first or layout
+        if layout.headers != first.headers:
+            left_out.append(name)
+            continue
+        if layout.settings.keys() != first.settings.keys() or any(
+            layout.settings[key][0] != text for key, (text, _) in first.settings.items()
+        ):
+            raise InputError(
+                f"{path}, sheet {name!r}: R, E or nu above its header are not those of the first "
+                "sheet; expected the same, or --sheet for each"
+            )
+        if not rows:
+            above = [(i, row) for i, row in full if layout.settings and i < full[layout.first][0]]
+            rows = [row for _, row in above if settings_of([(1, "; ".join(filter(None, row)))])]
+            places = [(name, 1)] * len(rows)
+            rows.append([*layout.headers, "Sheet"])
+            places.append((name, full[max(layout.first - 1, 0)][0]))
+        for i, row in full[layout.first :]:
+            rows.append([*row, *[""] * (len(layout.headers) - len(row)), name])
+            places.append((name, i))
+    names = [name for name in found if name not in left_out]
+    problems.messages.append(f"sheets read one after the other: {', '.join(map(repr, names))}")
+    if left_out:
+        told = ", ".join(map(repr, left_out))
+        problems.messages.append(f"sheets ignored, with another header: {told}")
+    width = max(map(len, rows))
+    lines = enumerate(([*row, *[""] * (width - len(row))] for row in rows), start=1)
+    problems.where = f"{path}, {len(names)} sheets"
+    letter = import_module("openpyxl.utils").get_column_letter
+
+    def cell(line: int, column: int) -> str:
+        name, at = places[line - 1]
+        return f"sheet {name!r}, cell {letter(column)}{at}"
+
+    plain = replace(how, header_row=None, skip_rows=0)
+    return TextTable(problems.where, lines, "\t", plain, problems, cell, typed)
 
 
 def _check_archive(content: bytes, where: str) -> None:
@@ -108,8 +172,8 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
             raise InputError(f"{where}: {name}: value {cell!r}: expected a number")
 
 
-def _grid(content: bytes, problems: FileError, sheet: str | None) -> tuple[str, list[list[str]]]:
-    """Return the sheet's name and the text of its cells, a list for each row from the first."""
+def _grids(content: bytes, problems: FileError, sheet: str | None) -> tuple[Grids, set[str]]:
+    """Return the sheet that is asked for, or all of them, and the cells that are numbers."""
     where = problems.where
     openpyxl = extra("openpyxl", "excel", f"{where}: Excel files need openpyxl")
     options = {"read_only": True, "data_only": False, "keep_links": False}
@@ -118,6 +182,7 @@ def _grid(content: bytes, problems: FileError, sheet: str | None) -> tuple[str, 
         warnings.simplefilter("ignore")  # of styles and extensions, which hold no values
         with closing(openpyxl.load_workbook(io.BytesIO(content), **options)) as book:
             sheets = {one.title: one for one in book.worksheets}
+            sheet = None if (is_all := sheet == ALL and ALL not in sheets) else sheet
             if sheet is not None and sheet not in sheets:
                 numbers = dict(zip(map(str, range(1, len(sheets) + 1)), sheets, strict=True))
                 if sheet not in numbers:
@@ -125,23 +190,44 @@ def _grid(content: bytes, problems: FileError, sheet: str | None) -> tuple[str, 
                     raise InputError(f"{where}: no sheet {sheet!r}; the sheets are {there}")
                 sheet = numbers[sheet]
             wanted = sheets if sheet is None else {sheet: sheets[sheet]}
-            found = {name: _rows(one, where) for name, one in wanted.items()}
+            typed: set[str] = set()
+            found = {name: _rows(one, where, typed) for name, one in wanted.items()}
+        if any(cell.startswith("=") for rows in found.values() for row in rows for cell in row):
+            found = _stored(openpyxl, content, found, typed)
     full = {name: rows for name, rows in found.items() if rows}
     if not full:
         raise InputError(f"{where}: no sheet with cells{'' if sheet is None else f' in {sheet!r}'}")
+    if is_all:
+        return full, typed
     tops = {name: [one for one in rows[:LOOKED_AT] if any(one)] for name, rows in full.items()}
     words = {name: max(map(known, rows)) for name, rows in tops.items()}
     best = [name for name in full if words[name] == max(words.values())]
     if len(best) > 1:
         problems.need(
-            f"{len(best)} sheets have cells: {', '.join(map(repr, best))}; use --sheet",
+            f"{len(best)} sheets have cells: {', '.join(map(repr, best))}; use --sheet (--sheet "
+            "all reads those with the same header)",
             sheet=best[0],
         )
         problems.raise_all()
-    return best[0], full[best[0]]
+    return {best[0]: full[best[0]]}, typed
 
 
-def _rows(sheet: Any, where: str) -> list[list[str]]:
+def _stored(
+    openpyxl: Any, content: bytes, found: dict[str, list[list[str]]], typed: set[str]
+) -> dict[str, list[list[str]]]:
+    """Return cells with the values that the file stores of formulas, where it does."""
+    options = {"read_only": True, "data_only": True, "keep_links": False}
+    with closing(openpyxl.load_workbook(io.BytesIO(content), **options)) as book:
+        values = {name: _rows(book[name], name, typed) for name in found}
+    for name, rows in found.items():
+        for row, stored in zip(rows, values[name], strict=False):
+            for i, cell in enumerate(row):
+                if cell.startswith("=") and i < len(stored) and stored[i]:
+                    row[i] = stored[i]
+    return found
+
+
+def _rows(sheet: Any, where: str, typed: set[str]) -> list[list[str]]:
     sheet.reset_dimensions()  # what a file says of them may be wrong, and would cut rows off
     rows: list[list[str]] = []
     n_cell = 0
@@ -153,6 +239,9 @@ def _rows(sheet: Any, where: str) -> list[list[str]]:
                 "tables as CSV"
             )
         rows.append([_text(cell.value, cell.data_type) for cell in row])
+        typed |= {
+            text for cell, text in zip(row, rows[-1], strict=True) if cell.data_type == "n" and text
+        }
     while rows and not any(rows[-1]):
         rows.pop()
     return rows

@@ -1,6 +1,7 @@
 """From increments to transitions: at which load each corner was reached."""
 
 import math
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ MOST = 2000  # histories in a file: some milliseconds each
 _MOST_Q = 10_000  # of counts: a column of memory for each even one
 _MOST_REMARKS = 20  # on single histories that messages show
 _TOUCHING = 1e-12  # of R: a body that lies on a corner is off it by rounding
+_MOST_DISTINCT = 1000  # numbers whose digits are looked at
 _MOST_LOADS = 5  # that a message shows
 
 
@@ -26,6 +28,7 @@ def transitions_of(
     *,
     brackets: bool = False,
     gap_error: FloatArray | float = 0.0,
+    digits: float = 0.0,
 ) -> tuple[pd.DataFrame, list[str]]:
     """Find the load at which each of several corners was reached.
 
@@ -43,6 +46,8 @@ def transitions_of(
         smooth enough to tell the load within it.
     gap_error : float or ndarray of float, shape (n_increment, n_corner), over R, optional
         How far the gaps may be off, such as by a penalty's overlap or by printed digits.
+    digits : float, over R, optional
+        What one printed digit of a gap is worth: a gap of no more than that is closed.
 
     Returns
     -------
@@ -61,7 +66,8 @@ def transitions_of(
     -----
     *Validity.* Increments whose load is not above all before them are ignored: repeats, cut-backs
     and unloading. A gap is extrapolated from the two increments before contact, on the side where
-    a penalty has no say; the load has to lie within the increment, else the bracket stands.
+    a penalty has no say; the load has to lie within the increment, and to change by less than that
+    with one more increment, else the bracket stands.
 
     *Accuracy.* `rel_se` is the change that one more increment makes, by a parabola, with the gap's
     error beside it.
@@ -77,18 +83,19 @@ def transitions_of(
     """
     load, gap = np.asarray(load, dtype=float), np.asarray(gap, dtype=float)
     error = np.broadcast_to(np.asarray(gap_error, dtype=float), gap.shape)
+    touching = max(_TOUCHING, digits)
     order, messages = _rising(load)
     load, gap, error = load[order], gap[order], error[order]
     rows: list[dict[str, Any]] = []
     ahead: list[int] = []
     for j in np.argsort(Q):
         known = ~np.isnan(gap[:, j])
-        touched = known & (gap[:, j] <= _TOUCHING)
+        touched = known & (gap[:, j] <= touching)
         if not touched.any():
             ahead.append(int(Q[j]))
             continue
         first = int(np.argmax(touched))
-        lost = load[first:][known[first:] & (gap[first:, j] > _TOUCHING)]
+        lost = load[first:][known[first:] & (gap[first:, j] > touching)]
         if lost.size:
             at = some_of([f"{one:.5g}" for one in lost], _MOST_LOADS)
             messages.append(f"Q = {Q[j]}: contact is lost again at p/E = {at}")
@@ -148,14 +155,35 @@ def _extrapolated(
     # Inverse quadratic interpolation: the load as a parabola of the gap, at gap 0.
     curved = float(krogh_interpolate(g, p, 0.0))
     doubt = math.hypot(curved - straight, error[last[-1]] / abs(slope))
-    if not (p[2] < straight <= upper * (1 + 1e-12) + doubt):
+    is_inside = p[2] < straight <= upper * (1 + 1e-12) + doubt
+    # A load whose error is not known is not given.
+    if not (is_inside and abs(curved - straight) < upper - p[2] and math.isfinite(doubt)):
         return None
     found = min(straight, upper)
     return found, max(doubt / found, 1e-12)
 
 
+def last_digit(values: FloatArray) -> float:
+    """Return what the last of the decimals of some numbers is worth; 0 without any.
+
+    Examples
+    --------
+    >>> last_digit(np.array([0.25, 0.003, np.nan, 0.0])), last_digit(np.array([np.inf]))
+    (0.001, 0.0)
+    """
+    distinct = np.unique(values[np.isfinite(values) & (values != 0)])[:_MOST_DISTINCT]
+    places = [int(Decimal(repr(float(one))).as_tuple().exponent) for one in distinct]
+    return 10.0 ** min(places) if places else 0.0
+
+
 def transitions_of_runs(
-    curve: pd.DataFrame, load: FloatArray, gap: FloatArray, Q: IntArray, *, brackets: bool = False
+    curve: pd.DataFrame,
+    load: FloatArray,
+    gap: FloatArray,
+    Q: IntArray,
+    *,
+    brackets: bool = False,
+    digits: float = 0.0,
 ) -> tuple[pd.DataFrame, list[str]]:
     """Find the transitions of increments of several runs.
 
@@ -169,7 +197,7 @@ def transitions_of_runs(
         As `transitions_of`.
     Q : ndarray of int, shape (n_corner,)
         Rising.
-    brackets : bool, optional
+    brackets, digits
         As `transitions_of`.
 
     Returns
@@ -199,8 +227,10 @@ def transitions_of_runs(
         try:
             # Absurd numbers overflow where loads are extrapolated, and then are not used.
             with np.errstate(all="ignore"):
-                _check_order(load[rows], gap[rows], Q)
-                frame, odd = transitions_of(load[rows], gap[rows], Q, brackets=brackets)
+                _check_order(load[rows], gap[rows], Q, digits)
+                frame, odd = transitions_of(
+                    load[rows], gap[rows], Q, brackets=brackets, gap_error=digits, digits=digits
+                )
         except InputError as error:
             failed.append(f"{name}{error}")
             continue
@@ -246,9 +276,9 @@ def middle_loads(rows: pd.DataFrame) -> tuple[pd.DataFrame, int]:
     ), int(inside.sum())
 
 
-def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray) -> None:
+def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray, digits: float) -> None:
     """Refuse outer corners that touch in an increment before inner ones: columns exchanged."""
-    touched = gap <= 0
+    touched = gap <= digits
     first = np.where(touched.any(axis=0), touched.argmax(axis=0), len(load))
     for i in np.flatnonzero(np.diff(first) < 0).tolist():
         raise InputError(

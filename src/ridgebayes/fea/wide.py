@@ -1,4 +1,4 @@
-"""Wide tables made long: one column for each Q, or one for each texture."""
+"""Wide tables made long: one column for each Q, or one for each repeat."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -58,39 +58,34 @@ def melt_counts(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -
     return _melted(cells, row, new, per_Q), [*(use for use in uses if use.Q is None), *more]
 
 
-def melt_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> Melted:
-    """Return a row for each texture, of a table with a column for each.
+def melt_repeats(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> Melted:
+    """Return a row for each load, of a table with a column of loads for each repeat.
 
     Raises
     ------
     InputError
         If all cells are empty, or the units of the columns differ.
     """
-    each = [use for use in uses if use.texture is not None]
+    each = [use for use in uses if use.repeat is not None]
     numbers = np.column_stack([cells[use.header] for use in each])
-    which, row = np.nonzero(~np.isnan(numbers.T))  # texture by texture, as runs are
+    row, which = np.nonzero(~np.isnan(numbers))
+    names = ", ".join(repr(use.header) for use in each[:8])
     if not row.size and not problems:
-        names = ", ".join(repr(use.header) for use in each[:8])
         raise problems.error(
             f"columns {names}: expected a number in some cell, got "
             f"{count(len(cells), 'row')} of empty ones"
         )
-    units = {use.texture[2] or split_header(use.header)[1] for use in each if use.texture}
-    unit = min(units)
-    has_units = any(split_header(use.header)[1] or use.unit for use in uses if use not in each)
-    if len(units) > 1 or (has_units and not unit):
-        problems.need(
-            f"widths in headers such as {each[0].header!r} have no unit: expected --map "
-            "'texture=*;mm', or 1 for widths over the radius",
-            {"texture": "*;?"},
-        )
-    told = f"one column for each texture: {len(each)}, in {unit or 'units of the radius'}"
-    problems.messages.append(told)
-    more = _widths(unit if unit_factor(unit, "length") is not None else "")
-    pairs = [[float(part) for part in use.texture[:2]] for use in each if use.texture]
-    new = dict(zip([use.key for use in more], np.array(pairs)[which].T, strict=True))
-    new["value"] = numbers[row, which]
-    more.append(replace(_one(each[0].key, each, problems), header="value"))
+    labels = np.array([use.repeat for use in each], dtype=object)
+    new = {"value": numbers[row, which], "repeat": labels[which]}
+    n_empty = numbers.size - row.size
+    problems.messages.append(
+        f"one column of loads for each repeat: {names}"
+        + (f"; {n_empty} empty cells: not measured" if n_empty else "")
+    )
+    more = [
+        replace(_one(each[0].key, each, problems), header="value"),
+        Use("series", "repeat", how="wide"),
+    ]
     return _melted(cells, row, new, each), [*(use for use in uses if use not in each), *more]
 
 
@@ -132,9 +127,7 @@ def _one(key: str, some: Sequence[Use], problems: FileError) -> Use:
     units = {use.own_unit for use in some}
     if len(units) > 1:
         raise problems.error(f"{key} in {', '.join(sorted(units))}; expected one unit")
-    unit = units.pop()
-    length = some[0].texture is not None and unit_factor(unit, "length") is not None
-    return Use(key, key, "1" if length or not unit else unit, how="wide")
+    return Use(key, key, units.pop() or "1", how="wide")
 
 
 def _melted(

@@ -2,7 +2,7 @@
 
 import re
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +26,11 @@ _PATTERNS = [
     for key, one in _WORDS["keys"].items()
 ]
 _TERMS = {term: _any(one["words"]) for term, one in _WORDS["counts"].items()}
+NOT_READ = _WORDS["not_read"]
+OF_NODES = _WORDS["nodes"]
 COUNTS = {term: one["said"] for term, one in _WORDS["counts"].items()}
 STATUS_RULE = (
-    "expected open or 0, closed or 1, or an empty cell (convert other status codes to 0 or 1 first)"
+    "expected open or 0, closed or 1, or an empty cell; --closed-is says which codes are contact"
 )
 _LOWER, _FILLERS = (
     re.compile(rf"\b{_any(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
@@ -98,6 +100,18 @@ def count_term(words: str) -> str:
     return next((term for term, some in _TERMS.items() if re.search(some, plain(words))), "")
 
 
+def corner_key(words: str) -> str:
+    """Return what increments tell of a corner: gap, pressure or status; else an empty text.
+
+    Examples
+    --------
+    >>> corner_key("STAT"), corner_key("Contact pressure"), corner_key("Note")
+    ('status', 'pressure', '')
+    """
+    some = _WORDS["corners"].items()
+    return next((key for key, words_of in some if plain(words) in words_of), "")
+
+
 def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
     """Return headers that name a count each: what their columns hold, the count and its term.
 
@@ -125,6 +139,27 @@ def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
         if len(some) > 1 and (is_even or term) and is_load and not _NO_CORNER.search(words):
             found |= {header: (key, n, term) for header, n in some.items()}
     return found
+
+
+def repeats_of(headers: Iterable[str]) -> dict[str, str]:
+    """Return which repeat each of some headers is, where they differ in one whole number alone.
+
+    Examples
+    --------
+    >>> repeats_of(["Force 1 (N)", "Force 2 (N)"]), repeats_of(["Force", "Load"])
+    ({'Force 1 (N)': '1', 'Force 2 (N)': '2'}, {})
+    """
+    headers = list(headers)
+    found = {one: re.findall(r"\d+", one) for one in headers}
+    templates = {re.sub(r"\d+", "*", one) for one in headers}
+    numbers = {one: words[0] for one, words in found.items() if len(words) == 1}
+    is_one = len(templates) == 1 and len(set(numbers.values())) == len(headers) > 1
+    return numbers if is_one else {}
+
+
+def is_number_of_repeats(words: str) -> bool:
+    """Return whether a header beside a mean and its deviation says how many were measured."""
+    return plain(words) in _WORDS["columns"]["n_mean"]
 
 
 def texture_of(text: str) -> tuple[str, str, str] | None:
@@ -164,8 +199,17 @@ def settings_of(titles: Sequence[tuple[int, str]]) -> dict[str, tuple[str, int]]
     return found
 
 
-def touching(words: "pd.Series[str]") -> tuple[FloatArray, BoolArray]:
+def touching(
+    words: "pd.Series[str]", closed_is: Collection[int] = ()
+) -> tuple[FloatArray, BoolArray]:
     """Return gaps of which only the sign is known, and the cells that are no status.
+
+    Parameters
+    ----------
+    words : Series of str
+        Cells.
+    closed_is : collection of int, optional
+        Whole numbers that mean contact; all others mean none.
 
     Examples
     --------
@@ -175,5 +219,9 @@ def touching(words: "pd.Series[str]") -> tuple[FloatArray, BoolArray]:
     """
     status, plain = _WORDS["status"], words.str.strip().str.lower()
     is_open, closed = (plain.isin(status[one]).to_numpy(bool) for one in ("open", "closed"))
+    if closed_is:
+        code = pd.to_numeric(plain, errors="coerce").to_numpy(float)
+        closed = np.isin(code, list(closed_is)) | (closed & np.isnan(code))
+        is_open = ~closed & ((code % 1 == 0) | (is_open & np.isnan(code)))
     gap = np.where(is_open, np.inf, np.where(closed, -np.inf, np.nan))
     return gap, ~(is_open | closed | (plain == "").to_numpy(bool))

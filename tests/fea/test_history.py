@@ -10,22 +10,23 @@ import pandas as pd
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.surface import Body, Origin, SurfaceHistory, table_from_history
+from ridgebayes.fea.history import Body, ContactHistory, table_of
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
 
 
 def levels(run, **changes):
     rigid = np.array([(s * far, run["top"]) for far in run["corners"] for s in (1, -1)])
-    return dataclasses.replace(
-        SurfaceHistory(run["force"], run["nodes"], run["position"], rigid), **changes
-    )
+    parts = {"load": run["force"], "undeformed": run["nodes"], "rigid": rigid, **changes}
+    position = parts.pop("position", run["position"])
+    x, height = position[..., 0], position[..., 1]
+    return ContactHistory(parts.pop("load"), "run", "o", "s", x, height, **parts)
 
 
 def table(run, body=None, **changes):
     half = not (run["nodes"][:, 0] < 0).any()
     body = body or Body(run["a"], run["b"], E=run["E"], symmetry="half" if half else "full")
-    return table_from_history(levels(run, **changes), body, Origin("run", "s", "o"))
+    return table_of(levels(run, **changes), body)
 
 
 def frame(run, body=None, **changes):
@@ -34,7 +35,7 @@ def frame(run, body=None, **changes):
 
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize(("R", "E"), [(1.0, 1.0), (8.0, 0.06)])
-def test_table_from_history__finds_the_loads_of_half_and_full_bodies_in_any_unit(full, R, E):
+def test_table_of__finds_the_loads_of_half_and_full_bodies_in_any_unit(full, R, E):
     run = WRITER.pressed(full=full, R=R, E=E)
     found = frame(run)
     assert found["Q"].tolist() == run["Q"] == [4, 6, 8]
@@ -44,22 +45,20 @@ def test_table_from_history__finds_the_loads_of_half_and_full_bodies_in_any_unit
     assert (off < 3 * found["rel_se"]).all()
 
 
-def test_table_from_history__halves_of_a_full_body_give_its_loads():
+def test_table_of__halves_of_a_full_body_give_its_loads():
     whole, half = (frame(WRITER.pressed(full=full)) for full in (True, False))
     np.testing.assert_allclose(whole["p_over_E"], half["p_over_E"], rtol=1e-12)  # rounding
 
 
-def test_table_from_history__brackets_hold_the_loads():
+def test_table_of__brackets_hold_the_loads():
     run = WRITER.pressed()
     body = Body(run["a"], run["b"])
-    found = table_from_history(
-        levels(run), body, Origin("run", "s", "o"), brackets=True
-    ).table.frame
+    found = table_of(levels(run), body, brackets=True).table.frame
     assert (found["p_over_E_lower"] < run["load"]).all()
     assert (found["p_over_E"] >= run["load"]).all()
 
 
-def test_table_from_history__the_side_that_touches_first_counts():
+def test_table_of__the_side_that_touches_first_counts():
     run = WRITER.pressed(full=True)
     # Lower on the left alone, by less than an increment: that side is a little earlier.
     run["position"][:, run["nodes"][:, 0] < 0, 1] -= 2e-4
@@ -67,40 +66,39 @@ def test_table_from_history__the_side_that_touches_first_counts():
     assert (found["p_over_E"] < np.array(run["load"]) * (1 - 5e-3)).all()
 
 
-def test_table_from_history__reversed_forces_and_thickness_are_the_same_load():
+def test_table_of__reversed_forces_and_thickness_are_the_same_load():
     run = WRITER.pressed()
     expected = frame(run)["p_over_E"]
     body = Body(run["a"], run["b"], thickness=2.5)
-    np.testing.assert_allclose(frame(run, body, force=-2.5 * run["force"])["p_over_E"], expected)
+    np.testing.assert_allclose(frame(run, body, load=-2.5 * run["force"])["p_over_E"], expected)
 
 
-def test_table_from_history__a_rim_that_hangs_over_round_corners_is_no_overlap():
+def test_table_of__a_rim_that_hangs_over_round_corners_is_no_overlap():
     run = WRITER.pressed()
     r = 0.2 * run["a"]
     body = Body(run["a"], run["b"], corner_over_R=r)
-    off = dataclasses.replace(levels(run), rigid=levels(run).rigid + np.array([r, 0.0]))
+    rigid = levels(run).rigid + np.array([r, 0.0])
 
     def loads(lower):
         """Loads of a rim that lies lower between two places of the first ridge."""
         position = run["position"].copy()
         x, y = position[..., 0] - run["b"] / 2, position[..., 1]
         y[(x > lower[0]) & (x < lower[1]) & (y < run["top"] + 1e-12)] -= 1e-4
-        history = dataclasses.replace(off, position=position)
-        return table_from_history(history, body, Origin("run", "s", "o")).table.frame["rel_se"]
+        return table(run, body, rigid=rigid, position=position).table.frame["rel_se"]
 
     still, hanging = loads((0, 0)), loads((0, 0.99 * r))
     pd.testing.assert_series_equal(hanging, still)
     assert (loads((1.5 * r, 3.5 * r)) > still).all()
 
 
-def test_table_from_history__top_given_is_as_tops_found():
+def test_table_of__top_given_is_as_tops_found():
     run = WRITER.pressed()
     body = Body(run["a"], run["b"], top=run["top"])
     found = frame(run, body, rigid=np.zeros((0, 2)))
     np.testing.assert_allclose(found["p_over_E"], frame(run)["p_over_E"], rtol=1e-12)
 
 
-def test_table_from_history__a_wrong_E_is_that_factor_of_load():
+def test_table_of__a_wrong_E_is_that_factor_of_load():
     run = WRITER.pressed()
     found = frame(run, Body(run["a"], run["b"], E=2.0))
     np.testing.assert_allclose(2 * found["p_over_E"], frame(run)["p_over_E"], rtol=1e-12)
@@ -115,20 +113,20 @@ def test_table_from_history__a_wrong_E_is_that_factor_of_load():
         ({"top": -1.2}, r"no corner is reached"),
     ],
 )
-def test_table_from_history__what_contradicts_the_run_is_refused(changes, message):
+def test_table_of__what_contradicts_the_run_is_refused(changes, message):
     run = WRITER.pressed()
     body = dataclasses.replace(Body(run["a"], run["b"]), **changes)
     with pytest.raises(InputError, match=rf"run: .*{message}"):
         table(run, body)
 
 
-def test_table_from_history__a_full_run_called_half_is_refused():
+def test_table_of__a_full_run_called_half_is_refused():
     run = WRITER.pressed(full=True)
     with pytest.raises(InputError, match="both sides of the axis; use --symmetry full"):
         table(run, Body(run["a"], run["b"]))
 
 
-def test_table_from_history__few_nodes_and_no_circle_are_refused():
+def test_table_of__few_nodes_and_no_circle_are_refused():
     run = WRITER.pressed()
     short = {"undeformed": run["nodes"][:4], "position": run["position"][:, :4]}
     with pytest.raises(InputError, match="4 surface nodes; expected at least 5"):
@@ -138,9 +136,9 @@ def test_table_from_history__few_nodes_and_no_circle_are_refused():
         table(run, undeformed=bent)
 
 
-def test_table_from_history__a_body_that_stops_early_has_the_rest_not_reached():
+def test_table_of__a_body_that_stops_early_has_the_rest_not_reached():
     run = WRITER.pressed()
-    few = {"force": run["force"][:20], "position": run["position"][:20]}
+    few = {"load": run["force"][:20], "position": run["position"][:20]}
     done = table(run, **few)
     assert done.table.frame["Q"].tolist() == [4, 6]
     assert "Q = 8 to 12: not reached" in done.messages
@@ -163,7 +161,7 @@ def test_body__values_out_of_range_are_named(changes, named):
         Body(**{"a_over_R": 0.05, "b_over_R": 0.03, **changes})
 
 
-def test_table_from_history__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be_left_out():
+def test_table_of__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be_left_out():
     run = WRITER.pressed()
     assert not any("beyond the axis" in line for line in table(run).messages)
     mirror = np.array([-1.0, 1.0])
@@ -182,10 +180,45 @@ def test_table_from_history__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be
     ("name", "scale", "message"),
     [
         ("undeformed", 1e200, r"coordinates within 1e\+100"),
-        ("force", 1e308, r"run: force .*; expected p/E at most"),
+        ("load", 1e308, r"run: force .*; expected p/E at most"),
     ],
 )
-def test_table_from_history__numbers_that_overflow_are_refused(name, scale, message):
+def test_table_of__numbers_that_overflow_are_refused(name, scale, message):
     run = WRITER.pressed()
     with pytest.raises(InputError, match=message):
         table(run, **{name: scale * getattr(levels(run), name)})
+
+
+def test_table_of__a_rim_that_rests_within_its_printed_digits_is_in_contact():
+    run, digits = WRITER.pressed(), 1e-5
+    position = run["position"].copy()
+    # Rounded upwards, in coordinate and displacement, and a floor in the grooves.
+    position[..., 1] = np.maximum(position[..., 1], run["top"] + 1.5 * digits)
+    found = frame(run, position=position, digits=digits)
+    assert found["Q"].tolist() == [4, 6, 8]
+    np.testing.assert_allclose(found["p_over_E"], run["load"], rtol=8e-3)  # second order
+
+
+def test_table_of__the_corner_radius_is_that_of_the_deck_s_nodes():
+    run = WRITER.pressed()
+    r = 0.2 * run["a"]
+    turn = np.linspace(0, np.pi / 2, 7)
+    arc = r * np.column_stack([1 - np.cos(turn), np.sin(turn) - 1])
+    # Outer ends of the flats too, as a deck has them.
+    ends = np.array([[run["a"] - r, 0.0], [run["a"], -r]])
+    ridge = np.vstack([arc, ends])
+    rigid = np.vstack([np.array([far, run["top"]]) + ridge for far in run["corners"]])
+    given = Body(run["a"], run["b"], corner_over_R=r)
+    found, expected = table(run, rigid=rigid), table(run, given, rigid=rigid)
+    pd.testing.assert_frame_equal(found.table.frame, expected.table.frame)
+    assert any(f"corners of radius {r:.6g} R, by the deck's nodes" in m for m in found.messages)
+    # Bodies reach round corners a little further out, and so later.
+    loads = found.table.frame["p_over_E"]
+    assert (loads > frame(run)["p_over_E"].iloc[: len(loads)]).all()
+
+
+def test_table_of__corners_that_are_no_circle_ask_for_their_radius():
+    run = WRITER.pressed()
+    rigid = np.array([(far + 0.2 * run["a"], run["top"]) for far in run["corners"]])
+    with pytest.raises(InputError, match=r"no rigid nodes at the corners.* --corner"):
+        table(run, rigid=rigid)

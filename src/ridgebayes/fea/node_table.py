@@ -1,0 +1,130 @@
+"""A table of node results, of any program: a row for each node at each step."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray
+from ridgebayes.fea.column_units import split_header
+from ridgebayes.fea.columns import open_table
+from ridgebayes.fea.delimited import Reading
+from ridgebayes.fea.history import ContactHistory
+from ridgebayes.fea.problems import FileError
+from ridgebayes.fea.record import provenance
+from ridgebayes.fea.transitions import last_digit
+from ridgebayes.fea.words import OF_NODES, STATUS_RULE, plain, touching
+from ridgebayes.table.rules import as_text
+
+_CONTACT = ("gap", "pressure", "status")
+_NEEDED = {"load": "the load of the step, the same in its rows", "x": "where the node is"}
+
+
+def read_node_table(path: Path, mapping: Mapping[str, str], how: Reading) -> ContactHistory:
+    """Read a table of a row for each node at each step.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        As `ridgebayes.fea.columns.read_columns` reads them, in one system of units: ``load``, ``x``
+        across the ridges, one of ``gap`` (to the ridges' tops), ``pressure`` and ``status``, and
+        ``step`` and ``node`` where loads or places do not tell rows apart.
+    mapping : mapping of str to str
+        Keys to headers, beside what words say.
+    how : Reading
+        How the file is to be read, and which codes of a status mean contact.
+
+    Returns
+    -------
+    ContactHistory
+
+    Raises
+    ------
+    InputError
+        If a column is missing or not clear, a cell breaks a rule, or nodes differ between steps.
+    """
+    problems = FileError(str(path))
+    source = open_table(path, how, problems)
+    columns = _columns(source.headers, mapping, problems)
+    kind = next((key for key in _CONTACT if key in columns), "")
+    if not kind:
+        problems.need("no column gap, pressure or status: name it with --map 'gap=HEADER'")
+    for key, what in _NEEDED.items():
+        if key not in columns:
+            problems.need(f"no column {key} ({what}): name it with --map '{key}=HEADER'")
+    problems.raise_all()
+    numeric = {columns[key] for key in columns if key not in ("status", "node", "step")}
+    cells = source.read(numeric, problems)
+    for header in numeric:
+        problems.cells(cells.index[cells[header].isna()], header, "expected a number in each row")
+    if kind == "status":
+        gap, bad = touching(as_text(cells[columns[kind]]), how.closed_is)
+        problems.cells(cells.index[bad | np.isnan(gap)], columns[kind], STATUS_RULE)
+        values = -gap
+    else:
+        values = cells[columns[kind]].to_numpy(dtype=float)
+    problems.raise_all(source)
+    step = cells[columns.get("step", columns["load"])]
+    frame = pd.DataFrame(
+        {
+            "step": pd.factorize(step)[0],
+            "node": cells[columns.get("node", columns["x"])].to_numpy(),
+            "x": cells[columns["x"]].to_numpy(),
+            "load": cells[columns["load"]].to_numpy(),
+            "value": values,
+        }
+    )
+    loads = frame.groupby("step")["load"]
+    if (loads.min() != loads.max()).any():
+        raise problems.error("a step with several loads: expected one in all rows of a step")
+    if frame.duplicated(["step", "node"]).any():
+        raise problems.error("a node twice in a step: expected each once; name the column of steps")
+    wide = frame.pivot_table(index="step", columns="node", values=["x", "value"])
+    if wide.isna().to_numpy().any():
+        raise problems.error("steps of other nodes: expected the same nodes in all steps")
+    load = frame.groupby("step")["load"].first().to_numpy()
+    return _history(path, load, wide["x"].to_numpy(), wide["value"].to_numpy(), kind, problems)
+
+
+def _history(
+    path: Path, load: FloatArray, x: FloatArray, values: FloatArray, kind: str, problems: FileError
+) -> ContactHistory:
+    is_gap = kind == "gap"
+    return ContactHistory(
+        load,
+        str(path),
+        provenance(path, "nodes"),
+        "nodes",
+        x,
+        values if is_gap else None,
+        None if is_gap else values > 0,
+        digits=last_digit(values) / 2 if is_gap else 0.0,
+        messages=(*problems.messages, f"{len(load)} steps of {x.shape[1]} nodes, by {kind}"),
+    )
+
+
+def _columns(
+    headers: tuple[str, ...], mapping: Mapping[str, str], problems: FileError
+) -> dict[str, str]:
+    """Return headers by what they are."""
+    found = {}
+    for key, header in mapping.items():
+        if key not in OF_NODES or header not in headers:
+            there = ", ".join(map(repr, headers[:50]))
+            raise problems.error(
+                f"--map {key}={header}: expected one of {', '.join(OF_NODES)}, and one of the "
+                f"columns {there}"
+            )
+        found[key] = header
+    for key, words in OF_NODES.items():
+        some = [one for one in headers if plain(split_header(one)[0]) in words]
+        if key in found or not some:
+            continue
+        if len(some) > 1:
+            told = ", ".join(map(repr, some))
+            problems.need(
+                f"columns {told} could each be {key}: name one with --map", {key: some[0]}
+            )
+        found[key] = some[0]
+    return found
