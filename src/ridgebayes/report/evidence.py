@@ -41,7 +41,7 @@ def evidence_section(data: ReportData) -> list[Block]:
     )
     blocks: list[Block] = [Text(words), ranking_table(data)]
     if len(data.comparison.probabilities) > 1:
-        blocks.append(_odds(data))
+        blocks.append(Folded("Your own prior probabilities", [_odds(data)]))
         factors = data.comparison.bayes_factors
         summed = factors[factors["noise"] == SUMMED]
         caption = "ln Bayes factor of each form against the best, by every method."
