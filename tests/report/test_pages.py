@@ -125,6 +125,7 @@ def typed(browser, label, text):
 @pytest.mark.parametrize("own", [("1e-3", "2"), ("0,25", "1e30"), ("1", "0"), ("1e-290", "1e5")])
 def test_own_priors__give_posterior_probabilities_at_once(browser, pages, odd, own):
     browser.open(pages("user"), 1280)
+    browser.run(OPEN)
     titles = {"modified": "Modified", "power-law": "Power law"}
     for title, text in zip(titles.values(), own, strict=True):
         typed(browser, f"Prior probability of {title}", text)
@@ -139,6 +140,7 @@ def test_own_priors__give_posterior_probabilities_at_once(browser, pages, odd, o
 
 def test_own_priors__that_make_no_sense_are_said_and_reset(browser, pages, odd):
     browser.open(pages("user"), 1280)
+    browser.run(OPEN)
     form = "document.querySelector('form[data-odds]')"
     for bad in ("-1", "", "much", "inf"):
         typed(browser, "Prior probability of Modified", bad)

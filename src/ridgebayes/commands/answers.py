@@ -11,7 +11,7 @@ from ridgebayes.commands.run_files import summary_table, verdicts
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.comparison.cautions import cautions
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import at_equal_odds, forms_by_probability
+from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.results import Fit
 from ridgebayes.runtime.text import count, short_label
 
@@ -27,7 +27,7 @@ def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
         words = import_module("ridgebayes.report.first_screen")
         why = f" Why: {words.why(verdict)}." if verdict.grade == "undecided" else ""
         grade = f"Grade: {verdict.grade}.{why}"
-        told = words.headline(verdict, at_equal_odds(done))
+        told = words.headline(verdict, done.probabilities_at_equal_odds)
         parts.append(f"{told} {words.lead(verdict)} {grade}")
         if (prior := words.prior_words(done)) != words.EQUAL:
             parts.append(f"Probabilities are {prior}.")

@@ -6,12 +6,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import pandas as pd
+from scipy.special import softmax
 
 from ridgebayes import drawing
 from ridgebayes._types import Tabular
 from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.comparison.same_loads import same_loads
-from ridgebayes.comparison.verdict import Verdict, verdict_of
+from ridgebayes.comparison.verdict import Verdict, ranked_forms, verdict_of
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence.components import component_table
 from ridgebayes.evidence.pairs import NEGLIGIBLE
@@ -76,8 +77,8 @@ class Comparison(Predictive, Tabular):
     (True, {}, 'supports')
     >>> {form: round(share, 2) for form, share in found.probabilities.items()}
     {'modified': 0.01, 'hybrid': 0.99}
-    >>> found.prior_probabilities
-    {'modified': 0.5, 'hybrid': 0.5}
+    >>> found.prior_probabilities, round(found.probabilities_at_equal_odds["hybrid"], 2)
+    ({'modified': 0.5, 'hybrid': 0.5}, 0.99)
     >>> [round(weight, 2) for _, weight in found.averaged]  # over these predictions are averaged
     [0.01, 0.99]
     >>> set(found.own_evidence["noise"]) | set(found.own_bayes_factors["noise"])
@@ -169,6 +170,12 @@ class Comparison(Predictive, Tabular):
         used = self.evidence[self.evidence["used"]]
         sums = used.groupby("form", sort=False)["model_probability"].sum()
         return {str(name): float(share) for name, share in sums.items()}
+
+    @property
+    def probabilities_at_equal_odds(self) -> dict[str, float]:
+        """What `probabilities` would be at equal prior odds of the forms."""
+        values = ranked_forms(self.evidence)
+        return dict(zip(values, softmax(list(values.values())).tolist(), strict=True))
 
     @property
     def prior_probabilities(self) -> dict[str, float]:

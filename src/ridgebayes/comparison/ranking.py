@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.special import softmax
 
 from ridgebayes.comparison.bayes_factors import SUMMED
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.verdict import ranked_forms
 from ridgebayes.model.noise import SMOOTH
 
 _PLAINEST = "classic"  # the smooth contact: it knows of pitch and groove, not of single ridges
@@ -17,13 +15,6 @@ _PLAINEST = "classic"  # the smooth contact: it knows of pitch and groove, not o
 def best_form(comparison: Comparison) -> str | None:
     """Return the form of highest probability, or None where no evidence could be used."""
     return comparison.best if comparison.probabilities else None
-
-
-def at_equal_odds(comparison: Comparison) -> dict[str, float]:
-    """Return the posterior probabilities that forms have at equal prior odds."""
-    values = ranked_forms(comparison.evidence)
-    share = softmax(list(values.values())).tolist()
-    return dict(zip(values, share, strict=True))
 
 
 def forms_by_probability(comparison: Comparison) -> list[str]:

@@ -11,7 +11,6 @@ import pandas as pd
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bayes_factors import SUMMED
-from ridgebayes.comparison.verdict import ranked_forms
 from ridgebayes.model.default_priors import REASONS
 from ridgebayes.report.blocks import Block, Folded, Odds, Picture, Table, Text
 from ridgebayes.report.first_screen import prior_words
@@ -41,7 +40,7 @@ def evidence_section(data: ReportData) -> list[Block]:
     )
     blocks: list[Block] = [Text(words), ranking_table(data)]
     if len(data.comparison.probabilities) > 1:
-        blocks.append(_odds(data))
+        blocks.append(Folded("Your own prior probabilities", [_odds(data)]))
         factors = data.comparison.bayes_factors
         summed = factors[factors["noise"] == SUMMED]
         caption = "ln Bayes factor of each form against the best, by every method."
@@ -62,10 +61,10 @@ def evidence_section(data: ReportData) -> list[Block]:
 
 def _odds(data: ReportData) -> Odds:
     """Return fields for the prior probability of each form, the most probable first."""
-    values, prior = ranked_forms(data.comparison.evidence), data.comparison.prior_probabilities
-    return Odds(
-        [(form_name(name), values[name], prior[name]) for name in data.ranked if name in values]
-    )
+    values = data.comparison.to_dataframe().set_index("form")["log_evidence"].dropna().to_dict()
+    prior = data.comparison.prior_probabilities
+    names = [name for name in data.ranked if name in values]
+    return Odds([(form_name(name), values[name], prior[name]) for name in names])
 
 
 def _evidence_alt(data: ReportData) -> str:

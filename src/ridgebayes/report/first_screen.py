@@ -9,7 +9,6 @@ from pathlib import Path
 from ridgebayes._types import __version__
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import at_equal_odds
 from ridgebayes.comparison.verdict import LEANS, Verdict
 from ridgebayes.report.blocks import Picture
 from ridgebayes.report.wording import (
@@ -120,7 +119,7 @@ def _headline(data: ReportData) -> str:
         return "No form got a usable evidence."
     if verdict is None:
         return f"Only {form_name(data.best)} was fitted, so there is no comparison."
-    return headline(verdict, at_equal_odds(data.comparison))
+    return headline(verdict, data.comparison.probabilities_at_equal_odds)
 
 
 def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
