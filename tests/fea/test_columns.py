@@ -528,6 +528,15 @@ def test_read_columns__rows_without_a_load_are_left_out_if_asked(read, refusal):
     assert "line 3, column 'p/E' = '': expected a load; --skip-empty leaves out rows" in said
 
 
+def test_read_columns__a_load_that_is_broken_is_not_offered_to_be_left_out(read):
+    with pytest.raises(FileError) as caught:
+        read(EMPTY.replace(".009", "oops").replace(",,slipped", ",.005,slipped"))
+    assert "skip_empty" not in caught.value.options
+    with pytest.raises(FileError) as caught:
+        read(EMPTY.replace(",,slipped", ",n/a,slipped"))
+    assert {"skip_empty", "empty"} <= caught.value.options.keys()
+
+
 @pytest.mark.parametrize(
     "rows",
     [

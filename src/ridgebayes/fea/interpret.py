@@ -131,6 +131,7 @@ class ColumnInterpreter(Quantities):
         """Return which rows have no load, to be left out; ask for it where the user did not."""
         status = frame["status"] if "status" in frame else pd.Series(OK, index=frame.index)
         empty = frame["p_over_E"].isna() & status.isin(["", OK])
+        empty &= ~frame.index.isin(list(self._problems.broken_rows()))
         if not empty.any():
             return empty & False
         if not self._how.skip_empty:

@@ -106,6 +106,10 @@ class FileError(InputError):
         """Return the file's rows of which a cell was told of."""
         return {row for row, _ in self._told}
 
+    def broken_rows(self) -> set[int]:
+        """Return the file's rows with a cell that no option mends."""
+        return {r for (_, rule), rows in self._cells.items() if "-empty" not in rule for r in rows}
+
     def raise_all(self, source: Source | None = None) -> None:
         """Raise what was noted, if anything was."""
         # What --empty could mend is not broken.
