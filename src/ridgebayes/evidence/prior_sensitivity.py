@@ -22,6 +22,7 @@ from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.importance import Drawn, Effort, importance_sample, log_mean
 from ridgebayes.inference.pareto_smoothing import pareto_k
 from ridgebayes.inference.presets import QUICK
+from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.default_priors import SLOPES
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import SMOOTH
@@ -191,17 +192,17 @@ def _redrawn(task: _Scaled) -> float:
     """
     pair, (prior, factor) = task.pair, task.change
     changed = _changed(pair, task.change)
-    target, proposal, log_factor = changed.target(), task.drawn.proposal, None
-    if prior not in (SLOPES, NUGGET):
+    if prior in (SLOPES, NUGGET):
+        target, proposal = changed.target(), task.drawn.proposal
+    else:
         # In the scores of the old prior, in which the old draws have their places.
-        target = pair.target()
-        log_factor = partial(_log_change, target.model, prior, factor)
+        model = Model(pair.data, pair.form, pair.noise, pair.priors)
+        log_factor = partial(_log_change, model, prior, factor)
+        target = ModelTarget(model, pair.own_seed, log_factor)
         u = task.drawn.u.reshape(-1, task.drawn.u.shape[-1])
         proposal = task.drawn.proposal_for(log_factor(u))
     with suppress(ComputationError):
-        found = importance_sample(
-            target, _NEAR_EFFORT, pair.own_seed, proposal, log_factor
-        ).evidence
+        found = importance_sample(target, _NEAR_EFFORT, pair.own_seed, proposal).evidence
         if found.ok:
             return found.value
     return weigh(changed).evidence.value

@@ -13,7 +13,7 @@ doi:10.1111/j.1467-9469.2011.00756.x; Vehtari et al. (2024), Journal of Machine 
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -90,6 +90,10 @@ class Drawn:
         Scores of the offsets, where rows are not normal; else none.
     evidence : LogEvidence
         By the same draws.
+    coordinates : ndarray of float, shape (n_chart, n_repeat * n_draw, d)
+        Coordinates of the draws in every chart.
+    log_jacobian : ndarray of float, shape (n_chart, n_repeat * n_draw)
+        log |du/dq| of every chart.
     share : float
         Share of the draws that count.
     proposal : Mixture
@@ -106,7 +110,7 @@ class Drawn:
     proposal: Mixture
 
     def proposal_for(self, log_weight: FloatArray) -> Mixture:
-        """Return the proposal fitted to the draws with weights of their own, shape (n,)."""
+        """Return the proposal fitted to the draws under log weights, shape (n_repeat * n_draw,)."""
         weights = _tempered(log_weight, self.u.shape[-1])
         fitted = self.proposal.fitted(self.coordinates, self.log_jacobian, weights)
         return fitted.beside(self.proposal, _DEFENSIVE)
@@ -126,15 +130,8 @@ class Drawn:
         )
 
 
-LogFactor = Callable[[FloatArray], FloatArray]
-
-
 def importance_sample(
-    target: Target,
-    effort: Effort,
-    seed: int,
-    start: Mixture | None = None,
-    log_factor: LogFactor | None = None,
+    target: Target, effort: Effort, seed: int, start: Mixture | None = None
 ) -> Drawn:
     """Draw from a posterior and estimate its evidence.
 
@@ -148,16 +145,14 @@ def importance_sample(
         Seed.
     start : Mixture, optional
         Proposal to begin with; modes are searched for if not given.
-    log_factor : callable, optional
-        (n, d) to (n,): log of a factor of the density, such as another prior over the target's.
 
     Raises
     ------
     ComputationError
         If no start or no draw has a positive density.
     """
-    proposal = adapted(target, effort, stream(seed, "adaptation"), start, log_factor)
-    return draw_from(target, proposal, effort, seed, log_factor)
+    proposal = adapted(target, effort, stream(seed, "adaptation"), start)
+    return draw_from(target, proposal, effort, seed)
 
 
 def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) -> Drawn:
@@ -170,13 +165,7 @@ def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) ->
     return replace(more, evidence=drawn.evidence)
 
 
-def draw_from(
-    target: Target,
-    proposal: Mixture,
-    effort: Effort,
-    seed: int,
-    log_factor: LogFactor | None = None,
-) -> Drawn:
+def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> Drawn:
     """Draw from a posterior by a proposal that is fitted to it already.
 
     Parameters
@@ -185,8 +174,6 @@ def draw_from(
         As for `importance_sample`.
     proposal : Mixture
         Proposal.
-    log_factor : callable, optional
-        As for `importance_sample`.
 
     Raises
     ------
@@ -197,7 +184,7 @@ def draw_from(
     n_draw = effort.n_draw * (_EXACT_DRAWS if target.is_exact else 1)
     for i in range(N_REPEAT):
         rng = stream(seed, f"set {i}")
-        draws = _drawn(target, proposal, rng, n_draw, effort.n_point, log_factor)
+        draws = target.evaluate(*proposal.draw(rng, n_draw), rng, effort.n_point)
         log_weight, half = log_weights(draws, [proposal])
         sets.append(draws)
         weights.append(log_weight)
@@ -252,24 +239,8 @@ def _evidence(
     return LogEvidence("importance", value, se, status)
 
 
-def _drawn(
-    target: Target,
-    proposal: Mixture,
-    rng: np.random.Generator,
-    n: int,
-    n_point: int,
-    log_factor: LogFactor | None,
-) -> Evaluated:
-    draws = target.evaluate(*proposal.draw(rng, n), rng, n_point)
-    return draws if log_factor is None else draws.times(log_factor(draws.u))
-
-
 def adapted(
-    target: Target,
-    effort: Effort,
-    rng: np.random.Generator,
-    start: Mixture | None = None,
-    log_factor: LogFactor | None = None,
+    target: Target, effort: Effort, rng: np.random.Generator, start: Mixture | None = None
 ) -> Mixture:
     """Return a proposal fitted to a target, round by round."""
     shape = _split(_modes(target, rng), rng) if start is None else start
@@ -279,7 +250,7 @@ def adapted(
     n, few = effort.n_per_round, max(effort.n_point // _FEWER_POINTS, 4)
     enough = _ENOUGH if target.is_exact else _ENOUGH_ESTIMATES
     for i in range(effort.n_round):
-        parts.append(_drawn(target, proposals[-1], rng, n, few, log_factor))
+        parts.append(target.evaluate(*proposals[-1].draw(rng, n), rng, few))
         draws = joined(parts)
         log_weight, _ = log_weights(draws, proposals)
         if np.isfinite(log_weight).any():

@@ -48,11 +48,6 @@ class Evaluated(NamedTuple):
             self.log_jacobian[:, index],
         )
 
-    def times(self, log_factor: FloatArray) -> "Evaluated":
-        """Return the draws with their densities multiplied."""
-        log_density, from_half = self.log_density + log_factor, self.from_half + log_factor
-        return self._replace(log_density=log_density, from_half=from_half)
-
 
 def joined(parts: Sequence[Evaluated]) -> Evaluated:
     """Return several sets of draws as one."""
@@ -98,10 +93,17 @@ class ModelTarget:
         Latent Gaussian model.
     seed : int, optional
         Seed of the search for charts.
+    log_factor : callable, optional
+        (n, d) to (n,): log of a factor of the density, such as another prior over the model's.
     """
 
-    def __init__(self, model: Model, seed: int = 0) -> None:
-        self.model, self._seed = model, seed
+    def __init__(
+        self,
+        model: Model,
+        seed: int = 0,
+        log_factor: Callable[[FloatArray], FloatArray] | None = None,
+    ) -> None:
+        self.model, self._seed, self._log_factor = model, seed, log_factor
         self.integral = LatentIntegral(model)
         self.name = f"{model.form.name}, {model.noise.name}"
         self.names = model.outer_names
@@ -150,8 +152,10 @@ class ModelTarget:
             usable = np.asarray(np.isfinite(u).all(axis=1))
             within = np.where(usable[:, None], u, 0.0)
             found = self.integral.estimated(within, rng, n_point, prepared)
+        factor = 0.0 if self._log_factor is None else self._log_factor(within)
         log_density, from_half = (
-            np.where(usable, value, -np.inf) for value in (found.log_density, found.from_half)
+            np.where(usable, value + factor, -np.inf)
+            for value in (found.log_density, found.from_half)
         )
         return Evaluated(u, log_density, from_half, found.scores, coordinates, log_jacobian)
 
@@ -167,8 +171,10 @@ class ModelTarget:
             conditional = self.charts[chart].conditional(prepared)
             u = conditional.to_scores(q)
             usable = np.asarray(np.isfinite(u).all(axis=1))
-            value = self.integral.approximate(np.where(usable[:, None], u, 0.0), prepared)
-            value = value + conditional.log_jacobian
+            within = np.where(usable[:, None], u, 0.0)
+            value = self.integral.approximate(within, prepared) + conditional.log_jacobian
+            if self._log_factor is not None:
+                value = value + self._log_factor(within)
         return np.where(usable & np.isfinite(value), value, -np.inf)
 
     def _error_parameters(self, q: FloatArray) -> FloatArray:
