@@ -7,22 +7,18 @@ again under the new prior.
 import math
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
-from ridgebayes.errors import ComputationError
 from ridgebayes.evidence.pairs import Pair, WeighedPairs, in_parallel, weigh
 from ridgebayes.evidence.tables import used_evidence
-from ridgebayes.inference.importance import Drawn, Effort, importance_sample, log_mean
+from ridgebayes.inference.importance import Drawn, log_mean
 from ridgebayes.inference.pareto_smoothing import pareto_k
 from ridgebayes.inference.presets import QUICK
-from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.default_priors import SLOPES
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import SMOOTH
@@ -40,8 +36,6 @@ MAX_REWEIGHTED_K = 0.5
 # error that is accepted, decides nothing. Weights that miss a new mode are mostly too low by less
 # than 3.
 _MIN_GAP, _MISSED = 3.0, 3.0
-# From a proposal that is nearly fitted few draws are enough for an error that a quick run promises.
-_NEAR_EFFORT = Effort(2, 256, n_draw=96, n_point=8, max_se=QUICK.evidence_error)
 _LATENT_DRAWS = 256  # whose likelihoods are computed again
 
 _Key = tuple[str, str]
@@ -66,7 +60,6 @@ class _Scaled:
 
     pair: Pair
     drawn: Drawn
-    change: _Change = ("", 1.0)  # that needs further draws
 
     @property
     def name(self) -> str:
@@ -108,12 +101,11 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
         for key, look in looks.items()
         for change, (difference, _) in look.items()
     }
-    by_key = {task.pair.key: task for task in tasks}
-    open_changes = _open_changes(used, looks, values)
-    again = [replace(by_key[key], change=change) for key, change in open_changes]
-    for place, value in zip(open_changes, in_parallel(_redrawn, again, executor), strict=True):
-        if math.isfinite(value):
-            values[place] = value
+    again = _open_changes(used, looks, values)
+    changed_pairs = [_changed(weighed.pairs[key], change) for key, change in again]
+    for place, one in zip(again, in_parallel(weigh, changed_pairs, executor), strict=True):
+        if math.isfinite(one.evidence.value):
+            values[place] = one.evidence.value
     changes = dict.fromkeys(change for look in looks.values() for change in look)
     log_n = math.log(used.index.get_level_values("noise").nunique())
     rows = []
@@ -182,35 +174,6 @@ def _by_likelihoods(pair: Pair, u: FloatArray, prior: str) -> dict[_Change, tupl
         integral = changed.target().integral
         densities[factor] = integral.estimated(some, rng, QUICK.effort.n_point).log_density
     return {(prior, factor): _told(value - densities[1.0]) for factor, value in densities.items()}
-
-
-def _redrawn(task: _Scaled) -> float:
-    """Return the log evidence under a change, by draws from a proposal that is fitted to it.
-
-    The proposal is fitted to the old draws, weighed by new over old prior. Where its weights fail a
-    check, modes are searched for.
-    """
-    pair, (prior, factor) = task.pair, task.change
-    changed = _changed(pair, task.change)
-    if prior in (SLOPES, NUGGET):
-        target, proposal = changed.target(), task.drawn.proposal
-    else:
-        # In the scores of the old prior, in which the old draws have their places.
-        model = Model(pair.data, pair.form, pair.noise, pair.priors)
-        log_factor = partial(_log_change, model, prior, factor)
-        target = ModelTarget(model, pair.own_seed, log_factor)
-        u = task.drawn.u.reshape(-1, task.drawn.u.shape[-1])
-        proposal = task.drawn.proposal_for(log_factor(u))
-    with suppress(ComputationError):
-        found = importance_sample(target, _NEAR_EFFORT, pair.own_seed, proposal).evidence
-        if found.ok:
-            return found.value
-    return weigh(changed).evidence.value
-
-
-def _log_change(model: Model, prior: str, factor: float, u: FloatArray) -> FloatArray:
-    names = _scaled_priors(model)[prior]
-    return _log_ratio(model, model.outer_theta(u), names, factor)
 
 
 def _log_ratio(model: Model, theta: FloatArray, names: list[str], factor: float) -> FloatArray:

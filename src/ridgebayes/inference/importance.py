@@ -43,7 +43,7 @@ _FEWER_POINTS = 2  # times fewer points while proposals are fitted
 # of estimates, whose noise takes a part.
 _ENOUGH, _ENOUGH_ESTIMATES = 0.5, 0.4
 _EXACT_DRAWS = 4  # times more draws where a density is exact: each costs a tenth of an estimate
-_SPREAD_OF_STARTS = 1.5  # prior sds
+_SPREAD_OF_STARTS = 2.5  # prior sds: modes five of them out are found
 
 
 @dataclass(frozen=True)
@@ -59,15 +59,12 @@ class Effort:
         exact.
     n_point : int
         Points for the offsets of rows that are not normal, for each draw; a multiple of eight.
-    max_se : float
-        Largest standard error of a log evidence that is ok.
     """
 
     n_round: int = 4
     n_per_round: int = 512
     n_draw: int = 256
     n_point: int = 16
-    max_se: float = MAX_SE
 
     @property
     def doubled(self) -> "Effort":
@@ -90,10 +87,6 @@ class Drawn:
         Scores of the offsets, where rows are not normal; else none.
     evidence : LogEvidence
         By the same draws.
-    coordinates : ndarray of float, shape (n_chart, n_repeat * n_draw, d)
-        Coordinates of the draws in every chart.
-    log_jacobian : ndarray of float, shape (n_chart, n_repeat * n_draw)
-        log |du/dq| of every chart.
     share : float
         Share of the draws that count.
     proposal : Mixture
@@ -104,16 +97,8 @@ class Drawn:
     log_density: FloatArray
     scores: FloatArray
     evidence: LogEvidence
-    coordinates: FloatArray
-    log_jacobian: FloatArray
     share: float
     proposal: Mixture
-
-    def proposal_for(self, log_weight: FloatArray) -> Mixture:
-        """Return the proposal fitted to the draws under log weights, shape (n_repeat * n_draw,)."""
-        weights = _tempered(log_weight, self.u.shape[-1])
-        fitted = self.proposal.fitted(self.coordinates, self.log_jacobian, weights)
-        return fitted.beside(self.proposal, _DEFENSIVE)
 
     @property
     def chains(self) -> Chains:
@@ -130,9 +115,7 @@ class Drawn:
         )
 
 
-def importance_sample(
-    target: Target, effort: Effort, seed: int, start: Mixture | None = None
-) -> Drawn:
+def importance_sample(target: Target, effort: Effort, seed: int) -> Drawn:
     """Draw from a posterior and estimate its evidence.
 
     Parameters
@@ -143,15 +126,13 @@ def importance_sample(
         Numbers of draws.
     seed : int
         Seed.
-    start : Mixture, optional
-        Proposal to begin with; modes are searched for if not given.
 
     Raises
     ------
     ComputationError
         If no start or no draw has a positive density.
     """
-    proposal = adapted(target, effort, stream(seed, "adaptation"), start)
+    proposal = adapted(target, effort, stream(seed, "adaptation"))
     return draw_from(target, proposal, effort, seed)
 
 
@@ -189,27 +170,25 @@ def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> D
         sets.append(draws)
         weights.append(log_weight)
         halves.append(half)
-    evidence = _evidence(target, weights, halves, effort.max_se)
+    evidence = _evidence(target, weights, halves)
     chosen = [
         _resampled(log_weight, stream(seed, f"resampling {i}"))
         for i, log_weight in enumerate(weights)
     ]
-    kept = [draws.at(index) for draws, index in zip(sets, chosen, strict=True)]
-    together = joined(kept)
-    return Drawn(
-        np.stack([draws.u for draws in kept]),
-        np.stack([draws.log_density for draws in kept]),
-        np.stack([draws.scores for draws in kept]),
-        evidence,
-        together.coordinates,
-        together.log_jacobian,
-        effective_share(np.concatenate(weights)),
-        proposal,
+    u, log_density, scores = (
+        np.stack([column[index] for column, index in zip(columns, chosen, strict=True)])
+        for columns in (
+            [draws.u for draws in sets],
+            [draws.log_density for draws in sets],
+            [draws.scores for draws in sets],
+        )
     )
+    share = effective_share(np.concatenate(weights))
+    return Drawn(u, log_density, scores, evidence, share, proposal)
 
 
 def _evidence(
-    target: Target, weights: Sequence[FloatArray], halves: Sequence[FloatArray], max_se: float
+    target: Target, weights: Sequence[FloatArray], halves: Sequence[FloatArray]
 ) -> LogEvidence:
     """Return the log evidence; its status says what is wrong with the weights."""
     together = np.concatenate(weights)
@@ -231,19 +210,17 @@ def _evidence(
     is_bounded = relative.max() / relative.sum() < _BOUNDED * len(relative) ** (K_MAX - 1)
     if not (k <= K_MAX or is_bounded):
         failed.append(f"Pareto k {k:.2f}, above {K_MAX}")
-    if not se <= max_se:
-        failed.append(f"standard error {se:.2g}, above {max_se:g}")
+    if not se <= MAX_SE:
+        failed.append(f"standard error {se:.2g}, above {MAX_SE:g}")
     if not gap <= MAX_HALF_GAP:
         failed.append(f"half of the points give {gap:.2g} less or more, above {MAX_HALF_GAP:g}")
     status = "importance weights: " + "; ".join(failed) if failed else "ok"
     return LogEvidence("importance", value, se, status)
 
 
-def adapted(
-    target: Target, effort: Effort, rng: np.random.Generator, start: Mixture | None = None
-) -> Mixture:
+def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture:
     """Return a proposal fitted to a target, round by round."""
-    shape = _split(_modes(target, rng), rng) if start is None else start
+    shape = _split(_modes(target, rng), rng)
     prior = Mixture.prior(len(target.names))
     proposals = [shape.beside(prior, _DEFENSIVE_FIRST)]
     parts: list[Evaluated] = []

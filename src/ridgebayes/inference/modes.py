@@ -8,7 +8,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 
 N_START = 64
-_N_SEARCHED = 8  # of the starts, the best of them
+_N_SEARCHED = 16  # of the starts, the best of them
 _N_STEP = 30
 _STEP = 1e-3  # of differences, in normal scores: half the digits of the density
 _LONGEST = 2.0  # step, in normal scores

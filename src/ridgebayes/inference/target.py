@@ -37,17 +37,6 @@ class Evaluated(NamedTuple):
     coordinates: FloatArray
     log_jacobian: FloatArray
 
-    def at(self, index: IntArray) -> "Evaluated":
-        """Return some of the draws."""
-        return Evaluated(
-            self.u[index],
-            self.log_density[index],
-            self.from_half[index],
-            self.scores[index],
-            self.coordinates[:, index],
-            self.log_jacobian[:, index],
-        )
-
 
 def joined(parts: Sequence[Evaluated]) -> Evaluated:
     """Return several sets of draws as one."""
@@ -93,17 +82,10 @@ class ModelTarget:
         Latent Gaussian model.
     seed : int, optional
         Seed of the search for charts.
-    log_factor : callable, optional
-        (n, d) to (n,): log of a factor of the density, such as another prior over the model's.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        seed: int = 0,
-        log_factor: Callable[[FloatArray], FloatArray] | None = None,
-    ) -> None:
-        self.model, self._seed, self._log_factor = model, seed, log_factor
+    def __init__(self, model: Model, seed: int = 0) -> None:
+        self.model, self._seed = model, seed
         self.integral = LatentIntegral(model)
         self.name = f"{model.form.name}, {model.noise.name}"
         self.names = model.outer_names
@@ -152,10 +134,8 @@ class ModelTarget:
             usable = np.asarray(np.isfinite(u).all(axis=1))
             within = np.where(usable[:, None], u, 0.0)
             found = self.integral.estimated(within, rng, n_point, prepared)
-        factor = 0.0 if self._log_factor is None else self._log_factor(within)
         log_density, from_half = (
-            np.where(usable, value + factor, -np.inf)
-            for value in (found.log_density, found.from_half)
+            np.where(usable, value, -np.inf) for value in (found.log_density, found.from_half)
         )
         return Evaluated(u, log_density, from_half, found.scores, coordinates, log_jacobian)
 
@@ -171,10 +151,8 @@ class ModelTarget:
             conditional = self.charts[chart].conditional(prepared)
             u = conditional.to_scores(q)
             usable = np.asarray(np.isfinite(u).all(axis=1))
-            within = np.where(usable[:, None], u, 0.0)
-            value = self.integral.approximate(within, prepared) + conditional.log_jacobian
-            if self._log_factor is not None:
-                value = value + self._log_factor(within)
+            value = self.integral.approximate(np.where(usable[:, None], u, 0.0), prepared)
+            value = value + conditional.log_jacobian
         return np.where(usable & np.isfinite(value), value, -np.inf)
 
     def _error_parameters(self, q: FloatArray) -> FloatArray:
