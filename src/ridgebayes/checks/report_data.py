@@ -110,7 +110,7 @@ class ReportData:
     against_priors : pandas.DataFrame
         Where the shown fit's means lie in their priors.
     own_texture : OwnTexture
-        What the page predicts textures from that were not fitted.
+        Quantiles from which the page predicts textures that were not fitted.
     study : Study or None
         The study's claims; None for any table but the embedded sweep.
     """

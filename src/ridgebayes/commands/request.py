@@ -47,7 +47,7 @@ class FitRequest:
     priors : Path, optional
         File of priors that replace default ones, see `ridgebayes.model.prior_files`.
     prior_odds : mapping of str to float, optional
-        Prior odds of forms; 1 of those that are not named.
+        Prior odds of forms; forms that are not named have 1.
     time_limit : float, optional
         Seconds after which a walk ends with what is there.
     settings : SampleSettings, optional

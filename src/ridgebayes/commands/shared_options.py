@@ -52,8 +52,8 @@ class Shared:
     priors : Path, optional
         TOML file of priors: \[hybrid] c1 = 'lognormal(1.382, 0.1)'.
     prior_odds : str
-        Prior odds of forms, such as hybrid=2,classic=0.5. 1 of those that are not named. Bayes
-        factors do not depend on them.
+        Prior odds of forms, such as hybrid=2,classic=0.5; forms that are not named have 1.
+        Bayes factors do not depend on them.
     resume : bool
         Continue an interrupted run. Results are the same as without interruption.
     scheduler : str, optional

@@ -181,8 +181,8 @@ class Import:
     top : float, optional
         Height of the ridge tops.
     corner : float, optional
-        Corner radius of the ridges, as a share of the body's radius. That of the deck's nodes
-        if not given.
+        Corner radius of the ridges, as a share of the body's radius; read from the deck's
+        nodes if not given.
     field : str, optional
         Name of the point data of a series. 'displacement' if not given.
     time : str, optional

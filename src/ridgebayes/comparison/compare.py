@@ -100,8 +100,9 @@ def compare(  # noqa: PLR0913  (each names a part of the question, and has a def
         Replacements for default priors: by form name, or ``noise``, and parameter name; a text is
         as in a file of priors, such as ``lognormal(1.382, 10 %)``.
     prior_odds : mapping of str to float, optional
-        Prior odds by form name, > 0 and dimensionless; 1 of those that are not named. Posterior
-        probabilities and averaged predictions use them, Bayes factors and the verdict do not.
+        Prior odds by form name, > 0 and dimensionless; forms that are not named have 1.
+        Posterior probabilities and averaged predictions use them, Bayes factors and the verdict do
+        not.
     rng : int or numpy.random.Generator, optional
         Seed. Each form has its own random stream.
     settings : SampleSettings, optional

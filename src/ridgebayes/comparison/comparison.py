@@ -173,7 +173,7 @@ class Comparison(Predictive, Tabular):
 
     @property
     def probabilities_at_equal_odds(self) -> dict[str, float]:
-        """What `probabilities` would be at equal prior odds of the forms."""
+        """Posterior probabilities of the forms at equal prior odds."""
         values = ranked_forms(self.evidence)
         return dict(zip(values, softmax(list(values.values())).tolist(), strict=True))
 

@@ -33,7 +33,7 @@ _N_ROUGH = 300  # draws that say roughly where a distribution lies
 
 @dataclass(frozen=True)
 class OwnTexture:
-    """What the page needs to predict textures that were not fitted.
+    """Quantiles from which the page predicts textures that were not fitted.
 
     Parameters
     ----------

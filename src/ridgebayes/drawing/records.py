@@ -177,7 +177,7 @@ def _band_title(frame: pd.DataFrame) -> str:
 
 
 def _told(axes: Axes, n_shown: int, n: int) -> None:
-    # Of many lines it would cover them.
+    # A legend of many lines would cover them.
     many = len(axes.get_legend_handles_labels()[1]) > _MOST_INSIDE
     if many:
         axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0))

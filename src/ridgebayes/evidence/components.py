@@ -1,8 +1,8 @@
 """Which components of the error model the rows support: inclusion Bayes factors.
 
-The evidences are those of every form under every error model. An error model either has a component
-or has not, so the mean evidence of those that have it, over that of those that have not, is the
-Bayes factor of the component with everything else summed out.
+The evidences are those of every form under every error model. The mean evidence of the error
+models with a component, over the mean evidence of the error models without it, is the Bayes factor
+of the component with everything else summed out.
 """
 
 import math

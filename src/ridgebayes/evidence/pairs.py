@@ -136,7 +136,7 @@ class WeighedPairs:
     weighed : dict of (str, str) to Weighed
         The same, with their evidences.
     prior_odds : mapping of str to float, optional
-        Prior odds of forms; 1 of those that are not named.
+        Prior odds of forms; forms that are not named have 1.
     """
 
     pairs: dict[tuple[str, str], Pair] = field(repr=False)

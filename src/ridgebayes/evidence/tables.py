@@ -39,7 +39,7 @@ def evidence_table(
         By names of form and error model. The first whose status is ok is the one that Bayes factors
         and probabilities use.
     prior_odds : mapping of str to float, optional
-        Prior odds of forms; 1 of those that are not named. Each form's error models share its own
+        Prior odds of forms; forms that are not named have 1. Each form's error models share its own
         alike.
 
     Returns

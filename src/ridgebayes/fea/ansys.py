@@ -40,7 +40,7 @@ def read_ansys(
     closed_is : collection of int, optional
         Codes of ``STAT`` that mean contact; 2 (sliding) and 3 (sticking) if not given.
     corners : mapping of int to int, optional
-        Nodes by the Q that they stand for, in place of ``NLIST``.
+        Node at the corner of each Q, in place of ``NLIST``.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def _moved(history: ContactHistory, ux: FloatArray, uy: FloatArray) -> ContactHi
 def _closed(
     history: ContactHistory, closed: BoolArray, nodes: list[int], corners: Mapping[int, int]
 ) -> ContactHistory:
-    """Return a history of closed nodes, by their places or by the corners that they stand for."""
+    """Return a history of closed nodes, by their places or by their corners."""
     if history.undeformed is not None:
         x = np.broadcast_to(history.undeformed[:, 0], closed.shape)
         return replace(history, x=x, closed=closed)

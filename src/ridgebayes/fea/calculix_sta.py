@@ -20,7 +20,7 @@ _PRINTED = 2e-6  # of a time: six digits are printed here, seven in the .dat
 
 @dataclass(frozen=True, eq=False)
 class Status:
-    """What a ``.sta`` says.
+    """Content of a ``.sta``.
 
     Parameters
     ----------

@@ -130,7 +130,7 @@ class TextTable(Source):
     cell : callable, optional
         Of a worksheet: words for the cell of a line and a column, both from 1.
     typed : collection of str, optional
-        Of a worksheet: cells that are numbers, not text, and so have a point for decimals.
+        Cells of a worksheet that are numbers, not text, and so have a point for decimals.
 
     Raises
     ------

@@ -20,7 +20,7 @@ _FORCES = ("Fy", "Ry")  # of a rigid body, and of nodes
 
 @dataclass(eq=False)
 class _Step:
-    """What was printed at a step: rows by what their columns are."""
+    """Rows printed at a step, by the quantities of their columns."""
 
     line: Line
     names: dict[str, tuple[NodeRows, int]] = field(default_factory=dict)

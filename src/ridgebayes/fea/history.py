@@ -24,7 +24,7 @@ _LIFTED = 1e-4  # of R: nodes so far above those do not rest
 
 @dataclass(frozen=True, eq=False)
 class ContactHistory:
-    """What a run tells of contact, step by step: how high its surface is, or where it is closed.
+    """Contact of a run, step by step: the height of its surface, or the places where it is closed.
 
     Parameters
     ----------
@@ -39,9 +39,9 @@ class ContactHistory:
     closed : ndarray of bool, shape (n_step, n_node), or None
         Which nodes are in contact, where heights are not known.
     width : ndarray of float, shape (n_node,), length, or None
-        Of the faces that are closed; None are points.
+        Widths of the closed faces; None for points.
     Q : ndarray of int, shape (n_node,), or None
-        Counts that nodes at corners stand for, in place of `x`.
+        Counts of nodes at corners, in place of `x`.
     undeformed : ndarray of float, shape (n_node, 2), length, or None
         The same nodes before; None where the file does not tell.
     rigid : ndarray of float, shape (n, 2), length, or None
@@ -54,7 +54,7 @@ class ContactHistory:
     load_is : {"force", "line", "p_over_E"}
         "line" and "p_over_E" are the whole body's.
     messages : tuple of str
-        What was understood, and what was ignored.
+        Messages: values that were read, and parts that were ignored.
     """
 
     load: FloatArray
@@ -76,7 +76,7 @@ class ContactHistory:
 
 @dataclass(frozen=True)
 class Body:
-    """What a run's files do not say, and the user does; lengths and stresses in the run's units.
+    """Values that the user gives beside a run's files; lengths and stresses in the run's units.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class Body:
     top : float or None
         Height of the ridges' tops; None looks for the rigid side's nodes at their corners.
     thickness : float
-        Of the plane-strain slice to which forces belong.
+        Thickness of the plane-strain slice to which forces belong.
     corner_over_R : float or None
         Radius of the ridges' top corners; 0 is sharp, and None what the rigid side's nodes say.
     """
@@ -129,9 +129,9 @@ def table_of(history: ContactHistory, body: Body, *, brackets: bool = False) -> 
     Parameters
     ----------
     history : ContactHistory
-        What the run printed.
+        Contact of the run.
     body : Body
-        What it did not.
+        Values that the run's files do not hold.
     brackets : bool, optional
         As `ridgebayes.fea.transitions.transitions_of`.
 

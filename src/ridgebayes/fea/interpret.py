@@ -128,7 +128,7 @@ class ColumnInterpreter(Quantities):
         return self._with_load_se(rows)
 
     def _empty(self, frame: pd.DataFrame, own: list[str]) -> "pd.Series[bool]":
-        """Return which rows have no load, to be left out; ask for it where the user did not."""
+        """Return which rows have no load and are left out; refuse them without `--skip-empty`."""
         status = frame["status"] if "status" in frame else pd.Series(OK, index=frame.index)
         empty = frame["p_over_E"].isna() & status.isin(["", OK])
         empty &= ~frame.index.isin(list(self._problems.broken_rows()))

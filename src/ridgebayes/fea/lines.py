@@ -108,7 +108,7 @@ class NodeRows:
     nodes : ndarray of int, shape (n_row,)
         Empty where rows are not of nodes.
     values : ndarray of float, shape (n_row, n_column)
-        What stands beside them.
+        Numbers beside the nodes.
     """
 
     nodes: IntArray

@@ -40,7 +40,7 @@ class Imported:
 
     @property
     def cautions(self) -> list[str]:
-        """What looks wrong in rows that break no rule of the table.
+        """Warnings of doubtful rows that break no rule of the table.
 
         An error above a fifth of the load, a curve that begins above Q = 4, and a load over five
         times that at which a smooth body reaches the same corner.

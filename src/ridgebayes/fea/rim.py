@@ -24,7 +24,7 @@ class Rim:
     R : float, length
         Radius.
     centre : ndarray of float, shape (2,), length
-        Of the undeformed circle.
+        Centre of the undeformed circle.
     sides : tuple of (ndarray of int, float)
         Numbers of a side's nodes, and the sign of its x.
     """
@@ -118,7 +118,7 @@ class Rim:
         return [(sign * x[nodes], y[nodes]) for nodes, sign in self.sides]
 
     def gaps(self, position: FloatArray, corners: FloatArray, radius: float) -> FloatArray:
-        """Return how far the rim is from each corner, the nearer side's: above sharp ones."""
+        """Return the distance of the rim's nearer side from each corner, above sharp corners."""
         sides = []
         for x, y in self._outwards(position):
             if radius == 0:

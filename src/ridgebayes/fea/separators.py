@@ -1,4 +1,4 @@
-"""What stands between the cells of a text file, and which characters its bytes are."""
+"""Separators between the cells of a text file, and the encoding of its bytes."""
 
 import codecs
 import re

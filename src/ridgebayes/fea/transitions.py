@@ -47,7 +47,7 @@ def transitions_of(
     gap_error : float or ndarray of float, shape (n_increment, n_corner), over R, optional
         How far the gaps may be off, such as by a penalty's overlap or by printed digits.
     digits : float, over R, optional
-        What one printed digit of a gap is worth: a gap of no more than that is closed.
+        Worth of one printed digit of a gap: a gap of no more than this digit is closed.
 
     Returns
     -------

@@ -101,7 +101,7 @@ def count_term(words: str) -> str:
 
 
 def corner_key(words: str) -> str:
-    """Return what increments tell of a corner: gap, pressure or status; else an empty text.
+    """Return the quantity of a corner in increments: gap, pressure or status; else an empty text.
 
     Examples
     --------

@@ -130,8 +130,8 @@ def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
     verdict : Verdict
         What a comparison found.
     probabilities : mapping of str to float
-        Of the forms, at equal prior odds. An undecided verdict names all whose ln Bayes factor is
-        within 2 of the best.
+        Posterior probabilities of the forms at equal prior odds. An undecided verdict names all
+        forms whose ln Bayes factor is within 2 of the best.
     """
     best = form_name(verdict.form)
     least = math.exp(-LEANS) * probabilities[verdict.form]

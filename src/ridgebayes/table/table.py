@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
 
 _SAME_LOAD = ("a_over_R", "b_over_R", "nu", "offset_over_R", "Q", "kind", "p_over_E_lower")
-_LEAST_CURVE = 3  # rows of a curve that is told to repeat another
+_LEAST_CURVE = 3  # rows of a curve, for it to count as a copy
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -229,7 +229,7 @@ class ContactTable(Tabular):
         found = pairs.groupby(["curve_x", "curve_y"]).size().rename("n").reset_index()
         size = codes["curve"].value_counts()
         other, own = (found[name].map(size) for name in ("curve_x", "curve_y"))
-        # Of two that are alike the later one; else the one that lies in the other.
+        # The later one of two equal curves; else the curve that lies within the other.
         is_copy = (own < other) | (found["curve_x"] < found["curve_y"])
         whole = found.loc[(found["n"] == own) & (own >= _LEAST_CURVE) & is_copy, "curve_y"]
         return rows._where(codes["curve"].isin(whole).to_numpy())
