@@ -1,11 +1,12 @@
 """How far evidences depend on the priors' scales, and on the nugget of a smooth offset.
 
 Draws of every pair are weighed by new over old prior. Pairs whose weights do not serve are weighed
-again under the new prior.
+again under the new prior: first the widest and the narrowest, whose draws often serve for the
+priors between.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -32,14 +33,15 @@ _NUGGET_FACTORS = (0.1, 1.0, 10.0)
 _LEAST_COEFFICIENT = 0.3  # factor of the coefficients' scales
 # Pareto k of weights up to which their mean is taken: their variance is finite below 0.5.
 MAX_REWEIGHTED_K = 0.5
-# In ln evidence below a form's best pair under a change: 5 % of the evidence, the largest standard
-# error that is accepted, decides nothing. Weights that miss a new mode are mostly too low by less
+# Pairs further below their form's best in ln evidence hold less than 5 % of its evidence, the
+# largest standard error that is accepted. Weights that miss a new mode are mostly too low by less
 # than 3.
 _MIN_GAP, _MISSED = 3.0, 3.0
 _LATENT_DRAWS = 256  # whose likelihoods are computed again
 
 _Key = tuple[str, str]
 _Change = tuple[str, float]
+_Place = tuple[_Key, _Change]
 
 
 def prior_of(parameter: str) -> str:
@@ -55,11 +57,12 @@ def scale_factors(prior: str) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Scaled:
-    """A pair whose priors are scaled."""
+class _Reweighting:
+    """Draws of a pair, and changes of its priors that they are weighed for."""
 
     pair: Pair
     drawn: Drawn
+    changes: Sequence[_Change]
 
     @property
     def name(self) -> str:
@@ -68,6 +71,24 @@ class _Scaled:
     @property
     def cost(self) -> float:
         return self.pair.cost
+
+
+@dataclass(frozen=True, eq=False)
+class _Redrawing:
+    """A pair that is weighed again under wider, or narrower, scales of one prior."""
+
+    pair: Pair
+    changes: Sequence[_Change]
+
+    @property
+    def name(self) -> str:
+        prior, factor = self.changes[0]
+        pair = f"{self.pair.form.name}, {self.pair.noise.name}"
+        return f"prior sensitivity of {pair}, {prior} times {factor:g}"
+
+    @property
+    def cost(self) -> float:
+        return self.pair.cost * len(self.changes)
 
 
 def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None) -> pd.DataFrame:
@@ -88,92 +109,119 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
         weighed again where the Pareto k of its weights is above 0.5 and it may hold more than e^-3
         of its form's evidence.
     """
-    used = used_evidence(weighed.evidence).set_index(["form", "noise"])["log_evidence"]
-    tasks = []
-    for key in used.index:
-        drawn = weighed.weighed[key].drawn
+    used = used_evidence(weighed.evidence)
+    keys = zip(used["form"], used["noise"], strict=True)
+    evidence: dict[_Key, float] = dict(zip(keys, used["log_evidence"], strict=True))
+    looks = []
+    for key in evidence:
+        pair, drawn = weighed.pairs[key], weighed.weighed[key].drawn
         if drawn is not None:
-            tasks.append(_Scaled(weighed.pairs[key], drawn))
-    keys = [task.pair.key for task in tasks]
-    looks = dict(zip(keys, in_parallel(_reweighted, tasks, executor), strict=True))
-    values = {
-        (key, change): float(used[key]) + difference
-        for key, look in looks.items()
-        for change, (difference, _) in look.items()
-    }
-    again = _open_changes(used, looks, values)
-    changed_pairs = [_changed(weighed.pairs[key], change) for key, change in again]
-    for place, one in zip(again, in_parallel(weigh, changed_pairs, executor), strict=True):
-        if math.isfinite(one.evidence.value):
-            values[place] = one.evidence.value
-    changes = dict.fromkeys(change for look in looks.values() for change in look)
-    log_n = math.log(used.index.get_level_values("noise").nunique())
+            looks.append(_Reweighting(pair, drawn, _changes(pair)))
+    values: dict[_Place, float] = {}
+    pareto_ks: dict[_Place, float] = {}
+    for look, answer in zip(looks, in_parallel(_reweighted, looks, executor), strict=True):
+        key = look.pair.key
+        for change, (difference, k) in answer.items():
+            values[key, change], pareto_ks[key, change] = evidence[key] + difference, k
+    sides: dict[tuple[_Key, str, bool], list[_Change]] = {}
+    for key, change in _open_places(evidence, values, pareto_ks):
+        sides.setdefault((key, change[0], change[1] > 1), []).append(change)
+    again = [_Redrawing(weighed.pairs[key], changes) for (key, *_), changes in sides.items()]
+    for task, redrawn in zip(again, in_parallel(_redrawn, again, executor), strict=True):
+        values |= {(task.pair.key, change): value for change, value in redrawn.items()}
+    return _table(evidence, values)
+
+
+def _table(evidence: Mapping[_Key, float], values: Mapping[_Place, float]) -> pd.DataFrame:
+    """Return log evidences of forms, error models summed out with equal prior odds."""
+    log_n = math.log(len({noise for _, noise in evidence}))
     rows = []
-    for prior, factor in changes:
-        for form in used.index.get_level_values("form").unique():
-            own = [(form, noise) for noise in used.loc[form].index]
-            summed = [values.get((key, (prior, factor)), float(used[key])) for key in own]
-            rows.append((prior, factor, form, float(logsumexp(summed)) - log_n))
+    for change in dict.fromkeys(change for _, change in values):
+        for form in dict.fromkeys(form for form, _ in evidence):
+            summed = [
+                values.get((key, change), evidence[key]) for key in evidence if key[0] == form
+            ]
+            rows.append((*change, form, float(logsumexp(summed)) - log_n))
     return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
 
 
-def _open_changes(
-    used: pd.Series,
-    looks: Mapping[_Key, Mapping[_Change, tuple[float, float]]],
-    values: Mapping[tuple[_Key, _Change], float],
-) -> list[tuple[_Key, _Change]]:
+def _open_places(
+    evidence: Mapping[_Key, float],
+    values: Mapping[_Place, float],
+    pareto_ks: Mapping[_Place, float],
+) -> list[_Place]:
     """Return the pairs and changes that weights cannot answer, and that may matter."""
-    found = []
-    for change in dict.fromkeys(change for look in looks.values() for change in look):
+    places = []
+    for change in dict.fromkeys(change for _, change in values):
         best: dict[str, float] = {}
-        for key in looks:
-            value = values.get((key, change), float(used[key]))
+        for key in evidence:
+            value = values.get((key, change), evidence[key])
             best[key[0]] = max(best.get(key[0], -math.inf), value)
-        for key in looks:
+        for key in evidence:
             # Weights that do not reach a new mode are too low: the old evidence may still hold.
-            if _is_open(looks, key, change):
-                most = max(values[key, change] + _MISSED, float(used[key]))
+            if pareto_ks.get((key, change), -math.inf) > MAX_REWEIGHTED_K:
+                most = max(values[key, change] + _MISSED, evidence[key])
                 if most > best[key[0]] - _MIN_GAP:
-                    found.append((key, change))
-    return found
+                    places.append((key, change))
+    return places
 
 
-def _is_open(
-    looks: Mapping[_Key, Mapping[_Change, tuple[float, float]]], key: _Key, change: _Change
-) -> bool:
-    """Return whether a pair's weights cannot tell a change."""
-    return change in looks[key] and looks[key][change][1] > MAX_REWEIGHTED_K
+def _redrawn(task: _Redrawing) -> dict[_Change, float]:
+    """Return log evidences under changed priors, the furthest first; none where draws fail.
+
+    The draws under the furthest prior often serve for the priors between it and the default.
+    """
+    values: dict[_Change, float] = {}
+    furthest: tuple[Pair, Drawn, float] | None = None
+    for prior, factor in sorted(task.changes, key=lambda change: -abs(math.log(change[1]))):
+        if furthest is not None:
+            pair, drawn, outer_factor = furthest
+            relative = (prior, factor / outer_factor)
+            difference, k = _reweighted(_Reweighting(pair, drawn, [relative]))[relative]
+            if k <= MAX_REWEIGHTED_K:
+                values[prior, factor] = drawn.evidence.value + difference
+                continue
+        pair = _changed(task.pair, (prior, factor))
+        result = weigh(pair)
+        if math.isfinite(result.evidence.value):
+            values[prior, factor] = result.evidence.value
+        if furthest is None and result.drawn is not None and result.evidence.ok:
+            furthest = pair, result.drawn, factor
+    return values
 
 
-def _reweighted(task: _Scaled) -> dict[_Change, tuple[float, float]]:
-    """Return changes of ln evidence by prior and factor, each with the Pareto k of its weights."""
+def _reweighted(task: _Reweighting) -> dict[_Change, tuple[float, float]]:
+    """Return changes of ln evidence, each with the Pareto k of its weights."""
     pair, drawn = task.pair, task.drawn
     model = Model(pair.data, pair.form, pair.noise, pair.priors)
     u = drawn.u.reshape(-1, drawn.u.shape[-1])
-    theta = model.outer_theta(u)
-    found: dict[_Change, tuple[float, float]] = {}
-    priors = _scaled_priors(model)
-    # Log K and smooth offsets are integrated out: there are no draws of them to be weighed.
-    latent = [SLOPES] * (priors.pop(SLOPES, None) is not None)
-    latent += [NUGGET] * (SMOOTH in pair.noise.factors)
-    for prior, names in priors.items():
-        for factor in scale_factors(prior):
-            found[prior, factor] = _told(_log_ratio(model, theta, names, factor))
-    for prior in latent:
-        found |= _by_likelihoods(pair, u, prior)
-    return found
-
-
-def _by_likelihoods(pair: Pair, u: FloatArray, prior: str) -> dict[_Change, tuple[float, float]]:
-    """Return changes by a prior of what is integrated out, whose likelihoods are computed again."""
+    theta, names = model.outer_theta(u), _scaled_priors(model)
+    # Log K and smooth offsets are integrated out: no draws of them can be weighed.
     some = u[:: max(len(u) // _LATENT_DRAWS, 1)]
-    densities = {}
-    for factor in scale_factors(prior):
-        changed = _changed(pair, (prior, factor))
-        rng = stream(pair.own_seed, "changed likelihood")  # the same points for every factor
-        integral = changed.target().integral
-        densities[factor] = integral.estimated(some, rng, QUICK.effort.n_point).log_density
-    return {(prior, factor): _told(value - densities[1.0]) for factor, value in densities.items()}
+    likelihood: FloatArray | None = None
+    answers: dict[_Change, tuple[float, float]] = {}
+    for prior, factor in task.changes:
+        if prior in (SLOPES, NUGGET):
+            if likelihood is None:
+                likelihood = _likelihood(pair, pair, some)
+            changed = (
+                likelihood
+                if factor == 1
+                else _likelihood(_changed(pair, (prior, factor)), pair, some)
+            )
+            ratio = changed - likelihood
+        else:
+            ratio = _log_ratio(model, theta, names[prior], factor)
+        answers[prior, factor] = (
+            (log_mean(ratio), pareto_k(ratio)) if ratio.any() else (0.0, -math.inf)
+        )
+    return answers
+
+
+def _likelihood(changed: Pair, pair: Pair, u: FloatArray) -> FloatArray:
+    """Return log densities of draws (n, n_outer) under a changed pair, by the same points."""
+    rng = stream(pair.own_seed, "changed likelihood")
+    return changed.target().integral.estimated(u, rng, QUICK.effort.n_point).log_density
 
 
 def _log_ratio(model: Model, theta: FloatArray, names: list[str], factor: float) -> FloatArray:
@@ -186,10 +234,11 @@ def _log_ratio(model: Model, theta: FloatArray, names: list[str], factor: float)
     return np.where(np.isnan(ratio), -np.inf, ratio)
 
 
-def _told(ratio: FloatArray) -> tuple[float, float]:
-    if not ratio.any():
-        return 0.0, -math.inf
-    return log_mean(ratio), pareto_k(ratio)
+def _changes(pair: Pair) -> list[_Change]:
+    """Return the changes of a pair's priors that are looked at."""
+    model = Model(pair.data, pair.form, pair.noise, pair.priors)
+    priors = [*_scaled_priors(model)] + [NUGGET] * (SMOOTH in pair.noise.factors)
+    return [(prior, factor) for prior in priors for factor in scale_factors(prior)]
 
 
 def _scaled_priors(model: Model) -> dict[str, list[str]]:
