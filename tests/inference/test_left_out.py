@@ -87,7 +87,7 @@ def test_without__two_ways_agree_where_offsets_are_shared(rows, noise, is_bracke
     if is_bracket:  # of steps that are off as a whole, which coefficients and offsets share
         load = rows.log_load + 0.2 * np.sin(rows.Q)
         rows = replace(rows, log_load=load, log_lower=load - 0.02)
-    all_rows = known(Model(rows, Modified(), Noise.named(noise)))
+    all_rows = AllRows.drawn(Model(rows, Modified(), Noise.named(noise)), Effort().doubled, 1)
     left = rows.texture == 1
     monkeypatch.setattr(left_out, "_MOST_K", 0.7)
     found = all_rows.without(left, 3)

@@ -1,7 +1,7 @@
 """Unbiased estimates of the integral over scores, for rows that are not normal.
 
-Points lie around a normal approximation (`ridgebayes.inference.sites`), afresh for each draw of the
-outer parameters. Given the scores beside textures the integral is a product of one over each
+Points lie around a normal approximation (`ridgebayes.inference.working_rows`), afresh for each draw
+of the outer parameters. Given the scores beside textures the integral is a product of one over each
 texture's score, so that each has points of its own. The mean weight is unbiased, and a point taken
 in proportion to its weight is a draw of the scores (Andrieu & Roberts 2009,
 doi:10.1214/07-AOS574).
@@ -15,7 +15,7 @@ from scipy.special import ndtri
 
 from ridgebayes._types import FloatArray
 from ridgebayes.inference.precision import Precision
-from ridgebayes.inference.sites import Sites
+from ridgebayes.inference.working_rows import WorkingRows
 from ridgebayes.model.design import Design
 from ridgebayes.model.linear_algebra import solve_lower
 from ridgebayes.model.offsets import Root
@@ -30,8 +30,8 @@ _EDGE = 1e-12  # least probability beyond a point
 _PAIRS = 4  # the first of so many pairs of points lies in the prior, where rows are intervals
 _INNER_POINTS = 8  # of textures' scores, for each point of the other scores
 _INFORMED = 1.02  # pivot of M from which rows say anything of a score, whose prior is normal
-# Sites are renewed until in nine of ten draws no precision of a predictor changes by more than a
-# tenth: points need not lie nearer. Outliers with few degrees of freedom take the most passes.
+# Working rows are renewed until in nine of ten draws no precision of a predictor changes by more
+# than a tenth: points need not lie nearer. Outliers with few degrees of freedom take the most passes.
 _MOST_PASSES, _SETTLED, _UNSETTLED_DRAWS = 5, 0.1, 0.1
 
 
@@ -117,22 +117,22 @@ class PointIntegral:
         return max(n_point // 4, 2 * _PAIRS), _INNER_POINTS
 
     def approximation(self, batch: Batch) -> Approximation:
-        """Return the scores' normal approximation, with a normal site in place of each row."""
-        sites = Sites.begun(
+        """Return the scores' normal approximation, with a normal in place of each row."""
+        working = WorkingRows.begun(
             self.rows, batch.error, batch.scale, self.tail, batch.df, batch.prior_variance
         )
         for _ in range(_MOST_PASSES):
-            given = self._given(sites, batch.root)
+            given = self._given(working, batch.root)
             variance = given.precision.predictor_variance(self.design)
-            before, sites = sites.weight, sites.renewed(given.offset, variance)
-            changed = np.abs(sites.weight - before) * variance > _SETTLED
+            before, working = working.weight, working.renewed(given.offset, variance)
+            changed = np.abs(working.weight - before) * variance > _SETTLED
             if changed.any(axis=1).mean() < _UNSETTLED_DRAWS:
                 break
-        return self._given(sites, batch.root)
+        return self._given(working, batch.root)
 
-    def _given(self, sites: Sites, root: Root) -> Approximation:
-        precision = Precision.of(self.design, root, sites.weight)
-        pull = root.transposed_times(*self.design.gather(sites.weight * sites.mean))
+    def _given(self, working: WorkingRows, root: Root) -> Approximation:
+        precision = Precision.of(self.design, root, working.weight)
+        pull = root.transposed_times(*self.design.gather(working.weight * working.mean))
         first, rest = precision.solve(*pull)
         return Approximation(first, rest, self.design.spread(*root.times(first, rest)), precision)
 

@@ -1,8 +1,10 @@
-"""Normal sites in place of rows whose densities are not normal, to draw points around.
+"""Normal rows in place of rows whose densities are not normal, to draw points around.
 
-A Student row is a normal of unknown variance: its site has the mean precision given the residual.
-An interval's site is found by expectation propagation (Minka 2001), each end of a count by itself.
-Sites only decide where points lie; the points' weights hold the rows' own densities.
+As in generalised linear models each row gets a working response and a working weight. A Student row
+is a normal of unknown variance: its weight is the mean precision given the residual. Intervals get
+slope and curvature of their log probability, averaged over the offset's spread: without the average
+the curvature inside a wide interval is 0 and at its edge far too large.
+Working rows only decide where points lie; the points' weights hold the rows' own densities.
 """
 
 import math
@@ -15,12 +17,11 @@ from ridgebayes.model.rows import Rows
 from ridgebayes.model.tails import NormalTail, Tail
 
 _NORMAL = NormalTail()
-_LARGEST_SHARE = 1 - 1e-9  # of a predictor's precision that its own site gives, at most
 
 
 @dataclass(frozen=True, eq=False)
-class Sites:
-    """Normals in the offsets of predictors, for many draws.
+class WorkingRows:
+    """Working weights and responses of predictors, for many draws.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ class Sites:
     df : ndarray of float, shape (n_draw, 1), or None
         Degrees of freedom of Student errors.
     weight, mean : ndarray of float, shape (n_draw, n_predictor)
-        Precision and mean of each site.
+        Precision and mean of the offset that each predictor calls for.
     """
 
     rows: Rows
@@ -52,8 +53,8 @@ class Sites:
         tail: Tail,
         df: FloatArray | None,
         prior_variance: FloatArray,
-    ) -> "Sites":
-        """Return sites before anything is known of offsets.
+    ) -> "WorkingRows":
+        """Return working rows before anything is known of offsets.
 
         Rows far beyond all that errors and offsets explain count little; brackets become
         normals of their middles, and counts have weight 0.
@@ -71,8 +72,8 @@ class Sites:
         weight[:, :n] = np.where(rows.is_count, 0.0, tail.weight(z, df) / total)
         return cls(rows, error, variance, df, weight, mean)
 
-    def renewed(self, offset: FloatArray, spread: FloatArray) -> "Sites":
-        """Return the sites that offsets given all of them call for.
+    def renewed(self, offset: FloatArray, spread: FloatArray) -> "WorkingRows":
+        """Return working rows at the offsets that all of them give.
 
         Parameters
         ----------
@@ -96,7 +97,7 @@ class Sites:
     def _intervals(
         self, here: np.ndarray, offset: FloatArray, spread: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return precision and mean of the sites of intervals' ends, by their moments."""
+        """Return working weights and responses of intervals' ends."""
         rows, n = self.rows, len(self.rows.upper)
         of_row = np.concatenate([np.arange(n), rows.counts])[here]
         own = self.variance[:, of_row]
@@ -106,10 +107,8 @@ class Sites:
         high = np.where(is_lower, np.inf, self.error[:, here])
         low = np.where(is_lower, self.error[:, here], -np.inf)
         low = np.where(is_count, low, high - (rows.upper - rows.lower)[of_row])
-        at, v, w, site = offset[:, here], spread[:, here], self.weight[:, here], self.mean[:, here]
-        cavity = v / np.maximum(1 - v * w, 1 - _LARGEST_SHARE)
-        at = at + cavity * w * (at - site)
-        sd = np.sqrt(cavity + own)
+        at, spread = offset[:, here], spread[:, here]
+        sd = np.sqrt(spread + own)
         alpha, beta = (low - at) / sd, (high - at) / sd
         log_p = _NORMAL.log_probability(alpha, beta, None)
 
@@ -120,9 +119,8 @@ class Sites:
 
         (a, a_z), (b, b_z) = ratio(alpha), ratio(beta)
         gradient = (a - b) / sd
-        curvature = np.clip(gradient**2 + (b_z - a_z) / sd**2, 0.0, _LARGEST_SHARE / cavity)
+        precision = np.maximum(gradient**2 + (b_z - a_z) / sd**2, 0.0)
         with np.errstate(all="ignore"):
-            precision = curvature / (1 - cavity * curvature)
-            mean = at + np.where(curvature > 0, gradient / curvature, 0.0)
+            mean = at + np.where(precision > 0, gradient / precision, 0.0)
         usable = np.isfinite(precision) & np.isfinite(mean)
         return np.where(usable, precision, 0.0), np.where(usable, mean, 0.0)
