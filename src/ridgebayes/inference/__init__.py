@@ -1,9 +1,9 @@
 """Draws from a posterior: the integral over offsets, samplers, diagnostics, files.
 
 `latent` integrates offsets and log K out of a model: exactly for normal rows (`precision`), by
-`points` around `working_rows` for others. `target` is what samplers see of a posterior, in
-`charts`. `importance` draws from it, by `modes` and the mixture of `proposal`; `emcee_sampling` walks it, the
-second way (`chains` has what a walk is asked for and returns, `checkpoint` keeps it on disk). A
+`points` around `working_rows` for others. `target` is the posterior that samplers see, in `charts`.
+`importance` draws from it, by `modes` and the mixture of `proposal`; `emcee_sampling` walks it, the
+second way (`chains` has settings and results of a walk, `checkpoint` keeps it on disk). A
 `Posterior` (`posterior`) holds draws, `diagnostics` judges them, `arviz_groups` names them as arviz
 does, `netcdf` writes them, `mixture` makes few numbers of them, a prior for other programs.
 `log_evidence` has the record of an evidence, `presets` the accuracies to choose from. The room

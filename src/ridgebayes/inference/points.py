@@ -31,7 +31,7 @@ _PAIRS = 4  # the first of so many pairs of points lies in the prior, where rows
 _INNER_POINTS = 8  # of textures' scores, for each point of the other scores
 _INFORMED = 1.02  # pivot of M from which rows say anything of a score, whose prior is normal
 # Working rows are renewed until in nine of ten draws no precision of a predictor changes by more
-# than a tenth: points need not lie nearer. Outliers with few degrees of freedom take the most passes.
+# than a tenth: points need not lie nearer. Outliers with few degrees of freedom take most passes.
 _MOST_PASSES, _SETTLED, _UNSETTLED_DRAWS = 5, 0.1, 0.1
 
 
