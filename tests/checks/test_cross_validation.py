@@ -181,9 +181,9 @@ class PerTexture(Modified):
 
 
 def test_cross_validate__of_a_form_with_a_coefficient_a_texture_is_by_evidences(data, monkeypatch):
-    monkeypatch.setattr(left_out, "_MOST_K", np.inf)  # other parameters alone decide
-    monkeypatch.setattr(left_out, "_LEAST_SHARE", 0)
-    monkeypatch.setattr(left_out, "_LEAST_EFFECTIVE", 0)
+    monkeypatch.setattr(left_out, "_MAX_PARETO_K", np.inf)  # other parameters alone decide
+    monkeypatch.setattr(left_out, "_MIN_EFFECTIVE_SHARE", 0)
+    monkeypatch.setattr(left_out, "_MIN_EFFECTIVE_DRAWS", 0)
     names = [f"c{a:g}" for a, _ in data.textures]
     priors = {"modified": dict.fromkeys(names, LogNormal(1.382, 0.1)), "noise": SIGMA}
     found = cross_validate(table_of(data), PerTexture(), rng=1, effort=QUICK, priors=priors)

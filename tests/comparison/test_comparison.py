@@ -16,7 +16,7 @@ from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import factors_by_method
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.evidence.pairs import NEGLIGIBLE, weigh_pairs
+from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY, weigh_pairs
 from ridgebayes.evidence.prior_sensitivity import scale_factors
 from ridgebayes.inference.presets import QUICK as LOOK
 from ridgebayes.model.noise import Noise
@@ -66,7 +66,10 @@ def test_evidence__has_the_columns_of_the_contract(comparison):
     methods = comparison.evidence.groupby("form", sort=False)["method"].agg(list).to_dict()
     # Forms of a probability under 1e-4 are not walked.
     shares = comparison.probabilities
-    assert {form for form, share in shares.items() if share > NEGLIGIBLE} == {"modified", "hybrid"}
+    assert {form for form, share in shares.items() if share > MIN_FORM_PROBABILITY} == {
+        "modified",
+        "hybrid",
+    }
     assert methods == {
         "classic": ["importance"],
         "power-law": ["importance"],
@@ -362,7 +365,7 @@ def test_loo__effective_parameters_are_near_the_number_there_is(comparison, fits
 
 
 def test_loo__without_row_likelihoods_is_an_empty_table(paper, monkeypatch):
-    monkeypatch.setattr("ridgebayes.inference.posterior.LARGEST_LOG_LIKELIHOOD", 0)
+    monkeypatch.setattr("ridgebayes.inference.posterior.MAX_LOG_LIKELIHOOD_SIZE", 0)
     found = rb.compare(paper, [rb.Modified()], noise="iid", accuracy=LOOK)
     assert list(found.loo) == LOO_COLUMNS
     assert len(found.loo) == 0

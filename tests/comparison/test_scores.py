@@ -49,7 +49,7 @@ def test_loo_table__is_exact_leave_one_out_where_weights_are_not(fit):
 
 
 def test_loo_table__gives_no_score_where_too_many_rows_are_not_trusted(fit, fits, monkeypatch):
-    monkeypatch.setattr(diagnostics, "MOST_REFITTED", 0)
+    monkeypatch.setattr(diagnostics, "MAX_REFITTED_ROWS", 0)
     found = loo_table({"power-law": fit, "hybrid": fits["hybrid"]})
     assert list(found) == LOO_COLUMNS
     assert found["n_bad_k"].tolist() == [1, 0]

@@ -14,8 +14,8 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import pairs as pairs_module
 from ridgebayes.evidence.pairs import Weighed, weigh_pairs
 from ridgebayes.evidence.tables import (
-    AS_GOOD,
     EVIDENCE_COLUMNS,
+    MAX_SELECTED_GAP,
     error_model_weights,
     evidence_table,
     mean_evidence,
@@ -154,8 +154,15 @@ def evidence_of(values):
 @pytest.mark.parametrize(
     ("values", "selected"),
     [
-        ({"iid": 0.0, "texture": AS_GOOD - 0.01, "texture+step:student": 0.5}, "iid"),
-        ({"iid": 0.0, "texture": AS_GOOD + 0.01, "texture+step": AS_GOOD + 0.02}, "texture"),
+        ({"iid": 0.0, "texture": MAX_SELECTED_GAP - 0.01, "texture+step:student": 0.5}, "iid"),
+        (
+            {
+                "iid": 0.0,
+                "texture": MAX_SELECTED_GAP + 0.01,
+                "texture+step": MAX_SELECTED_GAP + 0.02,
+            },
+            "texture",
+        ),
         ({"iid": 0.0, "texture+step": 9.0, "step-smooth": 8.5, "step-smooth:student": 9.0}, None),
         ({"texture": 3.0, "step": 3.1, "texture+step": 3.2}, "step"),
     ],

@@ -165,7 +165,7 @@ def test_walk__ends_at_its_time_limit_and_says_so_in_one_line():
 
 def test_walk__ends_before_its_draws_would_fill_the_memory(monkeypatch):
     d, n_extra = 3, 5
-    monkeypatch.setattr(emcee_sampling, "_KEPT_MAX", 4 * 32 * (d + 1 + n_extra) * 130)
+    monkeypatch.setattr(emcee_sampling, "_MAX_KEPT_NUMBERS", 4 * 32 * (d + 1 + n_extra) * 130)
     chains = walked(replace(SHORT, n_step_max=10_000, n_tau=500)).chains
     assert chains.n_step == 130
     assert "130 steps are not 500 tau" in chains.convergence_failures[0]

@@ -152,7 +152,7 @@ def test_json__of_the_first_version_is_read(tmp_path):
 def test_to_mixture__refuses(fits, monkeypatch):
     with pytest.raises(InputError, match="n_component: expected 1 to 8, got 9"):
         fits["hybrid"].to_mixture(9)
-    monkeypatch.setattr("ridgebayes.inference.mixture._MOST_PARAMETERS", 2)
+    monkeypatch.setattr("ridgebayes.inference.mixture._MAX_PARAMETERS", 2)
     with pytest.raises(InputError, match="hybrid: 3 parameters; expected at most 2"):
         fits["hybrid"].to_mixture()
 

@@ -143,7 +143,7 @@ def test_all_groups__labels_each_K_with_its_texture(fits):
 def test_all_groups__leaves_out_a_log_likelihood_that_no_file_should_hold(fits, monkeypatch):
     fit = fits["modified"]
     assert "log_likelihood" in all_groups(fit)
-    monkeypatch.setattr(posterior_module, "LARGEST_LOG_LIKELIHOOD", len(fit.draws) * 41 - 1)
+    monkeypatch.setattr(posterior_module, "MAX_LOG_LIKELIHOOD_SIZE", len(fit.draws) * 41 - 1)
     assert "log_likelihood" not in all_groups(fit)
 
 

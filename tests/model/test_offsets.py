@@ -10,7 +10,7 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.forms import Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.offsets import LARGEST_REST, Offsets
+from ridgebayes.model.offsets import MAX_OTHER_LEVELS, Offsets
 from tests import oracles
 
 STRUCTURES = [noise.name for noise in Noise.candidates(2) if noise.tail == "normal"]
@@ -158,8 +158,8 @@ def test_offsets__refuse_series_where_the_rows_are_of_one(structure, observed, d
 
 @pytest.mark.parametrize("structure", ["step", "texture+step", "step-smooth"])
 def test_offsets__refuse_more_levels_than_they_can_serve(structure, observed):
-    steps = 2 * np.arange(2, LARGEST_REST + 3)
-    rule = f"{LARGEST_REST + 1} offsets of steps, places and series; expected at most 600"
+    steps = 2 * np.arange(2, MAX_OTHER_LEVELS + 3)
+    rule = f"{MAX_OTHER_LEVELS + 1} offsets of steps, places and series; expected at most 600"
     with pytest.raises(ComputationError, match=rule):
         Offsets(Noise(structure), observed(np.zeros_like(steps), steps, -8.0))
     assert Offsets(Noise("step"), observed(np.zeros(600), steps[:600], -8.0)).n_level == 600

@@ -22,7 +22,7 @@ from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.evidence.pairs import NEGLIGIBLE
+from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY
 from ridgebayes.inference.presets import Preset
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.noise import Noise
@@ -199,7 +199,7 @@ def _thinned(comparison: Comparison) -> Comparison:
     n = Preset.named(comparison.accuracy).n_kept
     fits, shares = {}, comparison.probabilities
     for name, fit in comparison.fits.items():
-        own = n if shares.get(name, 1.0) >= NEGLIGIBLE else n // 8
+        own = n if shares.get(name, 1.0) >= MIN_FORM_PROBABILITY else n // 8
         others = {noise: one.thinned(own) for noise, one in fit.others.items()}
         fits[name] = replace(fit.thinned(own), others=others)
     return replace(comparison, fits=fits)

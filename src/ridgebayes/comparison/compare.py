@@ -18,7 +18,7 @@ from ridgebayes.comparison.bayes_factors import bayes_factor_table, summed_bayes
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.pairs import NEGLIGIBLE, Pair, WeighedPairs, weigh_pairs
+from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY, Pair, WeighedPairs, weigh_pairs
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.evidence.tables import error_model_weights, evidence_table
 from ridgebayes.evidence.walk_pair import walk_pair
@@ -269,7 +269,7 @@ def _walked(
     tasks = []
     for form, own in posteriors.items():
         drawn = weighed.weighed[form, selected.name].drawn
-        if drawn is None or weighed.form_share(form) < NEGLIGIBLE:
+        if drawn is None or weighed.form_share(form) < MIN_FORM_PROBABILITY:
             continue
         pair = weighed.pairs[form, selected.name]
         tasks.append(_Check(pair, drawn, own[selected.name], table_digest, alone))

@@ -15,8 +15,8 @@ from ridgebayes.comparison.same_loads import same_loads
 from ridgebayes.comparison.verdict import Verdict, ranked_forms, verdict_of
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence.components import component_table
-from ridgebayes.evidence.pairs import NEGLIGIBLE
-from ridgebayes.evidence.tables import MIN_WEIGHT
+from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY
+from ridgebayes.evidence.tables import MIN_PAIR_WEIGHT
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.noise import Noise
@@ -229,7 +229,7 @@ class Comparison(Predictive, Tabular):
                 if posterior.noise.name != fit.noise.name:
                     noise = posterior.noise.name
                     failures += [f"{noise}: {why}" for why in posterior.convergence_failures]
-            if failures and shares.get(name, 1.0) >= NEGLIGIBLE:
+            if failures and shares.get(name, 1.0) >= MIN_FORM_PROBABILITY:
                 found[name] = tuple(failures)
         return found
 
@@ -253,5 +253,5 @@ class Comparison(Predictive, Tabular):
             if name in shares
             for posterior, weight in fit.averaged
         ]
-        least = min(MIN_WEIGHT, max(weight for _, weight in parts))
+        least = min(MIN_PAIR_WEIGHT, max(weight for _, weight in parts))
         return [(posterior, weight) for posterior, weight in parts if weight >= least]

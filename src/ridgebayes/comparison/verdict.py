@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 
 from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.evidence.prior_sensitivity import NUGGET
-from ridgebayes.evidence.tables import MIN_WEIGHT, mean_evidence, used_evidence
+from ridgebayes.evidence.tables import MIN_PAIR_WEIGHT, mean_evidence, used_evidence
 from ridgebayes.model.noise import SERIES, Noise
 
 GRADES = ("decisive", "supports", "leans", "undecided")
@@ -130,7 +130,9 @@ def verdict_of(
         over=over,
         min_prior_probability=_min_prior_probability(*ranked.values()),
         error_model=printed.name,
-        error_model_weights={str(name): float(w) for name, w in weights.items() if w > MIN_WEIGHT},
+        error_model_weights={
+            str(name): float(w) for name, w in weights.items() if w > MIN_PAIR_WEIGHT
+        },
         why=open_ or _why(grade, ln_bf, low, min(factors, key=lambda k: factors[k], default="")),
     )
 
@@ -169,7 +171,7 @@ def _perturbed(
             yield from ((f"{form}'s {what}", forms | {form: new[form]}) for form in new)
     share = np.exp(one["log_evidence"] - logsumexp(one["log_evidence"]))
     by_noise = share.groupby(one["noise"]).sum()
-    for noise in by_noise.index[by_noise > MIN_WEIGHT]:
+    for noise in by_noise.index[by_noise > MIN_PAIR_WEIGHT]:
         alone = one[one["noise"] == noise].set_index("form")["log_evidence"]
         yield f"error model {noise} alone", alone.dropna().to_dict()
 

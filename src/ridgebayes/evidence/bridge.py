@@ -17,7 +17,7 @@ from ridgebayes.inference.emcee_sampling import Walked
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.target import Target
 
-_ROUNDING = 100 * np.finfo(float).eps  # of a mean or covariance of up to 100,000 points, relative
+_RELATIVE_ROUNDING = 100 * np.finfo(float).eps  # of a mean or covariance of up to 100,000 points
 
 
 def bridge_evidence(
@@ -117,9 +117,9 @@ class _Normal:
         """Return the normal of the points' mean and covariance, None where that is singular."""
         covariance = np.atleast_2d(np.cov(points.T)).astype(float)
         # Rounding gives equal points a variance or none, by the machine.
-        rounding = _ROUNDING * max(1.0, np.abs(points).max())
+        rounding = _RELATIVE_ROUNDING * max(1.0, np.abs(points).max())
         spread = np.linalg.eigvalsh(covariance)
-        if not spread[0] > max(rounding**2, _ROUNDING * spread[-1]):
+        if not spread[0] > max(rounding**2, _RELATIVE_ROUNDING * spread[-1]):
             return None
         return cls(points.mean(axis=0), np.linalg.cholesky(covariance))
 

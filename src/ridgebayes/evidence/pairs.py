@@ -37,13 +37,13 @@ from ridgebayes.model.prior_files import ResolvedPriors, priors_of
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import stream
 
-NEGLIGIBLE = 1e-4  # of a form's probability: it is not walked, and need not converge
-MAX_GAP = 12.0  # in ln evidence below the best, from where an evidence decides nothing
-_FEWER_ESTIMATES = 4  # times fewer draws are kept of densities that are dear estimates
-# Effective draws of a posterior that carries weight: with 400 in each of four sets R-hat of a
-# parameter is above 1.01 by chance once in 50,000. A poor proposal makes at most 20 draws for each.
-_EFFECTIVE, _LEAST_SHARE = 1_600, 0.05
-_MOST_REFINED = 2  # times that draws and points are doubled
+MIN_FORM_PROBABILITY = 1e-4  # forms below it are not walked, and need not converge
+MAX_LN_EVIDENCE_GAP = 12.0  # below the best: evidences further down decide nothing
+_ESTIMATE_DIVISOR = 4  # fewer draws are kept where densities are estimates, which take long
+# Effective draws of a posterior with weight: with 400 in each of four sets R-hat of a parameter is
+# above 1.01 by chance once in 50,000. A poor proposal makes at most 20 draws for each.
+_MIN_EFFECTIVE_DRAWS, _MIN_EFFECTIVE_SHARE = 1_600, 0.05
+_MAX_DOUBLINGS = 2  # of draws and points
 _Result = TypeVar("_Result")
 
 
@@ -200,7 +200,7 @@ class WeighedPairs:
             weights = {selected: 0.0} | self.weights(form)
             share = self.form_share(form)
             for noise, weight in weights.items():
-                weight = weight if share > NEGLIGIBLE else 0.0
+                weight = weight if share > MIN_FORM_PROBABILITY else 0.0
                 drawn = self.weighed[form, noise].drawn
                 if drawn is None:
                     continue
@@ -232,9 +232,9 @@ class _Completion:
 def _completed(task: _Completion) -> Posterior:
     """Return a posterior, with more draws where there are too few."""
     target, drawn, seed = task.pair.target(), task.drawn, task.pair.own_seed
-    n = task.n_draw if target.is_exact else task.n_draw // _FEWER_ESTIMATES
+    n = task.n_draw if target.is_exact else task.n_draw // _ESTIMATE_DIVISOR
     if task.n_draw:
-        n = max(n, round(_EFFECTIVE / max(drawn.share, _LEAST_SHARE)))
+        n = max(n, round(_MIN_EFFECTIVE_DRAWS / max(drawn.share, _MIN_EFFECTIVE_SHARE)))
     drawn = at_least(drawn, target, n, task.pair.effort, seed)
     return posterior_of(target.model, drawn, seed)
 
@@ -294,7 +294,7 @@ def weigh_pairs(
     if progress is not None:
         progress(f"{len(pairs)} evidences")
     found = dict(zip(pairs, in_parallel(weigh, list(pairs.values()), executor), strict=True))
-    for _ in range(_MOST_REFINED):
+    for _ in range(_MAX_DOUBLINGS):
         again = [key for key in pairs if not found[key].evidence.ok and _counts(found, key)]
         if not again:
             break
@@ -314,7 +314,7 @@ def _counts(found: Mapping[tuple[str, str], Weighed], key: tuple[str, str]) -> b
     """Return whether a pair's evidence is near enough to the best for its error to matter."""
     values = [one.evidence.value for one in found.values()]
     best = max((value for value in values if math.isfinite(value)), default=math.nan)
-    return bool(found[key].evidence.value > best - MAX_GAP)
+    return bool(found[key].evidence.value > best - MAX_LN_EVIDENCE_GAP)
 
 
 class Task(Protocol):

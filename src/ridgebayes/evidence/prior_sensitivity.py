@@ -27,17 +27,17 @@ from ridgebayes.runtime.randomness import stream
 
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
 NUGGET = "nugget"
-COEFFICIENTS = ("c", "c2")  # whose priors hold what is known of mechanics: shrunk less
+COEFFICIENTS = ("c", "c2")  # their priors hold what mechanics says, and are narrowed less
 _FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
 _NUGGET_FACTORS = (0.1, 1.0, 10.0)
-_LEAST_COEFFICIENT = 0.3  # factor of the coefficients' scales
-# Pareto k of weights up to which their mean is taken: their variance is finite below 0.5.
+_MIN_COEFFICIENT_FACTOR = 0.3  # of the coefficients' scales
+# The variance of weights is finite below a Pareto k of 0.5.
 MAX_REWEIGHTED_K = 0.5
 # Pairs further below their form's best in ln evidence hold less than 5 % of its evidence, the
 # largest standard error that is accepted. Weights that miss a new mode are mostly too low by less
 # than 3.
-_MIN_GAP, _MISSED = 3.0, 3.0
-_LATENT_DRAWS = 256  # whose likelihoods are computed again
+_MAX_LN_EVIDENCE_GAP, _MAX_LN_MISSED = 3.0, 3.0
+_N_LIKELIHOOD_DRAW = 256  # draws whose likelihoods are computed again
 
 _Key = tuple[str, str]
 _Change = tuple[str, float]
@@ -53,7 +53,7 @@ def scale_factors(prior: str) -> tuple[float, ...]:
     """Return the multiples of a prior's scale that are looked at."""
     if prior == NUGGET:
         return _NUGGET_FACTORS
-    return tuple(f for f in _FACTORS if prior not in COEFFICIENTS or f >= _LEAST_COEFFICIENT)
+    return tuple(f for f in _FACTORS if prior not in COEFFICIENTS or f >= _MIN_COEFFICIENT_FACTOR)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +160,8 @@ def _open_places(
         for key in evidence:
             # Weights that do not reach a new mode are too low: the old evidence may still hold.
             if pareto_ks.get((key, change), -math.inf) > MAX_REWEIGHTED_K:
-                most = max(values[key, change] + _MISSED, evidence[key])
-                if most > best[key[0]] - _MIN_GAP:
+                most = max(values[key, change] + _MAX_LN_MISSED, evidence[key])
+                if most > best[key[0]] - _MAX_LN_EVIDENCE_GAP:
                     places.append((key, change))
     return places
 
@@ -197,7 +197,7 @@ def _reweighted(task: _Reweighting) -> dict[_Change, tuple[float, float]]:
     u = drawn.u.reshape(-1, drawn.u.shape[-1])
     theta, names = model.outer_theta(u), _scaled_priors(model)
     # Log K and smooth offsets are integrated out: no draws of them can be weighed.
-    some = u[:: max(len(u) // _LATENT_DRAWS, 1)]
+    some = u[:: max(len(u) // _N_LIKELIHOOD_DRAW, 1)]
     likelihood: FloatArray | None = None
     answers: dict[_Change, tuple[float, float]] = {}
     for prior, factor in task.changes:

@@ -11,8 +11,8 @@ from ridgebayes.errors import ComputationError
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.noise import Noise
 
-MIN_WEIGHT = 0.01  # of a pair of form and error model that predictions are averaged over
-AS_GOOD = 1.1  # in ln evidence: the simplest of the error models so close to the best is selected
+MIN_PAIR_WEIGHT = 0.01  # predictions leave out pairs of form and error model below it
+MAX_SELECTED_GAP = 1.1  # in ln evidence: the simplest error model so close to the best is selected
 
 EVIDENCE_COLUMNS = [
     "form",
@@ -87,7 +87,7 @@ def error_model_weights(evidence: pd.DataFrame, form: str) -> dict[str, float]:
     if own.empty:
         return {}
     share = np.exp(own - logsumexp(own))
-    heavy = share[share >= MIN_WEIGHT]
+    heavy = share[share >= MIN_PAIR_WEIGHT]
     return {str(name): float(weight) for name, weight in (heavy / heavy.sum()).items()}
 
 
@@ -135,7 +135,7 @@ def selected_error_model(evidence: pd.DataFrame) -> Noise:
     Returns
     -------
     Noise
-        Fewest parameters within `AS_GOOD` of the best; the highest evidence among several.
+        Fewest parameters within `MAX_SELECTED_GAP` of the best; the highest evidence among several.
 
     Raises
     ------
@@ -146,6 +146,6 @@ def selected_error_model(evidence: pd.DataFrame) -> Noise:
         why = "; ".join(dict.fromkeys(evidence["status"]))
         raise ComputationError(f"no form has an evidence under any error model: {why}")
     means = mean_evidence(evidence)
-    good = means[means["log_mean_evidence"] >= means["log_mean_evidence"].max() - AS_GOOD]
+    good = means[means["log_mean_evidence"] >= means["log_mean_evidence"].max() - MAX_SELECTED_GAP]
     noises = [Noise.named(name) for name in good["noise"]]
     return min(noises, key=lambda noise: len(noise.parameter_names))

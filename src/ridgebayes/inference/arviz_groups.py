@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 N_PREDICTIVE = 500  # draws of the prior, and of what prior and posterior predict
-# Numbers that predictions of all rows may take, and those of the factors of smooth offsets.
-LARGEST_PREDICTIVE, _LARGEST_FACTORS = 4_000_000, 200_000_000
+# Numbers in predictions of all rows, and in the factors of smooth offsets.
+MAX_PREDICTIVE_SIZE, _MAX_FACTOR_SIZE = 4_000_000, 200_000_000
 
 SAMPLE = ("chain", "draw")
 _EACH_ROW, _EACH_TEXTURE = ("row",), ("texture",)
@@ -190,14 +190,14 @@ def _log_prior(fit: Posterior) -> Variables:
 def _predictive(fit: Posterior) -> dict[str, Variables]:
     """Return prior, prior_predictive and posterior_predictive, as far as they take little."""
     model, rng = fit.model, stream(fit.seed, "predictive")
-    if N_PREDICTIVE * model.offsets.n_smooth**2 > _LARGEST_FACTORS:
+    if N_PREDICTIVE * model.offsets.n_smooth**2 > _MAX_FACTOR_SIZE:
         return {}
     try:
         prior = prior_draws(model, rng, N_PREDICTIVE)[None]
     except ComputationError:
         return {}
     groups = {"prior": _parameters(model, prior)}
-    if N_PREDICTIVE * len(model.data) <= LARGEST_PREDICTIVE:
+    if N_PREDICTIVE * len(model.data) <= MAX_PREDICTIVE_SIZE:
         n_chain, n_walk = len(fit.chains.u), len(fit.draws) // len(fit.chains.u)
         draw = np.linspace(0, n_walk - 1, min(N_PREDICTIVE // n_chain, n_walk)).astype(np.int64)
         posterior = fit.draws.reshape(n_chain, n_walk, -1)[:, draw]

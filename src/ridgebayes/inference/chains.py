@@ -18,9 +18,9 @@ MOVES = {
     "differential evolution": (0.0, 1.0, 0.0),
     "stretch": (0.0, 0.0, 1.0),
 }
-N_WALKER = 64  # of fewer a step takes as long, and autocorrelation times settle later
-N_KEPT = 10_240  # draws that files and predictions keep: whole steps, evenly thinned
-N_WALKER_CHEAP = 512  # of densities that hardly cost more for many walkers than for one
+N_WALKER = 64  # fewer take as long a step, and autocorrelation times settle later
+N_KEPT = 10_240  # draws in files and predictions: whole steps, evenly thinned
+N_WALKER_CHEAP = 512  # walkers where a density of many hardly costs more than one
 
 
 @dataclass(frozen=True)

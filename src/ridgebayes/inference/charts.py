@@ -24,15 +24,15 @@ from ridgebayes.inference.latent import LatentIntegral, Prepared
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.noise import SMOOTH
 
-_ROUNDING = 1e-13  # of log loads, relative
-_TO_ROUNDING = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-15)  # where loads agree to rounding
-_LEAST_SCALE = 1e-9  # of residuals, relative: below it loads agree to rounding
-_ROBUST_SCALE = 1.4826  # of the median absolute residual: the standard deviation of a normal
-_CANDIDATES = 24  # subsets of rows that references of outlier models are looked for with
-_LOWER_SHARE = 0.3  # of the rows, that a group of its own has at least
-_APART = 4.0  # largest residuals of a group, by which its fit differs from those of others
-_MOST_GROUPS = 2
-_FAR_START, _SAME = 2.0, 0.1  # prior sds: of other starts, and of minima that are one
+_MAX_ROUNDING = 1e-13  # relative error of log loads
+_LEAST_SQUARES_TOLERANCES = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-15)  # rounding
+_MIN_RESIDUAL_SCALE = 1e-9  # log loads with smaller residuals agree to rounding
+_SD_PER_MEDIAN_DEVIATION = 1.4826  # of a normal distribution
+_N_CANDIDATE = 24  # subsets of rows: each of two equal groups is hit by k + 1 rows in nine of ten
+_MIN_GROUP_SHARE = 0.3  # of the rows; smaller groups are outliers
+_MIN_GROUP_DISTANCE = 4.0  # between fits, in the largest residual of the group
+_MAX_GROUPS = 2
+_START_DISTANCE, _MIN_DISTANCE = 2.0, 0.1  # prior sds, of starts from the centre and of two minima
 
 
 class Conditional(NamedTuple):
@@ -68,7 +68,7 @@ class Conditional(NamedTuple):
         return np.concatenate([z, u[:, k:]], axis=1)
 
 
-_N_FEASIBLE, _FARTHEST_START = 256, 6.0  # starts tried where the centre has no rate, prior sds
+_N_START, _MAX_START_SD = 256, 6.0  # starts, and prior sds, where the centre has no rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +157,8 @@ def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
     The nearest of 256 draws up to six prior sds out.
     """
     model, k = integral.model, integral.model.n_outer_coefficient
-    wide = np.linspace(1, _FARTHEST_START, _N_FEASIBLE)[:, None]
-    for u in (np.zeros((1, k)), wide * rng.standard_normal((_N_FEASIBLE, k))):
+    wide = np.linspace(1, _MAX_START_SD, _N_START)[:, None]
+    for u in (np.zeros((1, k)), wide * rng.standard_normal((_N_START, k))):
         whole = np.concatenate([u, np.zeros((len(u), model.n_outer - k))], axis=1)
         with np.errstate(all="ignore"):
             log_rates = model.outer_log_rates(model.outer_theta(whole))
@@ -174,14 +174,14 @@ def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray
     found: list[FloatArray] = []
 
     def is_new(u: FloatArray) -> bool:
-        return all(np.abs(u - other).max() > _SAME for other in (base, *found))
+        return all(np.abs(u - other).max() > _MIN_DISTANCE for other in (base, *found))
 
-    for start in np.concatenate([np.eye(len(base)), -np.eye(len(base))]) * _FAR_START:
-        near = _least_squares(integral, start, scale=max(best, _LEAST_SCALE), n_pass=1)
+    for start in np.concatenate([np.eye(len(base)), -np.eye(len(base))]) * _START_DISTANCE:
+        near = _least_squares(integral, start, scale=max(best, _MIN_RESIDUAL_SCALE), n_pass=1)
         if is_new(near):
             u = _least_squares(integral, near)
             size = float(np.sqrt(np.mean(_linearised(integral, u)[1] ** 2)))
-            if is_new(u) and size < 2 * best and len(found) < _MOST_GROUPS:
+            if is_new(u) and size < 2 * best and len(found) < _MAX_GROUPS:
                 found.append(u)
     return found
 
@@ -199,7 +199,7 @@ def _refuse_perfect_rows(integral: LatentIntegral, base: FloatArray) -> None:
         count = np.bincount(rows.texture)
         residual = residual - (np.bincount(rows.texture, residual) / count)[rows.texture]
         n_free = len(residual) - len(count)
-    if n_free > 0 and np.abs(residual).max() < _ROUNDING * max(np.abs(rows.upper).max(), 1.0):
+    if n_free > 0 and np.abs(residual).max() < _MAX_ROUNDING * max(np.abs(rows.upper).max(), 1.0):
         raise ComputationError(
             f"{model.form.name}: the form reproduces all rows to rounding, and sigma has no lower "
             "bound; add rows or their `rel_se`, or leave the form out"
@@ -231,12 +231,12 @@ def _least_squares(
         with np.errstate(all="ignore"):
             try:
                 u = optimize.least_squares(
-                    residual, u, jacobian, x_scale="jac", max_nfev=50, **_TO_ROUNDING
+                    residual, u, jacobian, x_scale="jac", max_nfev=50, **_LEAST_SQUARES_TOLERANCES
                 ).x
             except ValueError:  # a reference without positive rates: the start serves as well
                 return u
             left = _linearised(integral, u)[1][every]
-        scale = max(math.sqrt(float(np.mean(left**2))), _LEAST_SCALE)
+        scale = max(math.sqrt(float(np.mean(left**2))), _MIN_RESIDUAL_SCALE)
     return u
 
 
@@ -245,24 +245,24 @@ def _groups(
 ) -> list[FloatArray]:
     """Return references of groups of rows that lie closer to a form than to the least squares."""
     k, n = len(base), len(integral.rows.upper)
-    n_near = max(math.ceil(_LOWER_SHARE * n), k + 1)
+    n_near = max(math.ceil(_MIN_GROUP_SHARE * n), k + 1)
     jacobian, residual = _linearised(integral, base)
     if n < 2 * (k + 1) or not np.isfinite(residual).all():
         return []
     found: list[tuple[float, FloatArray, IntArray]] = []
-    for _ in range(_CANDIDATES):
+    for _ in range(_N_CANDIDATE):
         rows = rng.choice(n, k + 1, replace=False)
         for _ in range(4):  # the nearest rows and their own fit, until these settle
             step = np.linalg.lstsq(jacobian[rows], -residual[rows], rcond=None)[0]
             rows = np.argsort(np.abs(residual + jacobian @ step), kind="stable")[:n_near]
         size = float(np.abs(residual + jacobian @ step)[rows].max())
         found.append((size, np.asarray(step, float), rows))
-    largest = _ROBUST_SCALE * float(np.median(np.abs(residual)))
+    largest = _SD_PER_MEDIAN_DEVIATION * float(np.median(np.abs(residual)))
     steps = [np.zeros(k)]
     references = []
     for size, step, rows in sorted(found, key=lambda candidate: candidate[0]):
         apart = [np.sqrt(np.mean((jacobian @ (step - other)) ** 2)) for other in steps]
-        if len(steps) <= _MOST_GROUPS and size < largest and min(apart) > _APART * size:
+        if len(steps) <= _MAX_GROUPS and size < largest and min(apart) > _MIN_GROUP_DISTANCE * size:
             steps.append(step)
             references.append(_least_squares(integral, base + step, rows))
     return references

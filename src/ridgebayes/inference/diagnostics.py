@@ -18,7 +18,7 @@ from scipy import fft
 from scipy.special import logsumexp, ndtri
 
 from ridgebayes._types import FloatArray
-from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_smoothed
+from ridgebayes.inference.pareto_smoothing import MAX_PARETO_K, pareto_smoothed
 from ridgebayes.runtime.quiet import import_arviz
 
 if TYPE_CHECKING:
@@ -36,12 +36,12 @@ SUMMARY_COLUMNS = [
     "r_hat",
     "mcse_mean",
 ]
-R_HAT_MAX = 1.01
-ESS_MIN = 400.0
-_R_HAT_DRAWS = 25_600  # of each ensemble: disagreement shows in them as in a million
-_WINDOW = 5.0  # tau: Sokal's constant
-_FEW_LAGS = 64  # lags that cost less one by one than all of them by Fourier transform
-MOST_REFITTED = 20  # rows of a fit: more would take a posterior each
+MAX_R_HAT = 1.01
+MIN_ESS = 400.0
+_MAX_R_HAT_DRAWS = 25_600  # of each ensemble: more show no more
+_WINDOW_PER_TAU = 5.0  # Sokal (1997)
+_MAX_DIRECT_LAGS = 64  # cost less than one Fourier transform
+MAX_REFITTED_ROWS = 20  # each takes a posterior of its own
 
 
 def arviz_object(groups: Mapping[str, "xr.Dataset"]) -> Any:
@@ -132,7 +132,7 @@ def rank_r_hat(draws: FloatArray) -> FloatArray:
         R-hat; 1 where the ensembles agree.
     """
     n_step, n_walker = draws.shape[1:3]
-    draws = draws[:, :: -(-n_step * n_walker // _R_HAT_DRAWS)]
+    draws = draws[:, :: -(-n_step * n_walker // _MAX_R_HAT_DRAWS)]
     n_ensemble, n_step, n_walker, n_parameter = draws.shape
     chains = draws.reshape(n_ensemble, n_step * n_walker, n_parameter)
     from arviz_stats.base import array_stats  # loads scipy.signal
@@ -163,11 +163,11 @@ def failed_diagnostics(summary: pd.DataFrame) -> tuple[str, ...]:
     """
     missing = []
     for row in summary.to_dict("records"):
-        if not row["r_hat"] < R_HAT_MAX:
-            missing.append(f"{row['parameter']}: R-hat {row['r_hat']:.4g}, not under {R_HAT_MAX}")
+        if not row["r_hat"] < MAX_R_HAT:
+            missing.append(f"{row['parameter']}: R-hat {row['r_hat']:.4g}, not under {MAX_R_HAT}")
         for name in ("ess_bulk", "ess_tail"):
-            if not row[name] >= ESS_MIN:
-                missing.append(f"{row['parameter']}: {name} {row[name]:.0f}, under {ESS_MIN:.0f}")
+            if not row[name] >= MIN_ESS:
+                missing.append(f"{row['parameter']}: {name} {row[name]:.0f}, under {MIN_ESS:.0f}")
     return tuple(missing)
 
 
@@ -195,14 +195,14 @@ class Loo:
     @property
     def n_bad_k(self) -> int:
         """Rows whose Pareto k is above 0.7."""
-        return int(np.sum(~(self.pareto_k <= K_MAX)))
+        return int(np.sum(~(self.pareto_k <= MAX_PARETO_K)))
 
     @property
     def status(self) -> str:
         """``ok``, or why the sum is not to be quoted: some of its rows are not trusted."""
         if not self.n_bad_k:
             return "ok"
-        return f"{self.n_bad_k} of {len(self.pareto_k)} rows have a Pareto k above {K_MAX}"
+        return f"{self.n_bad_k} of {len(self.pareto_k)} rows have a Pareto k above {MAX_PARETO_K}"
 
 
 def leave_one_out(
@@ -235,8 +235,8 @@ def leave_one_out(
     weighed = zip(smoothed, rows, strict=True)
     pointwise = np.array([logsumexp(log_weight + row) for (log_weight, _), row in weighed])
     shapes = np.array([shape for _, shape in smoothed])
-    bad = np.flatnonzero(~(shapes <= K_MAX)).tolist()
-    if refitted is not None and len(bad) <= MOST_REFITTED:
+    bad = np.flatnonzero(~(shapes <= MAX_PARETO_K)).tolist()
+    if refitted is not None and len(bad) <= MAX_REFITTED_ROWS:
         for i in bad:
             value = refitted(i)
             if math.isfinite(value):
@@ -326,15 +326,15 @@ def _sokal(x: FloatArray) -> float:
     if square == 0:
         return np.nan
     tau = 1.0
-    for lag in range(1, min(_FEW_LAGS, n_step)):
-        if lag - 1 >= _WINDOW * tau:
+    for lag in range(1, min(_MAX_DIRECT_LAGS, n_step)):
+        if lag - 1 >= _WINDOW_PER_TAU * tau:
             return tau
         tau += 2 * float(np.vdot(x[lag:], x[:-lag])) / square
     length = fft.next_fast_len(2 * n_step, real=True)
     power = np.abs(fft.rfft(x, length, axis=0)) ** 2
     rho = fft.irfft(power, length, axis=0)[:n_step].sum(axis=1) / square
     taus = 2 * np.cumsum(rho) - 1
-    wide_enough = np.arange(n_step) >= _WINDOW * taus
+    wide_enough = np.arange(n_step) >= _WINDOW_PER_TAU * taus
     return float(taus[np.argmax(wide_enough) if wide_enough.any() else -1])
 
 

@@ -26,11 +26,11 @@ from ridgebayes.inference.proposal import Mixture
 from ridgebayes.inference.target import Evaluated, Target
 from ridgebayes.runtime.randomness import stream
 
-# A walk so many times longer than asked is long enough were tau that many times larger: of ten
-# parameters one always changes by more than a per cent.
-_AMPLE = 5
-_KEPT_MAX = 2**26  # numbers of a walk, half a GiB
-_FIRST = 100  # steps before the first check
+# A walk five times longer than asked is long enough for a tau five times larger, so that tau need
+# not settle to a per cent: one of ten parameters rarely does.
+_LONG_WALK_FACTOR = 5
+_MAX_KEPT_NUMBERS = 2**26  # numbers: half a GiB
+_N_FIRST_STEP = 100  # steps before the first check
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +170,7 @@ def walk(
     samplers = [_ensemble(density, n_walker, settings.moves) for _ in range(settings.n_ensemble)]
     # The whole walk is kept: one that mixes badly has to end before it fills the memory.
     n_kept = settings.n_ensemble * n_walker * (d + 1 + now.extras.shape[-1])
-    n_step_max = min(settings.n_step_max, max(_KEPT_MAX // n_kept, _FIRST))
+    n_step_max = min(settings.n_step_max, max(_MAX_KEPT_NUMBERS // n_kept, _N_FIRST_STEP))
     while True:
         before, tau = now.tau, _mean_tau(now.u, now.log_density)
         unmet = _unmet_rules(now.n_step, tau, before, (*target.names, "log posterior"), settings)
@@ -184,7 +184,7 @@ def walk(
         # A function of the walk alone, so that one that is resumed takes the same steps. Each check
         # costs as much as many steps: a walk far too short takes half as many again.
         needed = float(np.nan_to_num(settings.n_tau * tau.max(), posinf=0.0))
-        goal = max(int(1.05 * now.n_step) + 20, _FIRST, int(min(needed, 1.5 * now.n_step)))
+        goal = max(int(1.05 * now.n_step) + 20, _N_FIRST_STEP, int(min(needed, 1.5 * now.n_step)))
         now = _walked_on(now, samplers, min(goal, n_step_max) - now.n_step, tau)
         if checkpoint is not None:
             checkpoint.save(now)
@@ -286,7 +286,7 @@ def _unmet_rules(
     names: tuple[str, ...],
     settings: SampleSettings,
 ) -> list[str]:
-    unmet, ample = [], _AMPLE * settings.n_tau
+    unmet, ample = [], _LONG_WALK_FACTOR * settings.n_tau
     for name, now, last in zip(names, tau, before, strict=True):
         if not n_step > settings.n_tau * now:
             unmet.append(f"{name}: {n_step} steps are not {settings.n_tau:g} tau ({now:.3g} each)")

@@ -24,7 +24,7 @@ from ridgebayes.errors import ComputationError
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.modes import N_START, find_modes
-from ridgebayes.inference.pareto_smoothing import K_MAX, pareto_k
+from ridgebayes.inference.pareto_smoothing import MAX_PARETO_K, pareto_k
 from ridgebayes.inference.proposal import Mixture, log_sum
 from ridgebayes.inference.target import Evaluated, Target, joined
 from ridgebayes.runtime.randomness import stream
@@ -33,17 +33,19 @@ N_REPEAT = 4
 BLOCK = 32  # draws: files keep whole blocks of them
 MAX_SE = 0.05  # of a ln evidence: a Bayes factor to 7 %
 MAX_HALF_GAP = 0.1  # of ln evidences by all and by half of the points
-_BOUNDED = 0.1  # of the largest weight that a tail would have whose shape is not to be trusted
-_DEFENSIVE, _DEFENSIVE_FIRST = 0.05, 0.3  # share of the prior in proposals, and in the first one
-_LEAST_LOG_MASS = 8.0  # below the heaviest mode's: a thousandth of the posterior has no component
-_DRAWS_PER_PARAMETER = 20  # effective draws that a proposal is fitted to, at least
-_MOST_COMPONENTS = 6  # of a mixture of few modes
-_FEWER_POINTS = 2  # times fewer points while proposals are fitted
-# Share of a round's draws that count, at which the proposal is good enough: of exact densities, and
-# of estimates, whose noise takes a part.
-_ENOUGH, _ENOUGH_ESTIMATES = 0.5, 0.4
-_EXACT_DRAWS = 4  # times more draws where a density is exact: each costs a tenth of an estimate
-_SPREAD_OF_STARTS = 2.5  # prior sds: modes five of them out are found
+# Largest weight of bounded weights, over the largest one of a tail of shape 0.7: 300 of 300 heavy
+# tails had a larger one.
+_MAX_BOUNDED_SHARE = 0.1
+# Share of the prior in the proposals keeps weights bounded where no component lies; the first
+# proposal is rough.
+_PRIOR_SHARE, _PRIOR_SHARE_FIRST = 0.05, 0.3
+_MAX_LOG_MASS_GAP = 8.0  # modes with less than e^-8 of the heaviest mode's mass get no component
+_MIN_EFFECTIVE_PER_PARAMETER = 20  # effective draws, for a covariance with errors of a fifth
+_MAX_COMPONENTS = 6  # components of the first proposal, shared out among the modes
+# Effective share of a round's draws from which adaptation ends; the noise of estimates lowers it.
+_GOOD_SHARE, _GOOD_SHARE_ESTIMATES = 0.5, 0.4
+_EXACT_DRAW_FACTOR = 4  # exact densities get more draws: each costs a tenth of an estimate
+_START_SD = 2.5  # prior sds: two of 64 starts lie beyond five
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,7 @@ def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) ->
     """Return draws by the same proposal, with at least about n of them; the evidence stays."""
     if drawn.u.shape[0] * drawn.u.shape[1] >= n:
         return drawn
-    factor = _EXACT_DRAWS if target.is_exact else 1
+    factor = _EXACT_DRAW_FACTOR if target.is_exact else 1
     n_draw = math.ceil(n / (N_REPEAT * factor * BLOCK)) * BLOCK
     more = draw_from(target, drawn.proposal, replace(effort, n_draw=n_draw), seed)
     return replace(more, evidence=drawn.evidence)
@@ -162,7 +164,7 @@ def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> D
         If no draw has a positive density.
     """
     sets, weights, halves = [], [], []
-    n_draw = effort.n_draw * (_EXACT_DRAWS if target.is_exact else 1)
+    n_draw = effort.n_draw * (_EXACT_DRAW_FACTOR if target.is_exact else 1)
     for i in range(N_REPEAT):
         rng = stream(seed, f"set {i}")
         draws = target.evaluate(*proposal.draw(rng, n_draw), rng, effort.n_point)
@@ -207,9 +209,11 @@ def _evidence(
     k, failed = pareto_k(together), []
     # A tail of shape k puts about n^(k - 1) of the sum into its largest weight. Bounded weights may
     # have any shape above a threshold, and a largest one that is far smaller.
-    is_bounded = relative.max() / relative.sum() < _BOUNDED * len(relative) ** (K_MAX - 1)
-    if not (k <= K_MAX or is_bounded):
-        failed.append(f"Pareto k {k:.2f}, above {K_MAX}")
+    is_bounded = relative.max() / relative.sum() < _MAX_BOUNDED_SHARE * len(relative) ** (
+        MAX_PARETO_K - 1
+    )
+    if not (k <= MAX_PARETO_K or is_bounded):
+        failed.append(f"Pareto k {k:.2f}, above {MAX_PARETO_K}")
     if not se <= MAX_SE:
         failed.append(f"standard error {se:.2g}, above {MAX_SE:g}")
     if not gap <= MAX_HALF_GAP:
@@ -222,10 +226,10 @@ def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture
     """Return a proposal fitted to a target, round by round."""
     shape = _split(_modes(target, rng), rng)
     prior = Mixture.prior(len(target.names))
-    proposals = [shape.beside(prior, _DEFENSIVE_FIRST)]
+    proposals = [shape.beside(prior, _PRIOR_SHARE_FIRST)]
     parts: list[Evaluated] = []
-    n, few = effort.n_per_round, max(effort.n_point // _FEWER_POINTS, 4)
-    enough = _ENOUGH if target.is_exact else _ENOUGH_ESTIMATES
+    n, few = effort.n_per_round, max(effort.n_point // 2, 4)  # rougher estimates fit as well
+    enough = _GOOD_SHARE if target.is_exact else _GOOD_SHARE_ESTIMATES
     for i in range(effort.n_round):
         parts.append(target.evaluate(*proposals[-1].draw(rng, n), rng, few))
         draws = joined(parts)
@@ -233,7 +237,7 @@ def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture
         if np.isfinite(log_weight).any():
             weights = _tempered(log_weight, len(target.names))
             shape = shape.fitted(draws.coordinates, draws.log_jacobian, weights)
-        proposals.append(shape.beside(prior, _DEFENSIVE))
+        proposals.append(shape.beside(prior, _PRIOR_SHARE))
         if i > 0 and effective_share(log_weight[-n:]) > enough:
             break
     return proposals[-1]
@@ -244,7 +248,7 @@ def _modes(target: Target, rng: np.random.Generator) -> Mixture:
     k, d = target.n_centred, len(target.names)
     found = []
     for chart in range(target.n_chart):
-        starts = _SPREAD_OF_STARTS * rng.standard_normal((N_START, d))
+        starts = _START_SD * rng.standard_normal((N_START, d))
         starts[:, :k] = 0.0  # the centre of the coefficients given all else
         starts[: N_START // 4, :k] = rng.standard_normal((N_START // 4, k))
         modes = find_modes(partial(target.approximate, chart), starts)
@@ -254,7 +258,7 @@ def _modes(target: Target, rng: np.random.Generator) -> Mixture:
             f"{target.name}: expected starts of positive density, got none of {N_START}"
         )
     heaviest = max(mode.log_mass for _, mode in found)
-    kept = [(chart, mode) for chart, mode in found if mode.log_mass > heaviest - _LEAST_LOG_MASS]
+    kept = [(chart, mode) for chart, mode in found if mode.log_mass > heaviest - _MAX_LOG_MASS_GAP]
     # Tempered, since Laplace's masses are rough.
     mass = np.exp([0.5 * (mode.log_mass - heaviest) for _, mode in kept])
     return Mixture(
@@ -268,7 +272,7 @@ def _modes(target: Target, rng: np.random.Generator) -> Mixture:
 def _split(start: Mixture, rng: np.random.Generator) -> Mixture:
     """Return several components beside each mode, for shapes that are not normal."""
     d = start.centres.shape[1]
-    copies = max(_MOST_COMPONENTS // len(start.weights), 1)
+    copies = max(_MAX_COMPONENTS // len(start.weights), 1)
     moved = rng.standard_normal((copies, *start.centres.shape))
     centres = start.centres + 0.7 * np.einsum("cij,rcj->rci", start.factors, moved)
     return Mixture(
@@ -315,7 +319,7 @@ def _tempered(log_weight: FloatArray, d: int) -> FloatArray:
     Few draws of large weight would make the next proposal narrower than the posterior.
     """
     usable = np.isfinite(log_weight)
-    n_effective = min(_DRAWS_PER_PARAMETER * d, 0.5 * usable.sum())
+    n_effective = min(_MIN_EFFECTIVE_PER_PARAMETER * d, 0.5 * usable.sum())
     log_weight = np.where(usable, log_weight - log_weight.max(), -np.inf)
 
     def weights(power: float) -> FloatArray:

@@ -25,7 +25,7 @@ from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import RowGroups
 
 _LOG_2PI = math.log(2 * math.pi)
-_NUMBERS_AT_ONCE = 2**18  # numbers in the largest array of a batch, 2 MB: a core's cache
+_BATCH_SIZE = 2**18  # numbers in the largest array, 2 MB: a core's cache
 
 
 class LatentIntegral:
@@ -75,7 +75,7 @@ class LatentIntegral:
 
     def n_at_once(self, n_point: int) -> int:
         """Return how many draws fit in a batch whose arrays stay in a processor's cache."""
-        return max(_NUMBERS_AT_ONCE // self._numbers(n_point), 1)
+        return max(_BATCH_SIZE // self._numbers(n_point), 1)
 
     def prepared(self, eta: FloatArray) -> "Prepared":
         """Return what depends on error model parameters (n_draw, n_noise) alone."""
@@ -166,7 +166,7 @@ class LatentIntegral:
 
     def draw(self, u: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the scores given outer parameters and normal rows, shape (n_draw, n_level)."""
-        n, parts = max(_NUMBERS_AT_ONCE // self._numbers(1), 1), []
+        n, parts = max(_BATCH_SIZE // self._numbers(1), 1), []
         for i in range(0, len(u), n):
             log_rates, eta, _ = self._parts(u[i : i + n])
             with np.errstate(all="ignore"):
@@ -330,7 +330,7 @@ class LatentIntegral:
         """
         if not self.is_exact:
             raise ValueError("rows that are not normal share offsets")
-        n = max(_NUMBERS_AT_ONCE // (self.design.n * max(self.design.n_rest, 1)), 1)
+        n = max(_BATCH_SIZE // (self.design.n * max(self.design.n_rest, 1)), 1)
         parts = [self._given_others(u[i : i + n]) for i in range(0, len(u), n)]
         return np.concatenate(parts)
 

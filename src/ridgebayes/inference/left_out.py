@@ -28,11 +28,11 @@ from ridgebayes.model.default_priors import SLOPES
 from ridgebayes.model.model import Model
 from ridgebayes.runtime.randomness import stream
 
-# Draws that are weighed: fewer where each density is an estimate.
-_N_WEIGHED, _N_ESTIMATES = 2_048, 512
-_MOST_K = 0.5  # Pareto shape, up to which the variance of weights is finite
-_LEAST_SHARE = 0.35  # of the draws that count
-_LEAST_EFFECTIVE = 100  # draws: a log score is then known to about 0.1
+# Draws that are weighed; estimates of a density take longer.
+_MAX_EXACT_DRAWS, _MAX_ESTIMATED_DRAWS = 2_048, 512
+_MAX_PARETO_K = 0.5  # the variance of weights is finite below it
+_MIN_EFFECTIVE_SHARE = 0.35  # scores of tiny tables are too high where fewer draws count
+_MIN_EFFECTIVE_DRAWS = 100  # for a log score to about 0.1
 _N_KEPT = 1_024  # draws given the rest
 
 
@@ -175,8 +175,8 @@ class AllRows:
         found = LatentIntegral(rest).estimated(self.u, rng, self.effort.n_point)
         joint = self.log_density - found.log_density  # equal priors: the density of what is left
         log_weight, shape = pareto_smoothed(-joint)
-        least = max(_LEAST_SHARE, _LEAST_EFFECTIVE / len(joint))
-        if not (shape <= _MOST_K and effective_share(log_weight) >= least):
+        least = max(_MIN_EFFECTIVE_SHARE, _MIN_EFFECTIVE_DRAWS / len(joint))
+        if not (shape <= _MAX_PARETO_K and effective_share(log_weight) >= least):
             return None
         weight, top = np.exp(log_weight), joint.max()
         density = np.exp(joint - top)
@@ -199,7 +199,7 @@ def rest_of(model: Model, left: BoolArray) -> Model:
 
 
 def _stride(model: Model, n: int) -> int:
-    most = _N_WEIGHED if LatentIntegral(model).is_exact else _N_ESTIMATES
+    most = _MAX_EXACT_DRAWS if LatentIntegral(model).is_exact else _MAX_ESTIMATED_DRAWS
     return -(-n // most)
 
 

@@ -26,9 +26,9 @@ from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.randomness import seeded, stream
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_text, refusing
 
-_MOST_COMPONENTS, _MOST_PARAMETERS = 8, 40
-_MOST_STEPS, _SETTLED = 200, 2e-5  # nats of the mean log density
-_FLOOR = 1e-6  # of the draws' variance, which no component falls below
+_MAX_COMPONENTS, _MAX_PARAMETERS = 8, 40
+_MAX_STEPS, _MIN_GAIN = 200, 2e-5  # gain in nats of the mean log density
+_MIN_RELATIVE_VARIANCE = 1e-6  # of a component, relative to the draws
 _N_COMPARED = 100_000
 _FORMAT = "ridgebayes posterior mixture 1"
 _ARRAYS = ("weights", "means", "covariances")
@@ -213,10 +213,10 @@ def fit_mixture(
         If there are more than 40 parameters, or `n_component` is not 1 to 8.
     """
     model, theta, form = posterior.model, posterior.draws, posterior.form.name
-    if (d := theta.shape[1]) > _MOST_PARAMETERS:
-        raise InputError(f"{form}: {d} parameters; expected at most {_MOST_PARAMETERS}")
-    if n_component is not None and n_component not in range(1, _MOST_COMPONENTS + 1):
-        raise InputError(f"n_component: expected 1 to {_MOST_COMPONENTS}, got {n_component!r}")
+    if (d := theta.shape[1]) > _MAX_PARAMETERS:
+        raise InputError(f"{form}: {d} parameters; expected at most {_MAX_PARAMETERS}")
+    if n_component is not None and n_component not in range(1, _MAX_COMPONENTS + 1):
+        raise InputError(f"n_component: expected 1 to {_MAX_COMPONENTS}, got {n_component!r}")
     transforms = tuple(map(_transform, model.priors.values(), theta.T))
     z = JointPrior(transforms).scores(theta)
     centre, factor = z.mean(axis=0), np.linalg.cholesky(np.atleast_2d(np.cov(z.T)))
@@ -256,7 +256,7 @@ def _chosen(z: FloatArray, rng: np.random.Generator) -> tuple[int, dict[str, flo
     # Draws run ensemble by ensemble, and there are four: two halves are independent of each other.
     first = np.arange(len(z)) < 2 * (len(z) // 4)
     scores: list[FloatArray] = []
-    for k in range(1, _MOST_COMPONENTS + 1):
+    for k in range(1, _MAX_COMPONENTS + 1):
         halves = [_log_densities(z[~fold], _fitted(z[fold], k, rng)) for fold in (first, ~first)]
         scores.append(np.logaddexp.reduce(np.concatenate(halves, axis=1)))
         if k > 1 and scores[-1].mean() < scores[-2].mean():
@@ -272,15 +272,19 @@ def _fitted(z: FloatArray, k: int, rng: np.random.Generator) -> _Arrays:
     from scipy.cluster.vq import kmeans2  # not every command needs it
 
     share, last = np.eye(k)[:, kmeans2(z, k, iter=1, minit="++", rng=rng)[1]], -np.inf
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         size = share.sum(axis=1)[:, None] + 1e-12
         means = share @ z / size
         apart = z - means[:, None]  # (k, n, d)
         scatter = (share[..., None] * apart).transpose(0, 2, 1) @ apart / size[..., None]
-        mixture = size[:, 0] / size.sum(), means, scatter + _FLOOR * np.eye(z.shape[1])
+        mixture = (
+            size[:, 0] / size.sum(),
+            means,
+            scatter + _MIN_RELATIVE_VARIANCE * np.eye(z.shape[1]),
+        )
         total = np.logaddexp.reduce(logs := _log_densities(z, mixture))
         gain, last, share = total.mean() - last, total.mean(), np.exp(logs - total)
-        if gain < _SETTLED:
+        if gain < _MIN_GAIN:
             break
     return mixture
 

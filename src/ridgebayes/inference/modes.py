@@ -8,15 +8,15 @@ import numpy as np
 from ridgebayes._types import FloatArray
 
 N_START = 64
-_N_SEARCHED = 16  # of the starts, the best of them
-_N_STEP = 30
-_STEP = 1e-3  # of differences, in normal scores: half the digits of the density
-_LONGEST = 2.0  # step, in normal scores
-_LENGTHS = (1.0, 0.4, 0.1, 0.01)  # of a step that are tried side by side
-_SETTLED = 1e-4  # nats that a step gains
-_DIP = 1.0  # nats that the density falls by between two modes
-_MOST_MODES = 3
-_FLATTEST = 0.25  # curvature: the prior alone has 1
+_MAX_CLIMBS = 16  # the best of the starts are climbed from
+_MAX_STEPS = 30
+_DIFFERENCE = 1e-3  # normal scores: differences keep half the digits of the density
+_MAX_STEP = 2.0  # normal scores
+_STEP_FACTORS = (1.0, 0.4, 0.1, 0.01)  # lengths of a step that are tried in one call
+_MIN_GAIN = 1e-4  # nats: a climb ends with a step that gains less
+_MIN_DIP = 1.0  # nats: two summits with a shallower dip between them are one mode
+_MAX_MODES = 3
+_MIN_CURVATURE = 0.25  # the prior alone has 1
 Density = Callable[[FloatArray], FloatArray]
 
 
@@ -50,18 +50,18 @@ def find_modes(log_density: Density, starts: FloatArray) -> list[FoundMode]:
     """
     values = log_density(starts)
     order = np.argsort(-np.where(np.isfinite(values), values, -np.inf), kind="stable")
-    best = order[:_N_SEARCHED]
+    best = order[:_MAX_CLIMBS]
     best = best[np.isfinite(values[best])]
     if not len(best):
         return []
     x, value = _searched(log_density, starts[best], values[best])
     summits: list[int] = []
     for i in np.argsort(-value, kind="stable").tolist():
-        if value[i] == -np.inf or len(summits) == _MOST_MODES:
+        if value[i] == -np.inf or len(summits) == _MAX_MODES:
             break
         if summits:  # no dip on the way to a higher summit: the same mode
             middles = log_density(0.5 * (x[i] + x[summits]))
-            if np.any(middles > value[i] - _DIP):
+            if np.any(middles > value[i] - _MIN_DIP):
                 continue
         summits.append(i)
     modes = [_approximated(log_density, x[i], float(value[i])) for i in summits]
@@ -76,12 +76,12 @@ def _searched(
     inverse = np.repeat(np.eye(d)[None], n, axis=0)
     gradient = _gradients(log_density, x)
     active = np.arange(n)
-    for _ in range(_N_STEP):
+    for _ in range(_MAX_STEPS):
         step = np.einsum("nij,nj->ni", inverse[active], gradient[active])
         longest = np.abs(step).max(axis=1, keepdims=True)
-        step *= np.minimum(1, _LONGEST / np.maximum(longest, 1e-300))
-        tried = x[active] + np.array(_LENGTHS)[:, None, None] * step
-        found = log_density(tried.reshape(-1, d)).reshape(len(_LENGTHS), -1)
+        step *= np.minimum(1, _MAX_STEP / np.maximum(longest, 1e-300))
+        tried = x[active] + np.array(_STEP_FACTORS)[:, None, None] * step
+        found = log_density(tried.reshape(-1, d)).reshape(len(_STEP_FACTORS), -1)
         found = np.where(np.isnan(found), -np.inf, found)
         which, each = found.argmax(axis=0), np.arange(len(active))
         gain = found[which, each] - value[active]
@@ -94,7 +94,7 @@ def _searched(
         x[here], value[here] = new, found[which, each][moved]
         gradient[here] = _gradients(log_density, new)
         inverse[here] = _updated(inverse[here], change, before - gradient[here])
-        active = here[gain[moved] > _SETTLED]
+        active = here[gain[moved] > _MIN_GAIN]
         # Starts far below the best need not be climbed to the end.
         active = active[value[active] > value.max() - 30]
         if not len(active):
@@ -115,9 +115,9 @@ def _updated(inverse: FloatArray, s: FloatArray, y: FloatArray) -> FloatArray:
 
 def _gradients(log_density: Density, x: FloatArray) -> FloatArray:
     n, d = x.shape
-    ahead, behind = x[:, None] + _STEP * np.eye(d), x[:, None] - _STEP * np.eye(d)
+    ahead, behind = x[:, None] + _DIFFERENCE * np.eye(d), x[:, None] - _DIFFERENCE * np.eye(d)
     values = log_density(np.concatenate([ahead, behind]).reshape(-1, d)).reshape(2, n, d)
-    slope: FloatArray = (values[0] - values[1]) / (2 * _STEP)
+    slope: FloatArray = (values[0] - values[1]) / (2 * _DIFFERENCE)
     return np.asarray(np.nan_to_num(slope, posinf=0.0, neginf=0.0))
 
 
@@ -135,7 +135,7 @@ def _approximated(log_density: Density, x: FloatArray, value: float) -> FoundMod
     found = np.where(np.isfinite(found), found, value - 1.0)
     hessian = (found[0, 0] - found[0, 1] - found[1, 0] + found[1, 1]) / (4 * size**2)
     curvature, vectors = np.linalg.eigh(-0.5 * (hessian + hessian.T))
-    variance = 1 / np.maximum(curvature, _FLATTEST)
+    variance = 1 / np.maximum(curvature, _MIN_CURVATURE)
     factor = np.linalg.cholesky((vectors * variance) @ vectors.T)
     log_mass = value + 0.5 * np.log(2 * np.pi * variance).sum()
     return FoundMode(x, factor, float(log_mass))

@@ -27,7 +27,7 @@ from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import clipped, one_line_message
 
-_SMALL = 1_000  # bytes that are not worth packing
+_MIN_PACKED_BYTES = 1_000  # packing smaller arrays saves nothing
 # Attributes of a file, beside those that arviz has too.
 ATTRIBUTES = {
     "ridgebayes_version": "version that wrote it",
@@ -117,7 +117,7 @@ def _write_group(group: Any, variables: Variables) -> None:
         if cells.dtype.kind in "OSU":
             how["dtype"] = h5py.string_dtype()
             cells = cells.astype(object)
-        elif cells.nbytes > _SMALL:
+        elif cells.nbytes > _MIN_PACKED_BYTES:
             how = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
         new = {
             dim: n for dim, n in zip(dims, cells.shape, strict=True) if dim not in group.dimensions

@@ -7,7 +7,7 @@ from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
 
-K_MAX = 0.7  # Pareto shape of weights above which their mean is not to be trusted
+MAX_PARETO_K = 0.7  # means of weights with a larger one are not trusted (Vehtari et al. 2024)
 
 
 def pareto_k(log_weights: FloatArray) -> float:

@@ -26,13 +26,13 @@ _LOG_2PI = math.log(2 * math.pi)
 # Points are logistic: a closed form, and tails as those of a Student distribution of nine degrees
 # of freedom. With this scale the peak is nearly the standard normal's.
 _POINT_SCALE = 0.65
-_EDGE = 1e-12  # least probability beyond a point
-_PAIRS = 4  # the first of so many pairs of points lies in the prior, where rows are intervals
-_INNER_POINTS = 8  # of textures' scores, for each point of the other scores
-_INFORMED = 1.02  # pivot of M from which rows say anything of a score, whose prior is normal
+_MIN_TAIL_PROBABILITY = 1e-12  # beyond a point
+_PRIOR_PAIR_PERIOD = 4  # where rows are intervals every fourth pair of points lies in the prior
+_N_INNER_POINT = 8  # points of a texture's score for each point of the other scores
+_MIN_INFORMED_PIVOT = 1.02  # scores with a smaller pivot of M keep their normal prior
 # Working rows are renewed until in nine of ten draws no precision of a predictor changes by more
 # than a tenth: points need not lie nearer. Outliers with few degrees of freedom take most passes.
-_MOST_PASSES, _SETTLED, _UNSETTLED_DRAWS = 5, 0.1, 0.1
+_MAX_PASSES, _MAX_PRECISION_CHANGE, _MAX_UNSETTLED_SHARE = 5, 0.1, 0.1
 
 
 class Estimate(NamedTuple):
@@ -114,19 +114,19 @@ class PointIntegral:
             return 1, n_point
         if not self.design.n_first:
             return n_point, 1
-        return max(n_point // 4, 2 * _PAIRS), _INNER_POINTS
+        return max(n_point // 4, 2 * _PRIOR_PAIR_PERIOD), _N_INNER_POINT
 
     def approximation(self, batch: Batch) -> Approximation:
         """Return the scores' normal approximation, with a normal in place of each row."""
         working = WorkingRows.begun(
             self.rows, batch.error, batch.scale, self.tail, batch.df, batch.prior_variance
         )
-        for _ in range(_MOST_PASSES):
+        for _ in range(_MAX_PASSES):
             given = self._given(working, batch.root)
             variance = given.precision.predictor_variance(self.design)
             before, working = working.weight, working.renewed(given.offset, variance)
-            changed = np.abs(working.weight - before) * variance > _SETTLED
-            if changed.any(axis=1).mean() < _UNSETTLED_DRAWS:
+            changed = np.abs(working.weight - before) * variance > _MAX_PRECISION_CHANGE
+            if changed.any(axis=1).mean() < _MAX_UNSETTLED_SHARE:
                 break
         return self._given(working, batch.root)
 
@@ -164,17 +164,17 @@ class PointIntegral:
         if not n_rest:
             return normal.rest[None], np.zeros((1, len(normal.rest)))
         pivots = np.diagonal(corner, axis1=-2, axis2=-1)
-        informed = (pivots > _INFORMED)[..., None]
+        informed = (pivots > _MIN_INFORMED_PIVOT)[..., None]
         # A Richtmyer sequence, shifted at random for each draw: any one point is uniform.
         u = rng.random((*pivots.shape, 1)) + np.arange(n) * self._richtmyer[:, None]
-        u = np.clip(u % 1.0, _EDGE, 1 - _EDGE)
+        u = np.clip(u % 1.0, _MIN_TAIL_PROBABILITY, 1 - _MIN_TAIL_PROBABILITY)
         t = np.where(informed, _logistic(u), ndtri(u))
         rest = normal.rest[..., None] + solve_lower(corner, t, transposed=True)
         wide = np.zeros(n, bool)
         if not self.rows.exact.all():
             # Some from the prior: intervals that contradict each other leave places that no normal
             # reaches. Pairs of points, so that every second one has the same share of them.
-            wide = np.arange(n) // 2 % _PAIRS == 0
+            wide = np.arange(n) // 2 % _PRIOR_PAIR_PERIOD == 0
             rest = np.where(wide, ndtri(u), rest)
             t = np.swapaxes(corner, -1, -2) @ (rest - normal.rest[..., None])
         log_t = np.where(informed, _log_logistic(t), -0.5 * (t * t + _LOG_2PI)).sum(axis=-2)
@@ -231,7 +231,7 @@ class PointIntegral:
         n_strata = (n - n_at_rows) // 2 if n > 1 else 1
         stratum = np.repeat(np.arange(n_strata), min(n, 2))[:, None, None, None]
         u = (stratum + rng.random((len(stratum), *centre.shape))) / n_strata
-        u = np.clip(u, _EDGE, 1 - _EDGE)
+        u = np.clip(u, _MIN_TAIL_PROBABILITY, 1 - _MIN_TAIL_PROBABILITY)
         first = centre + _logistic(u) / precision.diagonal
         if n_at_rows:
             first = np.concatenate([first, self._at_rows(batch, error, rng, n_at_rows)])

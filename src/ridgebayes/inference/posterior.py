@@ -21,8 +21,8 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.randomness import stream
 
 SAMPLERS = ("emcee", "importance", "exact")
-LARGEST_LOG_LIKELIHOOD = 30_000_000  # numbers; beyond it there is none, and LOO says so
-_SMALL_LOG_LIKELIHOOD = 1_000_000  # numbers that go with draws from process to process
+MAX_LOG_LIKELIHOOD_SIZE = 30_000_000  # numbers, 240 MB
+_MAX_SENT_LOG_LIKELIHOOD_SIZE = 1_000_000  # numbers, 8 MB, between processes
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +153,7 @@ class Posterior:
 
     def rows_log_likelihood(self) -> FloatArray | None:
         """Return each row's log-likelihood at the thinned draws; None where there are very many."""
-        if self.kept_chains.log_density.size * len(self.model.data) > LARGEST_LOG_LIKELIHOOD:
+        if self.kept_chains.log_density.size * len(self.model.data) > MAX_LOG_LIKELIHOOD_SIZE:
             return None
         if self.log_likelihood is not None:
             return self.log_likelihood
@@ -161,7 +161,7 @@ class Posterior:
 
     def with_log_likelihood(self) -> Self:
         """Return the same with the rows' log-likelihood, for scores and files, if it is small."""
-        if len(self.draws) * len(self.model.data) > _SMALL_LOG_LIKELIHOOD:
+        if len(self.draws) * len(self.model.data) > _MAX_SENT_LOG_LIKELIHOOD_SIZE:
             return self
         return replace(self, log_likelihood=self._rows_log_likelihood())
 

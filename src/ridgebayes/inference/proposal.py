@@ -8,10 +8,10 @@ from scipy.special import gammaln
 
 from ridgebayes._types import FloatArray, IntArray
 
-DF = 5.0  # tails that those of a posterior in normal scores do not pass
-_STEPS = 8  # of expectation maximisation: a proposal need not be the last digit's mixture
-_COMMON = 8.0  # draws' worth of the common shape in that of each component
-_RIDGE = 1e-6  # least variance of a component, of the common one
+DF = 5.0  # degrees of freedom: posteriors in normal scores have lighter tails
+_N_EM_STEP = 8  # expectation maximisation need not converge for a proposal
+_COMMON_DRAWS = 8.0  # the common shape counts as many draws in the shape of each component
+_MIN_RELATIVE_VARIANCE = 1e-6  # of a component, relative to the common shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class Mixture:
         d, n_effective = self.centres.shape[1], 1 / (weights**2).sum()
         own = coordinates[self.charts]
         mixture, shapes = self, self._common_shapes(coordinates, log_jacobian, weights)
-        for _ in range(_STEPS):
+        for _ in range(_N_EM_STEP):
             terms, squares = mixture._terms(coordinates, log_jacobian)
             share = np.exp(terms - log_sum(terms)) * weights
             mass = share.sum(axis=1)
@@ -122,7 +122,7 @@ class Mixture:
             centres = np.where(mass[:, None] > 1e-12, centres, mixture.centres)
             off = own - centres[:, None]
             scatter = np.swapaxes(narrow[..., None] * off, 1, 2) @ off
-            prior = _COMMON / n_effective
+            prior = _COMMON_DRAWS / n_effective
             scatter = (scatter + prior * shapes) / (mass + prior)[:, None, None]
             mixture = Mixture(mass / mass.sum(), self.charts, centres, np.linalg.cholesky(scatter))
         kept = mixture.weights > 1e-4
@@ -146,7 +146,9 @@ class Mixture:
             own = own / max(own.sum(), 1e-300)
             off = coordinates[chart] - own @ coordinates[chart]
             shape = (own[:, None] * off).T @ off
-            shapes[here] = shape + _RIDGE * (np.trace(shape) / d + 1e-12) * np.eye(d)
+            shapes[here] = shape + _MIN_RELATIVE_VARIANCE * (np.trace(shape) / d + 1e-12) * np.eye(
+                d
+            )
         return shapes
 
 

@@ -8,7 +8,7 @@ from scipy.linalg import blas
 
 from ridgebayes._types import FloatArray
 
-_SMALL = 16  # unknowns: systems of fewer are solved faster as a batch than one by one
+_MAX_BATCHED_SIZE = 16  # unknowns: larger systems are solved faster one by one
 
 
 def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
@@ -31,7 +31,7 @@ def solve_lower(factor: FloatArray, right: FloatArray, *, transposed: bool = Fal
     many = np.broadcast_to(right, (*batch, n, m)).reshape(n_batch, n, m)
     if not many.size:
         return np.zeros((*batch, n, m))
-    if n <= _SMALL < n_batch:
+    if n <= _MAX_BATCHED_SIZE < n_batch:
         return _substituted(left, many, transposed).reshape(*batch, n, m)
     out = many.copy(order="C")
     for matrix, x in zip(left, out, strict=True):

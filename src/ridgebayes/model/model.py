@@ -27,10 +27,10 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.model.offsets import Offsets
 from ridgebayes.model.rows import Rows
 
-MAX_COEFFICIENTS = 20  # proposals are fitted to all of them at once
-MAX_LATENT_ROWS = 2_000  # of which one call takes some hundredths of a second
-_LARGEST = 1e100  # coefficients beyond which a rate may overflow
-_DIFFERENCE = 1e-4  # prior sds, of the differences that a form's gradient is compared with
+MAX_COEFFICIENTS = 20  # proposals are fitted to all at once
+MAX_LATENT_ROWS = 2_000  # one call takes some hundredths of a second
+_MAX_COEFFICIENT = 1e100  # rates of larger ones may overflow
+_GRADIENT_STEP = 1e-4  # prior sds: a form's gradient is compared with differences
 _LOG_2PI = math.log(2 * math.pi)
 
 
@@ -168,7 +168,7 @@ class Model:
 
     def log_outer_prior(self, u: FloatArray) -> FloatArray:
         """Return the log prior density of the outer parameters in `u`, shape ``u.shape[:-1]``."""
-        squares: FloatArray = np.square(u.clip(-_LARGEST, _LARGEST)).sum(axis=-1)
+        squares: FloatArray = np.square(u.clip(-_MAX_COEFFICIENT, _MAX_COEFFICIENT)).sum(axis=-1)
         return -0.5 * (squares + self.n_outer * _LOG_2PI)
 
     def log_rates(self, theta: FloatArray) -> FloatArray:
@@ -204,7 +204,7 @@ class Model:
 
         Taken as likelihood zero, it would cut off part of a posterior without a word.
         """
-        near = np.asarray((np.abs(coefficients) < _LARGEST).all(axis=-1))
+        near = np.asarray((np.abs(coefficients) < _MAX_COEFFICIENT).all(axis=-1))
         undefined = (np.isnan(rate) | np.isposinf(rate)) & near[..., None]
         if undefined.any():
             *draw, j = np.argwhere(undefined)[0]
@@ -244,9 +244,9 @@ class Model:
             return
         theta = self.outer_theta(u)
         step = np.zeros(self.n_outer)
-        size = np.abs(self.outer_theta(u + _DIFFERENCE) - theta)[:k]
+        size = np.abs(self.outer_theta(u + _GRADIENT_STEP) - theta)[:k]
         # A vague prior's step may be far wider than the coefficient itself.
-        size = np.where(theta[:k] == 0, size, np.minimum(size, _DIFFERENCE * np.abs(theta[:k])))
+        size = np.where(theta[:k] == 0, size, np.minimum(size, _GRADIENT_STEP * np.abs(theta[:k])))
         step[:k] = size * np.cos(np.arange(k))  # no coefficient, and no pair alike, is left out
         ahead, behind = theta + step, theta - step
         with np.errstate(all="ignore"):

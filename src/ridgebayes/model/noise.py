@@ -17,8 +17,8 @@ from ridgebayes.model.tails import TAILS, Tail
 # half-plane's residual is known by its neighbours to about this; a smaller nugget asks for more
 # digits than double precision has to factorise the covariance, a larger one for less smoothness.
 NUGGET = 1e-8
-LARGEST_NUGGET = 1e-4  # one hundredth of the offset's standard deviation: no longer smooth
-AUTO = "auto"  # in place of an error model: all are weighed
+MAX_NUGGET = 1e-4  # a hundredth of the offset's sd: no longer smooth
+AUTO = "auto"  # all error models are weighed
 SERIES = "series"
 SMOOTH = "step-smooth"
 
@@ -72,9 +72,9 @@ class Noise:
         if self.tail not in self.tails:
             known = ", ".join(self.tails)
             raise InputError(f"noise: expected one of {known}, got tail {self.tail!r}")
-        if not 0 < self.nugget <= LARGEST_NUGGET:
+        if not 0 < self.nugget <= MAX_NUGGET:
             raise InputError(
-                f"nugget: expected a number > 0 and <= {LARGEST_NUGGET:g}, got {self.nugget!r}"
+                f"nugget: expected a number > 0 and <= {MAX_NUGGET:g}, got {self.nugget!r}"
             )
         object.__setattr__(self, "structure", _CANONICAL[self.structure])
 

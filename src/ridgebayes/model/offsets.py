@@ -18,7 +18,7 @@ from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.noise import SERIES, SMOOTH, Noise
 from ridgebayes.model.observations import Observations
 
-LARGEST_REST = 600  # levels beside textures; the cost of a likelihood call grows with their cube
+MAX_OTHER_LEVELS = 600  # beside textures; a likelihood call costs their cube
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,10 +130,10 @@ class Offsets:
         if self._has[SERIES]:
             levels.append(self.n_rest + series)
             self.n_rest += data.n_series
-        if self.n_rest > LARGEST_REST:
+        if self.n_rest > MAX_OTHER_LEVELS:
             raise ComputationError(
                 f"{noise.name}: {self.n_rest} offsets of steps, places and series; expected at "
-                f"most {LARGEST_REST}, since the cost of a likelihood call grows with their cube"
+                f"most {MAX_OTHER_LEVELS}, since a likelihood call costs their cube"
             )
         has_first = self._has["texture"] or slope_sd is not None
         self.n_first = len(data.textures) if has_first else 0

@@ -8,8 +8,8 @@ from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.model.model import Model
 from ridgebayes.model.offsets import Offsets
 
-_AT_ONCE = 2**20  # numbers of covariances: 8 MB
-_ROUNDS_MAX = 1_000  # of prior draws, before the form is said to fit no such draw
+_BATCH_SIZE = 2**20  # numbers of covariances, 8 MB
+_MAX_ROUNDS = 1_000  # of prior draws without a load
 
 
 def simulate_log_loads(
@@ -98,7 +98,7 @@ def _offsets(offsets: Offsets, eta: FloatArray, scores: FloatArray) -> FloatArra
     """
     lead, flat = eta.shape[:-1], eta.reshape(-1, eta.shape[-1])
     scores = scores.reshape(scores.shape[0], len(flat), offsets.n_level) if lead else scores
-    step = max(_AT_ONCE // max(offsets.n_smooth**2, 1), 1)
+    step = max(_BATCH_SIZE // max(offsets.n_smooth**2, 1), 1)
     parts = []
     for i in range(0, len(flat), step):
         part = scores if not lead else scores[:, i : i + step]
@@ -136,7 +136,7 @@ def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
     """
     joint = JointPrior(model.priors.values())
     found, n_found = [], 0
-    for _ in range(_ROUNDS_MAX):
+    for _ in range(_MAX_ROUNDS):
         theta = joint.rvs(rng, n)
         theta = theta[is_possible(model, theta)]
         found.append(theta)
@@ -144,6 +144,6 @@ def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
         if n_found >= n:
             return np.concatenate(found)[:n]
     raise ComputationError(
-        f"{model.form.name}: {n_found} of {_ROUNDS_MAX * n} prior draws have positive rates; "
+        f"{model.form.name}: {n_found} of {_MAX_ROUNDS * n} prior draws have positive rates; "
         f"expected at least {n}"
     )

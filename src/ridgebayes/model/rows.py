@@ -20,7 +20,7 @@ from ridgebayes.model.tails import Tail
 
 # Relative standard error that a load has at least where rows share offsets: the tolerance of
 # half-plane loads. Rows that agree to rounding would leave sigma without a lower bound.
-LEAST_REL_SE = 1e-8
+MIN_REL_SE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Rows:
         form : Form
             Contact form.
         share_offsets : bool, optional
-            Whether rows share offsets; none is known better than `LEAST_REL_SE` then.
+            Whether rows share offsets; none is known better than `MIN_REL_SE` then.
 
         Raises
         ------
@@ -86,7 +86,7 @@ class Rows:
             lower[counts] = data.log_load[counts] - 2 * np.log(later)
         exact = data.is_exact
         lower[exact] = upper[exact]
-        rel_se = np.maximum(data.rel_se, LEAST_REL_SE) if share_offsets else data.rel_se
+        rel_se = np.maximum(data.rel_se, MIN_REL_SE) if share_offsets else data.rel_se
         return cls(data.texture, rel_se, exact, data.is_count, upper, lower)
 
     @cached_property

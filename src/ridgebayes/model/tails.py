@@ -23,12 +23,12 @@ _LEGENDRE = tuple(zip(*np.polynomial.legendre.leggauss(16), strict=True))
 _FEW_LEGENDRE = tuple(zip(*np.polynomial.legendre.leggauss(7), strict=True))
 _LAGUERRE = tuple(zip(*np.polynomial.laguerre.laggauss(24), strict=True))
 # Half an interval times the rate its log density changes at: up to here the nodes give 1e-13 of P.
-_PANEL = 2.5
+_MAX_PANEL_RATE = 2.5
 # Student's tail, by z = sqrt(df) sinh v: beyond this v a binomial series in cosh^-2 v, the highest
 # power first, gives it to rounding; before, Laguerre's nodes give 1e-13 from this df log cosh v on.
-_OUTER = 2.0
+_MIN_SERIES_V = 2.0
 _SERIES = tuple((k, math.comb(2 * k, k) / 4**k) for k in range(13, -1, -1))
-_FAR = 600.0  # exponent of the lower tail, from where it underflows
+_MAX_EXPONENT = 600.0  # the lower tail underflows beyond it
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Tail(ABC):
 
     name: ClassVar[str]
     parameter_names: ClassVar[tuple[str, ...]]
-    _widest_panel: ClassVar[float] = _PANEL
+    _widest_panel: ClassVar[float] = _MAX_PANEL_RATE
     _legendre: ClassVar[tuple[tuple[float, float], ...]] = _LEGENDRE
 
     @abstractmethod
@@ -242,8 +242,8 @@ class StudentTail(Tail):
         # sinh b - sinh a = 2 cosh((a + b) / 2) sinh((b - a) / 2): keeps a width known exactly.
         half = np.arcsinh(0.5 * width / root / np.cosh(middle))
         slope = np.tanh(middle)
-        # At least _PANEL: no half-width above 1, for the singularities at pi/2.
-        rate = np.maximum(np.maximum(root, _PANEL), df * np.abs(slope))
+        # At least _MAX_PANEL_RATE: no half-width above 1, for the singularities at pi/2.
+        rate = np.maximum(np.maximum(root, _MAX_PANEL_RATE), df * np.abs(slope))
         log_peak = log_peak + 0.5 * (np.log(df) - df * _log1p_square(np.sinh(middle)))
         return log_peak, slope, half, rate
 
@@ -273,8 +273,8 @@ class StudentTail(Tail):
         u = z / np.sqrt(df)
         log_kernel = _log1p_square(u)
         exponent = 0.5 * df * log_kernel
-        outer = u < -math.sinh(_OUTER)
-        far = ~outer & (exponent > _FAR)
+        outer = u < -math.sinh(_MIN_SERIES_V)
+        far = ~outer & (exponent > _MAX_EXPONENT)
         near = ~outer & ~far
         log_integral = np.empty(u.shape)
         log_integral[outer] = _log_power_series(np.exp(-log_kernel[outer]), df[outer])

@@ -6,7 +6,7 @@ import numpy as np
 from ridgebayes.checks.power_scaling import THRESHOLD
 from ridgebayes.checks.repeat import OUTER
 from ridgebayes.checks.report_data import ReportData
-from ridgebayes.inference.pareto_smoothing import K_MAX
+from ridgebayes.inference.pareto_smoothing import MAX_PARETO_K
 from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
 from ridgebayes.report.figures.gallery import MOST_PARAMETERS
 from ridgebayes.report.wording import (
@@ -118,10 +118,10 @@ def convergence_section(data: ReportData) -> list[Block]:
             badge=6,
         ),
         Text(
-            f"Converged means: importance weights with a Pareto k of at most {K_MAX:g}; R-hat "
-            "under 1.01, bulk and tail ESS of at least 400. Where a second way was taken, a walk "
-            "by emcee, also: over 50 integrated autocorrelation times of every parameter and the "
-            "log posterior; evidences of both ways within four joint standard errors.",
+            f"Converged means: importance weights with a Pareto k of at most {MAX_PARETO_K:g}; "
+            "R-hat under 1.01, bulk and tail ESS of at least 400. Where a second way was taken, a "
+            "walk by emcee, also: over 50 integrated autocorrelation times of every parameter and "
+            "the log posterior; evidences of both ways within four joint standard errors.",
             "note",
         ),
         *(_not_converged(data, name) for name, fit in fits.items() if not fit.converged),

@@ -10,13 +10,13 @@ from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.table.columns import LARGEST_LOAD, LARGEST_WIDTH, LEAST_WIDTH
 
-LARGEST_COUNT = 2**53
+MAX_COUNT = 2**53
 
 
 def even_counts(Q: ArrayLike, least: int = 2) -> FloatArray:
     """Return `Q` as floats, or raise InputError naming them if one is odd or out of range."""
     counts = numbers("Q", Q)
-    if not (np.all((counts >= least) & (counts <= LARGEST_COUNT)) and np.all(counts % 2 == 0)):
+    if not (np.all((counts >= least) & (counts <= MAX_COUNT)) and np.all(counts % 2 == 0)):
         raise InputError(f"Q: expected even and at least {least}, at most 2^53, got {Q!r}")
     return counts
 

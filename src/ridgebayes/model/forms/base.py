@@ -12,7 +12,7 @@ from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import aligned, even_counts, loads, widths
 
-LARGEST_COEFFICIENT = 1e60
+MAX_COEFFICIENT = 1e60
 
 
 @dataclass(frozen=True)
@@ -354,10 +354,10 @@ class Form(ABC):
                 f"{self.name}: theta: expected {len(self.parameter_names)} coefficients on its "
                 f"last axis ({', '.join(self.parameter_names)}), got {values.shape[-1]}"
             )
-        beyond = ~(np.abs(values) <= LARGEST_COEFFICIENT)
+        beyond = ~(np.abs(values) <= MAX_COEFFICIENT)
         if np.any(beyond):
             raise InputError(
-                f"{self.name}: theta: expected finite, -{LARGEST_COEFFICIENT:g} to "
-                f"{LARGEST_COEFFICIENT:g}, got {values[beyond][0]!s}"
+                f"{self.name}: theta: expected finite, -{MAX_COEFFICIENT:g} to "
+                f"{MAX_COEFFICIENT:g}, got {values[beyond][0]!s}"
             )
         return values
