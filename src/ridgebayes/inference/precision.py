@@ -81,17 +81,18 @@ class Precision:
 
     def predictor_variance(self, design: Design) -> FloatArray:
         """Return the variance of each predictor's offset given the rows, shape (n_draw, n)."""
-        root, n_draw = self.root, len(self.diagonal)
-        variance = np.zeros((n_draw, design.n))
-        rest = np.zeros((n_draw, design.n_rest, design.n))
-        for levels in design.rest:
+        root, n_draw, n = self.root, len(self.diagonal), len(design.distinct)
+        variance = np.zeros((n_draw, n))
+        rest = np.zeros((n_draw, design.n_rest, n))
+        for levels in design.rest[:, design.distinct]:
             if root.is_dense:
                 rest += np.swapaxes(root.rest, -1, -2)[:, :, levels]
             else:
-                rest[:, levels, np.arange(design.n)] += root.rest[:, levels]
+                rest[:, levels, np.arange(n)] += root.rest[:, levels]
         if design.first is not None:
-            own = (root.first / self.diagonal)[:, design.first]
+            first = design.first[design.distinct]
+            own = (root.first / self.diagonal)[:, first]
             variance += own**2
-            rest -= self.border[:, :, design.first] * own[:, None, :]
+            rest -= self.border[:, :, first] * own[:, None, :]
         variance += (solve_lower(self.corner, rest) ** 2).sum(axis=-2)
-        return variance
+        return variance[:, design.combination]

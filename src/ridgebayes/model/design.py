@@ -31,6 +31,12 @@ class Design:
         self.first, self.n_first = first, n_first
         self.rest, self.n_rest = rest, n_rest
         self.n = rest.shape[1] if first is None else len(first)
+        every = rest if first is None else np.vstack([first, rest])
+        # A predictor of each combination of levels, and the combination of each predictor.
+        _, self.distinct, combination = np.unique(
+            every, axis=1, return_index=True, return_inverse=True
+        )
+        self.combination = combination.reshape(-1)
         columns = np.arange(self.n)
         factor, column = np.nonzero(rest >= 0)
         # Z' x by sparse products: rows are many, levels few.
