@@ -80,8 +80,8 @@ def bridge_evidence(
     proposals = [_Normal.fitted(part.reshape(-1, n_parameter)) for part in halves]
     results = []
     for k, draws in enumerate(halves):
-        proposal, own = proposals[1 - k], proposals[k]
-        if proposal is None or own is None:
+        proposal, draws_proposal = proposals[1 - k], proposals[k]
+        if proposal is None or draws_proposal is None:
             reason = "the draws of half of the ensembles do not move in every direction"
             return LogEvidence("bridge", math.nan, math.nan, reason)
         candidates = proposal.rvs(rng, draws[..., 0].size)
@@ -89,7 +89,7 @@ def bridge_evidence(
         at_draws = in_z[half:] if k else in_z[:half]
         result = _bridge(
             at_draws - proposal.log_pdf(draws),
-            at_draws - own.log_pdf(draws),
+            at_draws - draws_proposal.log_pdf(draws),
             at_candidates - proposal.log_pdf(candidates),
             iterations_max,
         )

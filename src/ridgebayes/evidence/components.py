@@ -104,8 +104,8 @@ def strength(ln_bf: float, ln_bf_se: float) -> str:
 
 def _parts(noise: str) -> set[str]:
     """Return the factors of an error model, and its tail."""
-    known = Noise.named(noise)
-    return {*known.factors, known.tail}
+    error_model = Noise.named(noise)
+    return {*error_model.factors, error_model.tail}
 
 
 def _log_mean(used: pd.DataFrame) -> tuple[float, float]:

@@ -146,8 +146,8 @@ class WeighedPairs:
     @cached_property
     def evidence(self) -> pd.DataFrame:
         """Columns of `evidence.csv`, a row for each pair."""
-        found = {key: [one.evidence] for key, one in self.weighed.items()}
-        return evidence_table(found, self.prior_odds)
+        evidences = {key: [pair.evidence] for key, pair in self.weighed.items()}
+        return evidence_table(evidences, self.prior_odds)
 
     def selected(self) -> Noise:
         """Return the error model that is printed.
@@ -160,7 +160,7 @@ class WeighedPairs:
         ComputationError
             If no pair has draws.
         """
-        drawn = {key: one.evidence.value for key, one in self.weighed.items() if one.drawn}
+        drawn = {key: pair.evidence.value for key, pair in self.weighed.items() if pair.drawn}
         if used_evidence(self.evidence).empty and drawn:
             return self.pairs[max(drawn, key=lambda key: drawn[key])].noise
         return selected_error_model(self.evidence)
@@ -205,11 +205,11 @@ class WeighedPairs:
                 if drawn is None:
                     continue
                 tasks.append(_Completion(self.pairs[form, noise], drawn, round(weight * n_kept)))
-        found: dict[str, dict[str, Posterior]] = {form: {} for form in forms}
+        by_form: dict[str, dict[str, Posterior]] = {form: {} for form in forms}
         for task, posterior in zip(tasks, in_parallel(_completed, tasks, executor), strict=True):
             form, noise = task.pair.key
-            found[form][noise] = posterior
-        return found
+            by_form[form][noise] = posterior
+        return by_form
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,9 +293,9 @@ def weigh_pairs(
     }
     if progress is not None:
         progress(f"{len(pairs)} evidences")
-    found = dict(zip(pairs, in_parallel(weigh, list(pairs.values()), executor), strict=True))
+    weighed = dict(zip(pairs, in_parallel(weigh, list(pairs.values()), executor), strict=True))
     for _ in range(_MAX_DOUBLINGS):
-        again = [key for key in pairs if not found[key].evidence.ok and _counts(found, key)]
+        again = [key for key in pairs if not weighed[key].evidence.ok and _counts(weighed, key)]
         if not again:
             break
         if progress is not None:
@@ -303,18 +303,18 @@ def weigh_pairs(
         for key in again:
             pairs[key] = replace(pairs[key], effort=pairs[key].effort.doubled)
         results = in_parallel(weigh, [pairs[key] for key in again], executor)
-        found |= dict(zip(again, results, strict=True))
-    for key, one in found.items():
-        if one.drawn is not None and not one.evidence.ok and not _counts(found, key):
-            found[key] = replace(one, evidence=one.evidence.kept())
-    return WeighedPairs(pairs, found)
+        weighed |= dict(zip(again, results, strict=True))
+    for key, result in weighed.items():
+        if result.drawn is not None and not result.evidence.ok and not _counts(weighed, key):
+            weighed[key] = replace(result, evidence=result.evidence.kept())
+    return WeighedPairs(pairs, weighed)
 
 
-def _counts(found: Mapping[tuple[str, str], Weighed], key: tuple[str, str]) -> bool:
+def _counts(weighed: Mapping[tuple[str, str], Weighed], key: tuple[str, str]) -> bool:
     """Return whether a pair's evidence is near enough to the best for its error to matter."""
-    values = [one.evidence.value for one in found.values()]
+    values = [result.evidence.value for result in weighed.values()]
     best = max((value for value in values if math.isfinite(value)), default=math.nan)
-    return bool(found[key].evidence.value > best - MAX_LN_EVIDENCE_GAP)
+    return bool(weighed[key].evidence.value > best - MAX_LN_EVIDENCE_GAP)
 
 
 class Task(Protocol):

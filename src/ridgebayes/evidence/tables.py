@@ -28,14 +28,14 @@ EVIDENCE_COLUMNS = [
 
 
 def evidence_table(
-    found: Mapping[tuple[str, str], Sequence[LogEvidence]],
+    estimates: Mapping[tuple[str, str], Sequence[LogEvidence]],
     prior_odds: Mapping[str, float] | None = None,
 ) -> pd.DataFrame:
     """Return evidences by form, error model and method, and model probabilities.
 
     Parameters
     ----------
-    found : mapping of (str, str) to sequence of LogEvidence
+    estimates : mapping of (str, str) to sequence of LogEvidence
         By names of form and error model. The first whose status is ok is the one that Bayes factors
         and probabilities use.
     prior_odds : mapping of str to float, optional
@@ -47,13 +47,13 @@ def evidence_table(
     pandas.DataFrame
         Columns of `evidence.csv`. Probabilities are of pairs, each with a sum of 1.
     """
-    used = {key: next((e for e in methods if e.ok), None) for key, methods in found.items()}
-    odds = {key: (prior_odds or {}).get(key[0], 1.0) for key in found}
-    prior = {key: odds[key] / sum(odds.values()) for key in found}
+    used = {key: next((e for e in methods if e.ok), None) for key, methods in estimates.items()}
+    odds = {key: (prior_odds or {}).get(key[0], 1.0) for key in estimates}
+    prior = {key: odds[key] / sum(odds.values()) for key in estimates}
     weight = {key: e.value + math.log(prior[key]) for key, e in used.items() if e is not None}
     total = logsumexp([-math.inf, *weight.values()])
     rows = []
-    for key, methods in found.items():
+    for key, methods in estimates.items():
         for e in methods:
             chosen = e is used[key]
             share = math.exp(weight[key] - total) if chosen else math.nan
@@ -83,10 +83,10 @@ def error_model_weights(evidence: pd.DataFrame, form: str) -> dict[str, float]:
         Posterior probabilities given the form, of those above one per cent; they sum to 1.
     """
     used = used_evidence(evidence)
-    own = used[used["form"] == form].set_index("noise")["log_evidence"]
-    if own.empty:
+    log_evidence = used[used["form"] == form].set_index("noise")["log_evidence"]
+    if log_evidence.empty:
         return {}
-    share = np.exp(own - logsumexp(own))
+    share = np.exp(log_evidence - logsumexp(log_evidence))
     heavy = share[share >= MIN_PAIR_WEIGHT]
     return {str(name): float(weight) for name, weight in (heavy / heavy.sum()).items()}
 

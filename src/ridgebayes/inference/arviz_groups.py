@@ -178,13 +178,13 @@ def _parameters(model: Model, theta: FloatArray) -> Variables:
 def _log_prior(fit: Posterior) -> Variables:
     """Return the log prior density of each parameter at the draws."""
     model = fit.model
-    found: dict[str, FloatArray] = {}
+    log_priors: dict[str, FloatArray] = {}
     theta = fit.draws.reshape(len(fit.chains.u), -1, model.n_parameter)
     for i, (name, prior) in enumerate(model.priors.items()):
         is_K = isinstance(model.form, PowerLaw) and i < model.n_coefficient
         key, value = "K" if is_K else name, prior.log_pdf(theta[..., i])
-        found[key] = found[key] + value if key in found else value
-    return {name: (SAMPLE, value) for name, value in found.items()}
+        log_priors[key] = log_priors[key] + value if key in log_priors else value
+    return {name: (SAMPLE, value) for name, value in log_priors.items()}
 
 
 def _predictive(fit: Posterior) -> dict[str, Variables]:

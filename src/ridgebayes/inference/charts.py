@@ -171,19 +171,19 @@ def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
 def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray]:
     """Return further least squares, from starts two prior sds away, that fit about as well."""
     best = float(np.sqrt(np.mean(_linearised(integral, base)[1] ** 2)))
-    found: list[FloatArray] = []
+    minima: list[FloatArray] = []
 
     def is_new(u: FloatArray) -> bool:
-        return all(np.abs(u - other).max() > _MIN_DISTANCE for other in (base, *found))
+        return all(np.abs(u - other).max() > _MIN_DISTANCE for other in (base, *minima))
 
     for start in np.concatenate([np.eye(len(base)), -np.eye(len(base))]) * _START_DISTANCE:
         near = _least_squares(integral, start, scale=max(best, _MIN_RESIDUAL_SCALE), n_pass=1)
         if is_new(near):
             u = _least_squares(integral, near)
             size = float(np.sqrt(np.mean(_linearised(integral, u)[1] ** 2)))
-            if is_new(u) and size < 2 * best and len(found) < _MAX_GROUPS:
-                found.append(u)
-    return found
+            if is_new(u) and size < 2 * best and len(minima) < _MAX_GROUPS:
+                minima.append(u)
+    return minima
 
 
 def _refuse_perfect_rows(integral: LatentIntegral, base: FloatArray) -> None:
@@ -249,18 +249,18 @@ def _groups(
     jacobian, residual = _linearised(integral, base)
     if n < 2 * (k + 1) or not np.isfinite(residual).all():
         return []
-    found: list[tuple[float, FloatArray, IntArray]] = []
+    candidates: list[tuple[float, FloatArray, IntArray]] = []
     for _ in range(_N_CANDIDATE):
         rows = rng.choice(n, k + 1, replace=False)
         for _ in range(4):  # the nearest rows and their own fit, until these settle
             step = np.linalg.lstsq(jacobian[rows], -residual[rows], rcond=None)[0]
             rows = np.argsort(np.abs(residual + jacobian @ step), kind="stable")[:n_near]
         size = float(np.abs(residual + jacobian @ step)[rows].max())
-        found.append((size, np.asarray(step, float), rows))
+        candidates.append((size, np.asarray(step, float), rows))
     largest = _SD_PER_MEDIAN_DEVIATION * float(np.median(np.abs(residual)))
     steps = [np.zeros(k)]
     references = []
-    for size, step, rows in sorted(found, key=lambda candidate: candidate[0]):
+    for size, step, rows in sorted(candidates, key=lambda candidate: candidate[0]):
         apart = [np.sqrt(np.mean((jacobian @ (step - other)) ** 2)) for other in steps]
         if len(steps) <= _MAX_GROUPS and size < largest and min(apart) > _MIN_GROUP_DISTANCE * size:
             steps.append(step)

@@ -66,7 +66,7 @@ class Walk:
         return int(self.u.shape[1])
 
 
-_ARRAYS = tuple(one.name for one in fields(Walk) if one.name != "random_states")
+_ARRAYS = tuple(entry.name for entry in fields(Walk) if entry.name != "random_states")
 
 
 @dataclass(frozen=True)
@@ -153,9 +153,9 @@ class Checkpoint:
 
 def _digest(fingerprint: str, arrays: Mapping[str, Any]) -> str:
     """Return what tells that a walk came back as it went: HDF5 does not look for flipped bits."""
-    found = hashlib.sha256(fingerprint.encode())
+    digest = hashlib.sha256(fingerprint.encode())
     for name, values in arrays.items():
         kind = np.asarray(values)
-        found.update(f"{name} {kind.dtype.str} {kind.shape}".encode())
-        found.update(np.ascontiguousarray(kind).data)
-    return found.hexdigest()
+        digest.update(f"{name} {kind.dtype.str} {kind.shape}".encode())
+        digest.update(np.ascontiguousarray(kind).data)
+    return digest.hexdigest()

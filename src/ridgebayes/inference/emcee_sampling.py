@@ -106,7 +106,7 @@ def _ensemble(density: _Density, n_walker: int, moves: str) -> Any:
         return density(u)
 
     kinds = (_independence(density), emcee.moves.DEMove(), emcee.moves.StretchMove())
-    shares = [one for one in zip(kinds, MOVES[moves], strict=True) if one[1] > 0]
+    shares = [move for move in zip(kinds, MOVES[moves], strict=True) if move[1] > 0]
     d = len(density.target.names)
     ensemble = emcee.EnsembleSampler(n_walker, d, density, vectorize=True, moves=shares)
     ensemble.compute_log_prob = compute_log_prob

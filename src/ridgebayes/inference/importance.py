@@ -202,7 +202,7 @@ def _evidence(
         )
     relative = np.exp(together - value)
     within = float(relative.std()) / math.sqrt(len(relative))
-    between = np.exp([log_mean(one) - value for one in weights])
+    between = np.exp([log_mean(log_weight) - value for log_weight in weights])
     # The larger of what the weights and what the scatter of the four sets say.
     se = max(within, float(between.std(ddof=1)) / math.sqrt(len(weights)))
     gap = abs(log_mean(np.concatenate(halves)) - value)
@@ -246,19 +246,21 @@ def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture
 def _modes(target: Target, rng: np.random.Generator) -> Mixture:
     """Return a mixture of the normal approximations at the modes."""
     k, d = target.n_centred, len(target.names)
-    found = []
+    components = []
     for chart in range(target.n_chart):
         starts = _START_SD * rng.standard_normal((N_START, d))
         starts[:, :k] = 0.0  # the centre of the coefficients given all else
         starts[: N_START // 4, :k] = rng.standard_normal((N_START // 4, k))
         modes = find_modes(partial(target.approximate, chart), starts)
-        found += [(chart, mode) for mode in modes]
-    if not found:
+        components += [(chart, mode) for mode in modes]
+    if not components:
         raise ComputationError(
             f"{target.name}: expected starts of positive density, got none of {N_START}"
         )
-    heaviest = max(mode.log_mass for _, mode in found)
-    kept = [(chart, mode) for chart, mode in found if mode.log_mass > heaviest - _MAX_LOG_MASS_GAP]
+    heaviest = max(mode.log_mass for _, mode in components)
+    kept = [
+        (chart, mode) for chart, mode in components if mode.log_mass > heaviest - _MAX_LOG_MASS_GAP
+    ]
     # Tempered, since Laplace's masses are rough.
     mass = np.exp([0.5 * (mode.log_mass - heaviest) for _, mode in kept])
     return Mixture(
@@ -289,11 +291,15 @@ def log_weights(draws: Evaluated, proposals: Sequence[Mixture]) -> tuple[FloatAr
     Weights are of density over the mixture of the proposals, which made equal numbers of draws.
     """
     with np.errstate(all="ignore"):
-        terms = [one.log_density(draws.coordinates, draws.log_jacobian) for one in proposals]
+        terms = [
+            proposal.log_density(draws.coordinates, draws.log_jacobian) for proposal in proposals
+        ]
         log_q = log_sum(np.stack(terms)) - math.log(len(terms))
         usable = np.isfinite(log_q) & np.isfinite(draws.coordinates).all(axis=(0, 2))
-        both = np.where(usable, np.stack([draws.log_density, draws.from_half]) - log_q, -np.inf)
-    return both[0], both[1]
+        log_weight = np.where(
+            usable, np.stack([draws.log_density, draws.from_half]) - log_q, -np.inf
+        )
+    return log_weight[0], log_weight[1]
 
 
 def effective_share(log_weight: FloatArray) -> float:

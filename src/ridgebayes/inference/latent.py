@@ -133,19 +133,19 @@ class LatentIntegral:
                 prepared = self.prepared(eta) if prepared is None else prepared
             if self._groups is not None and prepared is not None:
                 value = self._log_likelihood(log_rates, prepared)
-                found = Estimate(value, value, nothing)
+                estimate = Estimate(value, value, nothing)
             elif not self.n_level:
                 error, scale, df = self._errors(log_rates, eta)
                 value = self.rows.log_density(error, scale, self.tail, df).sum(axis=-1)
-                found = Estimate(value, value, nothing)
+                estimate = Estimate(value, value, nothing)
             elif prepared is not None:
                 batch = self._batch(log_rates, prepared)
-                found = self._points.estimated(batch, rng, n_point)
+                estimate = self._points.estimated(batch, rng, n_point)
             prior = self.model.log_outer_prior(u)
             value, from_half = (
-                np.where(possible & np.isfinite(x), x + prior, -np.inf) for x in found[:2]
+                np.where(possible & np.isfinite(x), x + prior, -np.inf) for x in estimate[:2]
             )
-        return Estimate(value, from_half, found.scores)
+        return Estimate(value, from_half, estimate.scores)
 
     def approximate(self, u: FloatArray, prepared: "Prepared") -> FloatArray:
         """Return the log density of draws, by Laplace's approximation where it is not exact.
@@ -176,8 +176,8 @@ class LatentIntegral:
             normal = rng.standard_normal((len(eta), self.n_level))
             n_first = self.design.n_first
             more = precision.back(normal[:, :n_first, None], normal[:, n_first:, None])
-            both = (first + more[0][..., 0], rest + more[1][..., 0])
-            parts.append(np.concatenate(both, axis=1))
+            scores = (first + more[0][..., 0], rest + more[1][..., 0])
+            parts.append(np.concatenate(scores, axis=1))
         return np.concatenate(parts)
 
     def _parts(self, u: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -344,12 +344,12 @@ class LatentIntegral:
         scores : ndarray of float, shape (n_draw, n_level)
             Scores of the error model's own offsets.
         """
-        eta, own = theta[:, self.model.n_coefficient :], self.model.offsets.own()
+        eta, own_offsets = theta[:, self.model.n_coefficient :], self.model.offsets.own()
         with np.errstate(all="ignore"):
             offset: FloatArray | float = 0.0
-            if own.n_level:
-                first, rest = scores[:, : own.n_first], scores[:, own.n_first :]
-                offset = own.design.spread(*own.root(eta).times(first, rest))
+            if own_offsets.n_level:
+                first, rest = scores[:, : own_offsets.n_first], scores[:, own_offsets.n_first :]
+                offset = own_offsets.design.spread(*own_offsets.root(eta).times(first, rest))
             error = self.rows.errors(self.model.log_rates(theta), offset)
             df = eta[:, -1:] if self.tail.parameter_names else None
             return self.rows.log_density(error, self.rows.scale(eta[:, 0]), self.tail, df)

@@ -152,9 +152,9 @@ class AllRows:
             raise ComputationError("no row is left to fit")
         rest = rest_of(self.model, left)
         if len(self.u) and rest.outer_names == self.model.outer_names:
-            found = self._weighed(rest, seed)
-            if found is not None:
-                return found
+            weighed = self._weighed(rest, seed)
+            if weighed is not None:
+                return weighed
         drawn = _drawn(rest, self.effort, seed)
         stride = max(drawn.log_density.size // _N_KEPT, 1)
         u, scores = (
@@ -172,8 +172,8 @@ class AllRows:
     def _weighed(self, rest: Model, seed: int) -> LeftOut | None:
         """Return the same from weighed draws; None where too few of them count."""
         rng = stream(seed, "weights")
-        found = LatentIntegral(rest).estimated(self.u, rng, self.effort.n_point)
-        joint = self.log_density - found.log_density  # equal priors: the density of what is left
+        estimate = LatentIntegral(rest).estimated(self.u, rng, self.effort.n_point)
+        joint = self.log_density - estimate.log_density  # equal priors: the density of what is left
         log_weight, shape = pareto_smoothed(-joint)
         least = max(_MIN_EFFECTIVE_SHARE, _MIN_EFFECTIVE_DRAWS / len(joint))
         if not (shape <= _MAX_PARETO_K and effective_share(log_weight) >= least):
@@ -185,7 +185,7 @@ class AllRows:
         ladder, n = np.cumsum(weight), min(_N_KEPT, len(weight))
         index = np.searchsorted(ladder, (np.arange(n) + 0.5) / n * ladder[-1])
         value = float(top) + math.log(mean)
-        draws = self.u[index], found.scores[index]
+        draws = self.u[index], estimate.scores[index]
         return LeftOut(rest, *draws, value, se, "weights", self.status)
 
 

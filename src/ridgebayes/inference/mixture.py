@@ -119,7 +119,7 @@ class PosteriorMixture:
             Normalised, natural log; -inf where a parameter is outside its support.
         """
         theta, joint = np.asarray(theta, dtype=float), JointPrior(self.transforms)
-        low, high = np.array([one.support for one in self.transforms]).T
+        low, high = np.array([transform.support for transform in self.transforms]).T
         inside = ((theta > low) & (theta < high)).all(axis=-1)
         with np.errstate(all="ignore"):
             z = np.where(inside[..., None], joint.scores(theta), 0.0)
@@ -136,7 +136,7 @@ class PosteriorMixture:
             As `to_json` writes it.
         """
         arrays = {key: getattr(self, key).tolist() for key in _ARRAYS}
-        transforms = [to_dict(one) for one in self.transforms]
+        transforms = [to_dict(transform) for transform in self.transforms]
         named = {"format": _FORMAT, "names": list(self.names), "transforms": transforms}
         return named | arrays | self.about
 
@@ -171,19 +171,19 @@ class PosteriorMixture:
         """
         # Damage turns up as errors of many kinds.
         with refusing(f"{path}: expected a file of PosteriorMixture.to_json"):
-            given = json.loads(read_text(Path(path), LARGEST_TEXT))
-            names = tuple(map(str, given.pop("names")))
-            transforms = tuple(map(from_dict, given.pop("transforms")))
-            weights, means, covariances = (np.array(given.pop(key), float) for key in _ARRAYS)
+            content = json.loads(read_text(Path(path), LARGEST_TEXT))
+            names = tuple(map(str, content.pop("names")))
+            transforms = tuple(map(from_dict, content.pop("transforms")))
+            weights, means, covariances = (np.array(content.pop(key), float) for key in _ARRAYS)
             k, d = len(weights), len(transforms)
             shapes = [weights.shape, means.shape, covariances.shape, (len(names),)]
-            if given.pop("format") != _FORMAT or shapes != [(k,), (k, d), (k, d, d), (d,)]:
+            if content.pop("format") != _FORMAT or shapes != [(k,), (k, d), (k, d, d), (d,)]:
                 raise ValueError("another format, or numbers of other shapes")
             np.linalg.cholesky(covariances)
             positive = (weights > 0).all() and abs(weights.sum() - 1) < 1e-9
             if not (positive and np.isfinite(means).all()):
                 raise ValueError("weights that do not add up to 1, or means that are not finite")
-            made = cls(names, transforms, weights, means, covariances, given)
+            made = cls(names, transforms, weights, means, covariances, content)
             repr(made)
         return made
 
@@ -261,7 +261,7 @@ def _chosen(z: FloatArray, rng: np.random.Generator) -> tuple[int, dict[str, flo
         scores.append(np.logaddexp.reduce(np.concatenate(halves, axis=1)))
         if k > 1 and scores[-1].mean() < scores[-2].mean():
             break
-    means = [float(one.mean()) for one in scores]
+    means = [float(score.mean()) for score in scores]
     behind = scores[int(np.argmax(means))] - np.array(scores)
     near = behind.mean(axis=1) <= behind.std(axis=1) / len(z) ** 0.5
     return 1 + int(np.argmax(near)), {str(k): mean for k, mean in enumerate(means, 1)}
@@ -291,12 +291,12 @@ def _fitted(z: FloatArray, k: int, rng: np.random.Generator) -> _Arrays:
 
 def _log_densities(z: FloatArray, mixture: _Arrays) -> FloatArray:
     """Return log weight and density of each component, shape (n_component, ...)."""
-    found = []
+    terms = []
     for weight, mean, covariance in zip(*mixture, strict=True):
         inverse = np.linalg.inv(np.linalg.cholesky(covariance))
         height = np.log(weight) + np.log(np.diag(inverse)).sum()
-        found.append(height - 0.5 * (((z - mean) @ inverse.T) ** 2 + _LOG_2PI).sum(axis=-1))
-    return np.stack(found)
+        terms.append(height - 0.5 * (((z - mean) @ inverse.T) ** 2 + _LOG_2PI).sum(axis=-1))
+    return np.stack(terms)
 
 
 def _distance(mixture: PosteriorMixture, theta: FloatArray, seed: int) -> Json:
@@ -306,7 +306,9 @@ def _distance(mixture: PosteriorMixture, theta: FloatArray, seed: int) -> Json:
     drawn = mixture.rvs(_N_COMPARED, rng=stream(seed, "mixture", "distance"))
     sd, apart = theta.std(axis=0), np.abs(np.corrcoef(drawn.T) - np.corrcoef(theta.T)).max()
     shift, ratio = (drawn.mean(axis=0) - theta.mean(axis=0)) / sd, drawn.std(axis=0) / sd
-    found: Json = {"mean_shift_in_sd": shift, "sd_ratio": ratio}
-    found["kolmogorov_smirnov"] = ks_2samp(drawn, theta).statistic
-    found = {key: dict(zip(mixture.names, v.tolist(), strict=True)) for key, v in found.items()}
-    return found | {"largest_correlation_difference": float(apart), "n_compared": _N_COMPARED}
+    distances: Json = {"mean_shift_in_sd": shift, "sd_ratio": ratio}
+    distances["kolmogorov_smirnov"] = ks_2samp(drawn, theta).statistic
+    distances = {
+        key: dict(zip(mixture.names, v.tolist(), strict=True)) for key, v in distances.items()
+    }
+    return distances | {"largest_correlation_difference": float(apart), "n_compared": _N_COMPARED}

@@ -81,17 +81,17 @@ def _searched(
         longest = np.abs(step).max(axis=1, keepdims=True)
         step *= np.minimum(1, _MAX_STEP / np.maximum(longest, 1e-300))
         tried = x[active] + np.array(_STEP_FACTORS)[:, None, None] * step
-        found = log_density(tried.reshape(-1, d)).reshape(len(_STEP_FACTORS), -1)
-        found = np.where(np.isnan(found), -np.inf, found)
-        which, each = found.argmax(axis=0), np.arange(len(active))
-        gain = found[which, each] - value[active]
+        densities = log_density(tried.reshape(-1, d)).reshape(len(_STEP_FACTORS), -1)
+        densities = np.where(np.isnan(densities), -np.inf, densities)
+        which, column = densities.argmax(axis=0), np.arange(len(active))
+        gain = densities[which, column] - value[active]
         moved = gain > 0
         here = active[moved]
         if not len(here):
             break
-        new = tried[which, each][moved]
+        new = tried[which, column][moved]
         change, before = new - x[here], gradient[here]
-        x[here], value[here] = new, found[which, each][moved]
+        x[here], value[here] = new, densities[which, column][moved]
         gradient[here] = _gradients(log_density, new)
         inverse[here] = _updated(inverse[here], change, before - gradient[here])
         active = here[gain[moved] > _MIN_GAIN]
@@ -131,9 +131,11 @@ def _approximated(log_density: Density, x: FloatArray, value: float) -> FoundMod
         for i in range(d)
         for j in range(d)
     ]
-    found = log_density(x + np.array(corners)).reshape(2, 2, d, d)
-    found = np.where(np.isfinite(found), found, value - 1.0)
-    hessian = (found[0, 0] - found[0, 1] - found[1, 0] + found[1, 1]) / (4 * size**2)
+    densities = log_density(x + np.array(corners)).reshape(2, 2, d, d)
+    densities = np.where(np.isfinite(densities), densities, value - 1.0)
+    hessian = (densities[0, 0] - densities[0, 1] - densities[1, 0] + densities[1, 1]) / (
+        4 * size**2
+    )
     curvature, vectors = np.linalg.eigh(-0.5 * (hessian + hessian.T))
     variance = 1 / np.maximum(curvature, _MIN_CURVATURE)
     factor = np.linalg.cholesky((vectors * variance) @ vectors.T)

@@ -65,9 +65,9 @@ class Stored:
 
 def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool = True) -> None:
     """Write a fit, whole or not at all; unless complete, without what is only for arviz."""
-    told = attributes(fit)
+    origin = attributes(fit)
     attrs: dict[str, Any] = {
-        **told,
+        **origin,
         "ridgebayes_version": __version__,
         "form": fit.form.name,
         "noise": fit.noise.name,
@@ -84,7 +84,7 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool
     if fit.noise.nugget != NUGGET:
         attrs["nugget"] = fit.noise.nugget
     groups = labelled_groups(fit, complete=complete)
-    write_groups(groups, path, attrs, told if complete else {})
+    write_groups(groups, path, attrs, origin if complete else {})
 
 
 def write_groups(
@@ -150,7 +150,7 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) ->
         with h5py.File(io.BytesIO(content), "r") as file:
             check_tree(file, str(path))
             groups = {
-                name: {key: _cells(one) for key, one in file[name].items()}
+                name: {key: _cells(variable) for key, variable in file[name].items()}
                 for name in _READ
                 if name in file
             }
@@ -179,9 +179,9 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) ->
         ) from None
 
 
-def _cells(one: Any) -> NDArray[Any]:
+def _cells(variable: Any) -> NDArray[Any]:
     """Return the values of a dataset; text as str."""
-    return np.asarray(one.asstr()[()] if one.dtype.kind in "OS" else one[()])
+    return np.asarray(variable.asstr()[()] if variable.dtype.kind in "OS" else variable[()])
 
 
 def _fit_of(stored: Stored) -> Posterior:
@@ -222,7 +222,8 @@ def _fit_of(stored: Stored) -> Posterior:
         raise ValueError("summary of other parameters")
     summary = summary.astype(dict.fromkeys(SUMMARY_COLUMNS[1:], float))
     if not all(
-        isinstance(one, str) for one in (*convergence_failures, *chains.convergence_failures)
+        isinstance(failure, str)
+        for failure in (*convergence_failures, *chains.convergence_failures)
     ):
         raise ValueError("missing is not text")
     sampler = stored.attrs.get("sampler", "emcee")
@@ -250,7 +251,7 @@ def _check_shapes(data: Observations, chains: Chains) -> None:
     """Raise ValueError if rows or draws are not of one length, or not numbers."""
     n, n_texture = len(data.Q), len(data.textures)
     rows = (data.texture, data.log_load, data.rel_se, data.log_lower, data.is_count, data.series)
-    if not n or any(one.shape != (n,) for one in rows) or len(data.labels) != n_texture:
+    if not n or any(columnues.shape != (n,) for columnues in rows) or len(data.labels) != n_texture:
         raise ValueError("rows of different numbers")
     if data.texture.min() < 0 or data.texture.max() >= n_texture:
         raise ValueError("a row of no texture")
@@ -258,7 +259,7 @@ def _check_shapes(data: Observations, chains: Chains) -> None:
         raise ValueError("a row of no series")
     widths = np.array([data.a_over_R, data.b_over_R])
     finite = (widths, data.log_load, data.rel_se, chains.u, chains.log_density, chains.acceptance)
-    if not chains.u.size or not all(np.isfinite(one).all() for one in finite):
+    if not chains.u.size or not all(np.isfinite(columnues).all() for columnues in finite):
         raise ValueError("numbers that are not finite")
     if not (widths > 0).all():
         raise ValueError("a width that is not above 0")

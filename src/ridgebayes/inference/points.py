@@ -122,9 +122,9 @@ class PointIntegral:
             self.rows, batch.error, batch.scale, self.tail, batch.df, batch.prior_variance
         )
         for _ in range(_MAX_PASSES):
-            given = self._given(working, batch.root)
-            variance = given.precision.predictor_variance(self.design)
-            before, working = working.weight, working.renewed(given.offset, variance)
+            normal = self._given(working, batch.root)
+            variance = normal.precision.predictor_variance(self.design)
+            before, working = working.weight, working.renewed(normal.offset, variance)
             changed = np.abs(working.weight - before) * variance > _MAX_PRECISION_CHANGE
             if changed.any(axis=1).mean() < _MAX_UNSETTLED_SHARE:
                 break
@@ -182,8 +182,8 @@ class PointIntegral:
         log_prior = -0.5 * (rest**2 + _LOG_2PI).sum(axis=-2)
         if wide.any():
             share = wide.mean()
-            both = math.log1p(-share) + log_density, math.log(share) + log_prior
-            log_density = np.logaddexp(*both)
+            terms = math.log1p(-share) + log_density, math.log(share) + log_prior
+            log_density = np.logaddexp(*terms)
         return np.moveaxis(rest, -1, 0), (log_prior - log_density).T
 
     def _first_points(
@@ -242,8 +242,8 @@ class PointIntegral:
         log_q = _log_logistic(t) + np.log(precision.diagonal)
         if n_at_rows:
             top = np.maximum.reduceat(log_rows[..., self._order], self._begins, axis=-1)
-            each = np.exp(log_rows - top[..., self.rows.texture])
-            mean = np.add.reduceat(each[..., self._order], self._begins, axis=-1)
+            relative = np.exp(log_rows - top[..., self.rows.texture])
+            mean = np.add.reduceat(relative[..., self._order], self._begins, axis=-1)
             log_mean = top + np.log(mean / self._n_in_texture) + np.log(root.first)
             share = n_at_rows / n
             log_q = np.logaddexp(log_q + math.log(1 - share), log_mean + math.log(share))
@@ -263,23 +263,25 @@ class PointIntegral:
         pick = (stratum[:, None, None, None] + u) / (stratum[-1] + 1) * self._n_in_texture
         row = self._order[self._begins + np.minimum(pick.astype(int), self._n_in_texture - 1)]
         scale = np.broadcast_to(batch.scale, (*error.shape[1:-1], len(self.rows.upper)))
-        own = np.take_along_axis(np.broadcast_to(scale, row.shape[:-1] + scale.shape[-1:]), row, -1)
+        row_scale = np.take_along_axis(
+            np.broadcast_to(scale, row.shape[:-1] + scale.shape[-1:]), row, -1
+        )
         here = np.take_along_axis(
             np.broadcast_to(error, row.shape[:-1] + error.shape[-1:]), row, -1
         )
         t = self.tail.rvs(rng, batch.df, row.shape)
-        return np.nan_to_num((here - own * t) / batch.root.first, posinf=1e30, neginf=-1e30)
+        return np.nan_to_num((here - row_scale * t) / batch.root.first, posinf=1e30, neginf=-1e30)
 
 
 def _primes(n: int) -> FloatArray:
     """Return the first n primes."""
-    found: list[int] = []
+    primes: list[int] = []
     candidate = 2
-    while len(found) < n:
-        if all(candidate % prime for prime in found if prime * prime <= candidate):
-            found.append(candidate)
+    while len(primes) < n:
+        if all(candidate % prime for prime in primes if prime * prime <= candidate):
+            primes.append(candidate)
         candidate += 1
-    return np.array(found, float)
+    return np.array(primes, float)
 
 
 def _logistic(u: FloatArray) -> FloatArray:

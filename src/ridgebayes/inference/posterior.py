@@ -322,8 +322,8 @@ def completed(
         return np.concatenate([u, first, rest], axis=1)
     eta = model.outer_theta(u)
     total = model.offsets.first_root(eta) * first
-    slopes, own = model.slopes_given(total, eta, rng)
+    slopes, texture_offset = model.slopes_given(total, eta, rng)
     parts = [slopes, u]
     if "texture" in model.noise.factors:
-        parts.append(own / model.offsets.tau("texture", eta)[:, None])
+        parts.append(texture_offset / model.offsets.tau("texture", eta)[:, None])
     return np.concatenate([*parts, rest], axis=1)

@@ -76,8 +76,8 @@ class Precision:
 
     def solve(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return M^-1 x of one column, (..., n)."""
-        both = self.back(*self.half(first[..., None], rest[..., None]))
-        return both[0][..., 0], both[1][..., 0]
+        solution = self.back(*self.half(first[..., None], rest[..., None]))
+        return solution[0][..., 0], solution[1][..., 0]
 
     def predictor_variance(self, design: Design) -> FloatArray:
         """Return the variance of each predictor's offset given the rows, shape (n_draw, n)."""
@@ -91,8 +91,8 @@ class Precision:
                 rest[:, levels, np.arange(n)] += root.rest[:, levels]
         if design.first is not None:
             first = design.first[design.distinct]
-            own = (root.first / self.diagonal)[:, first]
-            variance += own**2
-            rest -= self.border[:, :, first] * own[:, None, :]
+            diagonal_part = (root.first / self.diagonal)[:, first]
+            variance += diagonal_part**2
+            rest -= self.border[:, :, first] * diagonal_part[:, None, :]
         variance += (solve_lower(self.corner, rest) ** 2).sum(axis=-2)
         return variance[:, design.combination]

@@ -110,7 +110,7 @@ class Mixture:
         coordinates, log_jacobian = coordinates[:, some], log_jacobian[:, some]
         weights = weights[some]
         d, n_effective = self.centres.shape[1], 1 / (weights**2).sum()
-        own = coordinates[self.charts]
+        points = coordinates[self.charts]
         mixture, shapes = self, self._common_shapes(coordinates, log_jacobian, weights)
         for _ in range(_N_EM_STEP):
             terms, squares = mixture._terms(coordinates, log_jacobian)
@@ -118,9 +118,9 @@ class Mixture:
             mass = share.sum(axis=1)
             narrow = share * (DF + d) / (DF + squares)
             total = np.maximum(narrow.sum(axis=1), 1e-300)
-            centres = (narrow[:, None] @ own)[:, 0] / total[:, None]
+            centres = (narrow[:, None] @ points)[:, 0] / total[:, None]
             centres = np.where(mass[:, None] > 1e-12, centres, mixture.centres)
-            off = own - centres[:, None]
+            off = points - centres[:, None]
             scatter = np.swapaxes(narrow[..., None] * off, 1, 2) @ off
             prior = _COMMON_DRAWS / n_effective
             scatter = (scatter + prior * shapes) / (mass + prior)[:, None, None]
@@ -142,10 +142,10 @@ class Mixture:
         d, shapes = self.centres.shape[1], np.empty_like(self.factors)
         for chart in np.unique(self.charts).tolist():
             here = self.charts == chart
-            own = share[here].sum(axis=0)
-            own = own / max(own.sum(), 1e-300)
-            off = coordinates[chart] - own @ coordinates[chart]
-            shape = (own[:, None] * off).T @ off
+            weight = share[here].sum(axis=0)
+            weight = weight / max(weight.sum(), 1e-300)
+            off = coordinates[chart] - weight @ coordinates[chart]
+            shape = (weight[:, None] * off).T @ off
             shapes[here] = shape + _MIN_RELATIVE_VARIANCE * (np.trace(shape) / d + 1e-12) * np.eye(
                 d
             )

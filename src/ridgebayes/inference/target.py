@@ -125,19 +125,19 @@ class ModelTarget:
         k = self.n_centred
         prepared = self.integral.prepared(self._error_parameters(q))
         with np.errstate(all="ignore"):
-            each = [chart.conditional(prepared) for chart in self.charts]
+            conditionals = [chart.conditional(prepared) for chart in self.charts]
             u = q
             if charts is not None and k:
-                u = np.choose(charts[:, None], [one.to_scores(q) for one in each])
-            coordinates = np.stack([one.from_scores(u) for one in each])
-            log_jacobian = np.stack([one.log_jacobian for one in each])
+                u = np.choose(charts[:, None], [normal.to_scores(q) for normal in conditionals])
+            coordinates = np.stack([normal.from_scores(u) for normal in conditionals])
+            log_jacobian = np.stack([normal.log_jacobian for normal in conditionals])
             usable = np.asarray(np.isfinite(u).all(axis=1))
             within = np.where(usable[:, None], u, 0.0)
-            found = self.integral.estimated(within, rng, n_point, prepared)
+            estimate = self.integral.estimated(within, rng, n_point, prepared)
         log_density, from_half = (
-            np.where(usable, value, -np.inf) for value in (found.log_density, found.from_half)
+            np.where(usable, value, -np.inf) for value in (estimate.log_density, estimate.from_half)
         )
-        return Evaluated(u, log_density, from_half, found.scores, coordinates, log_jacobian)
+        return Evaluated(u, log_density, from_half, estimate.scores, coordinates, log_jacobian)
 
     def approximate(self, chart: int, q: FloatArray) -> FloatArray:
         """Return the log density in a chart's coordinates, by Laplace's method where inexact."""

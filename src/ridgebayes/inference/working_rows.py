@@ -83,12 +83,12 @@ class WorkingRows:
         weight, mean = self.weight.copy(), self.mean.copy()
         n, exact = len(self.rows.upper), np.flatnonzero(self.rows.exact)
         if self.df is not None and len(exact):
-            own = self.variance[:, exact]
+            row_variance = self.variance[:, exact]
             square = (self.mean - offset)[:, exact] ** 2
             share = np.minimum((spread * self.weight)[:, exact], 1.0)
             # The offset adds a share of the row's own variance. With the share kept the mean
             # variance is solved for, where putting it in takes a pass for each factor df + 1.
-            weight[:, exact] = (self.df + 1 - share) / (self.df * own + square)
+            weight[:, exact] = (self.df + 1 - share) / (self.df * row_variance + square)
         here = np.concatenate([np.flatnonzero(~self.rows.exact), np.arange(n, offset.shape[1])])
         if len(here):
             weight[:, here], mean[:, here] = self._intervals(here, offset, spread)
@@ -100,15 +100,15 @@ class WorkingRows:
         """Return working weights and responses of intervals' ends."""
         rows, n = self.rows, len(self.rows.upper)
         of_row = np.concatenate([np.arange(n), rows.counts])[here]
-        own = self.variance[:, of_row]
+        row_variance = self.variance[:, of_row]
         if self.df is not None:  # the normal of the same Fisher information
-            own = own * (self.df + 3) / (self.df + 1)
+            row_variance = row_variance * (self.df + 3) / (self.df + 1)
         is_lower, is_count = here >= n, rows.is_count[of_row]
         high = np.where(is_lower, np.inf, self.error[:, here])
         low = np.where(is_lower, self.error[:, here], -np.inf)
         low = np.where(is_count, low, high - (rows.upper - rows.lower)[of_row])
         at, spread = offset[:, here], spread[:, here]
-        sd = np.sqrt(spread + own)
+        sd = np.sqrt(spread + row_variance)
         alpha, beta = (low - at) / sd, (high - at) / sd
         log_p = _NORMAL.log_probability(alpha, beta, None)
 

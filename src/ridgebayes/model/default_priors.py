@@ -67,19 +67,21 @@ def default_priors(
     >>> list(default_priors(Hybrid()))
     ['c1', 'c2', 'sigma']
     """
-    own = {name: one for name, one in (given or {}).items() if name not in NOISE_PRIORS}
-    priors = {
-        name: own.get(name) if one is None else one
-        for name, one in coefficient_priors(form).items()
+    coefficients = {
+        name: prior for name, prior in (given or {}).items() if name not in NOISE_PRIORS
     }
-    lost = [name for name, one in priors.items() if one is None]
-    if lost:
+    priors = {
+        name: coefficients.get(name) if prior is None else prior
+        for name, prior in coefficient_priors(form).items()
+    }
+    missing = [name for name, prior in priors.items() if prior is None]
+    if missing:
         raise InputError(
-            f"{form.name}: expected a prior of {', '.join(map(repr, lost))}, got none; only c, c1, "
-            "c2 have defaults, pass priors={name: prior}"
+            f"{form.name}: expected a prior of {', '.join(map(repr, missing))}, got none; only c, "
+            "c1, c2 have defaults, pass priors={name: prior}"
         )
-    found = {name: one for name, one in priors.items() if one is not None}
-    return found | {name: NOISE_PRIORS[name] for name in (noise or Noise()).parameter_names}
+    complete = {name: prior for name, prior in priors.items() if prior is not None}
+    return complete | {name: NOISE_PRIORS[name] for name in (noise or Noise()).parameter_names}
 
 
 def coefficient_priors(form: Form) -> dict[str, Distribution | None]:
@@ -93,12 +95,12 @@ def coefficient_priors(form: Form) -> dict[str, Distribution | None]:
     if isinstance(form, PowerLaw):
         names = zip(form.parameter_names, form.textures, strict=True)
         return {name: slope_prior(texture, {}) for name, texture in names}
-    known: dict[str, Distribution] = {
+    priors: dict[str, Distribution] = {
         "c": LogNormal(1.0 if form.name == "half-plane" else HERTZ, 0.1),
         "c1": LogNormal(HERTZ, 0.1),
         "c2": Normal(0.0, 0.05),
     }
-    return {name: known.get(name) for name in form.parameter_names}
+    return {name: priors.get(name) for name in form.parameter_names}
 
 
 def replaced_priors(
@@ -125,21 +127,21 @@ def replaced_priors(
     InputError
         If a prior is of no parameter, or has another support than the default.
     """
-    own = dict(given or {})
+    replaced = dict(given or {})
     slopes = {}
-    if isinstance(form, PowerLaw) and SLOPES in own:
-        slopes = {SLOPES: own.pop(SLOPES)}
+    if isinstance(form, PowerLaw) and SLOPES in replaced:
+        slopes = {SLOPES: replaced.pop(SLOPES)}
         names = zip(form.parameter_names, form.textures, strict=True)
-        own = {name: slope_prior(texture, slopes) for name, texture in names} | own
-    known = default_priors(form, noise, own)
-    for name, prior in own.items():
-        default = known.get(name)
+        replaced = {name: slope_prior(texture, slopes) for name, texture in names} | replaced
+    defaults = default_priors(form, noise, replaced)
+    for name, prior in replaced.items():
+        default = defaults.get(name)
         if default is None or prior.support[0] < default.support[0]:
             raise InputError(
-                f"prior of {name!r}: expected one of {', '.join(known)}, with the support of "
+                f"prior of {name!r}: expected one of {', '.join(defaults)}, with the support of "
                 f"its default, got {prior}"
             )
-    return known | own, slopes
+    return defaults | replaced, slopes
 
 
 def slope_prior(texture: Texture, slopes: Mapping[str, Distribution]) -> Distribution:

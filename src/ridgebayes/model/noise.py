@@ -70,8 +70,8 @@ class Noise:
         if self.structure not in _CANONICAL:
             raise InputError(f"noise: expected {_STRUCTURE}, got structure {self.structure!r}")
         if self.tail not in self.tails:
-            known = ", ".join(self.tails)
-            raise InputError(f"noise: expected one of {known}, got tail {self.tail!r}")
+            expected = ", ".join(self.tails)
+            raise InputError(f"noise: expected one of {expected}, got tail {self.tail!r}")
         if not 0 < self.nugget <= MAX_NUGGET:
             raise InputError(
                 f"nugget: expected a number > 0 and <= {MAX_NUGGET:g}, got {self.nugget!r}"
@@ -116,7 +116,7 @@ class Noise:
         plain = cls.every()
         if n_series < 2:
             return plain
-        return plain + tuple(cls(f"{one.structure}+{SERIES}", one.tail) for one in plain)
+        return plain + tuple(cls(f"{noise.structure}+{SERIES}", noise.tail) for noise in plain)
 
     @property
     def name(self) -> str:
@@ -136,10 +136,10 @@ class Noise:
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the error model's own parameters, after the form's coefficients."""
-        own = [name for factor in self.factors for name in _PARAMETERS[factor]]
+        names = [name for factor in self.factors for name in _PARAMETERS[factor]]
         # Lengths after every tau, whatever they belong to.
-        own.sort(key=lambda name: not name.startswith("tau_"))
-        return ("sigma", *own, *self.distribution.parameter_names)
+        names.sort(key=lambda name: not name.startswith("tau_"))
+        return ("sigma", *names, *self.distribution.parameter_names)
 
     @property
     def caution(self) -> str | None:

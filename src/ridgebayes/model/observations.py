@@ -174,9 +174,10 @@ def refuse_circular(table: ContactTable, form: Form) -> None:
     """Raise InputError if the form would be fitted to rows that its own equation made."""
     if form.name != "half-plane":
         return
-    own = int((table.calibration.column("solver") == "half-plane").sum())
-    if own:
+    n_half_plane = int((table.calibration.column("solver") == "half-plane").sum())
+    if n_half_plane:
         raise InputError(
-            f"{table.where}: {own} calibration rows have solver 'half-plane'. The half-plane form "
-            "is not compared on rows that its own equation generated: that would be circular"
+            f"{table.where}: {n_half_plane} calibration rows have solver 'half-plane'. The "
+            "half-plane form is not compared on rows that its own equation generated: that would be "
+            "circular"
         )

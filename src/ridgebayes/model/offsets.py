@@ -111,8 +111,8 @@ class Offsets:
         texture = np.concatenate([data.texture, data.texture[counts]])
         series = np.concatenate([data.series, data.series[counts]])
         # A count of 2 says nothing of load(2): its own level is a dummy of infinite load.
-        own = np.where(data.is_count & (data.Q == 2), data.Q + 2, data.Q)
-        Q = np.concatenate([own, data.Q[counts] + 2])
+        placed_counts = np.where(data.is_count & (data.Q == 2), data.Q + 2, data.Q)
+        Q = np.concatenate([placed_counts, data.Q[counts] + 2])
         levels: list[IntArray] = []
         self.n_smooth = self.n_rest = 0
         if self._has["step"]:
@@ -207,8 +207,10 @@ class Offsets:
         if not np.array_equal(place, np.arange(n)):
             value = value.reshape(*eta.shape[:-1], n * n)[..., place[:, None] * n + place]
         if design.first is not None:
-            own = np.where(np.eye(self.n_first, dtype=bool), self.first_root(eta)[..., None], 0.0)
-            value = value + (own**2)[..., design.first[:, None], design.first]
+            first_block = np.where(
+                np.eye(self.n_first, dtype=bool), self.first_root(eta)[..., None], 0.0
+            )
+            value = value + (first_block**2)[..., design.first[:, None], design.first]
         for series in design.rest[1:]:
             tau = self.tau(SERIES, eta)[..., None, None]
             value = value + tau**2 * (series[:, None] == series)
@@ -248,8 +250,8 @@ class Offsets:
             return None
         factor = self._rest_root(eta)[0][:, :n, :n]
         inverse = solve_lower(factor, np.broadcast_to(np.eye(n), factor.shape))
-        own = scores[:, self.n_first : self.n_first + n]
-        return inverse, np.einsum("dml,dm->dl", inverse, own)
+        smooth_scores = scores[:, self.n_first : self.n_first + n]
+        return inverse, np.einsum("dml,dm->dl", inverse, smooth_scores)
 
     def at(
         self,
@@ -294,10 +296,12 @@ class Offsets:
                 mean = mean + tau * first[:, [j]]
         if self._has["step"]:
             place = np.searchsorted(self._steps, Q)
-            known = np.append(self._steps, -1)[place] == Q
+            is_calibrated = np.append(self._steps, -1)[place] == Q
             tau = self.tau("step", eta)[:, None]
-            mean = mean + np.where(known, tau * rest[:, np.where(known, place, 0)], 0.0)
-            variance = variance + np.where(known, 0.0, tau**2)
+            mean = mean + np.where(
+                is_calibrated, tau * rest[:, np.where(is_calibrated, place, 0)], 0.0
+            )
+            variance = variance + np.where(is_calibrated, 0.0, tau**2)
         if prepared is not None:
             more = self._smooth_at(texture, Q, eta, *prepared)
             mean, variance = mean + more[0], variance + more[1]
@@ -327,8 +331,8 @@ class Offsets:
 
 def _steps(data: Observations) -> IntArray:
     """Return every count at which a row depends on a load."""
-    own = data.Q[~data.is_count | (data.Q >= 4)]
-    return np.unique(np.concatenate([own, data.Q[data.is_count] + 2]))
+    counts = data.Q[~data.is_count | (data.Q >= 4)]
+    return np.unique(np.concatenate([counts, data.Q[data.is_count] + 2]))
 
 
 def _coordinates(Q: IntArray, ratio: FloatArray) -> FloatArray:

@@ -71,33 +71,37 @@ def resolve_priors(
     defaults[OF_ERRORS] = {
         name: NOISE_PRIORS[name] for noise in noises for name in noise.parameter_names
     }
-    found: dict[str, dict[str, Distribution]] = {}
-    for owner, own in (given or {}).items():
-        if owner not in defaults or not isinstance(own, Mapping):
-            known = ", ".join(sorted(defaults))
-            raise InputError(f"{where}: expected one of {known}, got {clipped(str(owner))}")
-        found[owner] = {}
-        for name in sorted(own, key=lambda name: name != SLOPES):  # that of one slope comes later
-            value, every = own[name], [name]
+    resolved: dict[str, dict[str, Distribution]] = {}
+    for owner, texts in (given or {}).items():
+        if owner not in defaults or not isinstance(texts, Mapping):
+            expected = ", ".join(sorted(defaults))
+            raise InputError(f"{where}: expected one of {expected}, got {clipped(str(owner))}")
+        resolved[owner] = {}
+        for name in sorted(texts, key=lambda name: name != SLOPES):  # that of one slope comes later
+            value, every = texts[name], [name]
             if owner == PowerLaw.name and name == SLOPES:
                 every = list(defaults[owner])
-                value = found[owner][name] = _of_any_texture(value, f"{where}: [{owner}]", folder)
+                value = resolved[owner][name] = _of_any_texture(
+                    value, f"{where}: [{owner}]", folder
+                )
             elif name not in defaults[owner]:
-                known = ", ".join(dict.fromkeys(one.partition("[")[0] for one in defaults[owner]))
+                expected = ", ".join(
+                    dict.fromkeys(parameter.partition("[")[0] for parameter in defaults[owner])
+                )
                 shown = clipped(str(name))
-                raise InputError(f"{where}: [{owner}]: expected one of {known}, got {shown}")
-            for one in every:
-                at, default = f"{where}: [{owner}] {name}", defaults[owner][one]
-                found[owner][one] = _resolved(value, default, at, folder)
-    return found
+                raise InputError(f"{where}: [{owner}]: expected one of {expected}, got {shown}")
+            for parameter in every:
+                at, default = f"{where}: [{owner}] {name}", defaults[owner][parameter]
+                resolved[owner][parameter] = _resolved(value, default, at, folder)
+    return resolved
 
 
 def priors_of(priors: ResolvedPriors | None, form: Form, noise: Noise) -> dict[str, Distribution]:
     """Return the replaced priors that a form under an error model has."""
-    given = priors or {}
-    shared = given.get(OF_ERRORS, {})
-    own = {name: prior for name, prior in shared.items() if name in noise.parameter_names}
-    return {**given.get(form.name, {}), **own}
+    priors_of_owner = priors or {}
+    shared = priors_of_owner.get(OF_ERRORS, {})
+    of_noise = {name: prior for name, prior in shared.items() if name in noise.parameter_names}
+    return {**priors_of_owner.get(form.name, {}), **of_noise}
 
 
 def _resolved(

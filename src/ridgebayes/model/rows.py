@@ -160,9 +160,9 @@ class Rows:
             return tail.log_density(error / scale, df) - np.log(scale)
         value = np.empty((*error.shape[:-1], n))
         if self.exact.any():
-            own = np.broadcast_to(scale, value.shape)[..., self.exact]
-            z = error[..., :n][..., self.exact] / own
-            value[..., self.exact] = tail.log_density(z, df) - np.log(own)
+            scale_of_exact = np.broadcast_to(scale, value.shape)[..., self.exact]
+            z = error[..., :n][..., self.exact] / scale_of_exact
+            value[..., self.exact] = tail.log_density(z, df) - np.log(scale_of_exact)
         value[..., self._intervals] = self._log_probability(error, scale, tail, df)
         return value
 

@@ -64,8 +64,8 @@ def common_shape(**arrays: ArrayLike) -> tuple[int, ...]:
     try:
         return np.broadcast_shapes(*shapes.values())
     except ValueError:
-        told = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
-        raise InputError(f"expected arrays whose shapes broadcast, got {told}") from None
+        shapes_text = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
+        raise InputError(f"expected arrays whose shapes broadcast, got {shapes_text}") from None
 
 
 def aligned(a: FloatArray, b: FloatArray, **others: ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -59,8 +59,10 @@ class PowerLaw(Form):
     def log_rate_gradient(
         self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike
     ) -> FloatArray:
-        own = np.eye(len(self.textures))[self._index(a_over_R, b_over_R)]
-        return own / theta.reshape(theta.shape[:-1] + (1,) * (own.ndim - 1) + theta.shape[-1:])
+        indicator = np.eye(len(self.textures))[self._index(a_over_R, b_over_R)]
+        return indicator / theta.reshape(
+            theta.shape[:-1] + (1,) * (indicator.ndim - 1) + theta.shape[-1:]
+        )
 
     def slope(
         self, a_over_R: ArrayLike, b_over_R: ArrayLike, theta: ArrayLike | None = None
