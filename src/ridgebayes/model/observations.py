@@ -178,6 +178,6 @@ def refuse_circular(table: ContactTable, form: Form) -> None:
     if n_half_plane:
         raise InputError(
             f"{table.where}: {n_half_plane} calibration rows have solver 'half-plane'. The "
-            "half-plane form is not compared on rows that its own equation generated: that would be "
-            "circular"
+            "half-plane form is not compared on rows that its own equation generated: that would "
+            "be circular"
         )
