@@ -66,7 +66,7 @@ def test_predict__refuses_interlocking_of_round_corners(fits):
     texture = {"ridge_width": 0.05, "groove_width": 0.0375, "corner_radius": 0.0125}
     scene = rb.Scene.from_dict({"texture": texture, "load": {"p_over_E": 0.0167}})
     drawn = rb.friction_inputs(fits["hybrid"], scene, 2, n=20, rng=1, edges=True)
-    with pytest.raises(InputError, match="needs sharp corners.*corner_radius.*kappa=0"):
+    with pytest.raises(InputError, match=r"needs sharp corners.*corner_radius.*kappa=0"):
         rb.FrictionModel().predict(drawn)
     assert len(rb.FrictionModel(kappa=0).predict(drawn, rng=1).bands) == 2
 

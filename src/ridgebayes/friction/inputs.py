@@ -60,7 +60,11 @@ _VARIABLES = {
     "youngs_modulus": ("d", "Pa", "Young's modulus"),
     "edge_x": ("dle", "R", "where contact ends, from the body's axis; NaN beyond the last edge"),
     "edge_side": ("dle", "1", "-1 left, 1 right; 0 beyond the last edge"),
-    "edge_K": ("dle", "E sqrt(R)", "pressure near the edge is K/sqrt(2 pi r); NaN at a round corner"),
+    "edge_K": (
+        "dle",
+        "E sqrt(R)",
+        "pressure near the edge is K/sqrt(2 pi r); NaN if round",
+    ),
     "edge_G": ("dle", "E R", "(1 - nu^2) K^2/(2 E): force on the body, into the groove; NaN as K"),
 }
 _DIMS = {"d": "draw", "l": "load", "e": "edge"}
