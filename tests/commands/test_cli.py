@@ -1096,6 +1096,7 @@ def test_design__a_goal_that_nothing_meets_is_no_failure(command, run, finger):
     said = command(*words, "-o", "d")
     assert said.code == 0
     assert "0 of 25 textures meet the goal; the nearest misses it by" in said.out
+    assert "times the load" in said.out
     assert "beyond what was calibrated: Q" in said.err
     content = json.loads(Path("d/design.json").read_text())
     assert (content["feasible"], content["recommended"]) == (False, None)
@@ -1110,6 +1111,7 @@ def test_design__a_goal_that_nothing_meets_is_no_failure(command, run, finger):
         (("--goal", GOAL, "--goal", "P(Q <= 6) >= 0.9"), "contradict each other"),
         (("--goal", GOAL, "--a", "0.03:0.02"), "a: expected bounds 0 < LO <= HI"),
         (("--goal", GOAL, "--b", "0.03"), "--b '0.03': expected LO:HI"),
+        (("--goal", GOAL, "--a", "0.1 mm:0.3"), "expected two lengths with units, or two over R"),
         (("--goal", GOAL, "--step", "10 kg"), "--step '10 kg': must be a number and a unit"),
         (("--goal", GOAL, "--step", "wide"), "--step 'wide'"),
         (("--goal", GOAL, "--tolerance", "a lot"), "tolerance 'a lot'"),

@@ -60,8 +60,15 @@ def test_contact__asks_for_edges_with_forces():
         rb.FrictionModel().predict(dataset(edges=False))
     found = rb.FrictionModel(kappa=0).predict(dataset(edges=False))
     assert "interlocking" not in set(found.shares["name"])
-    with pytest.raises(InputError, match="expected sharp ridges, or kappa=0"):
-        rb.FrictionModel().predict(dataset().assign(edge_G=dataset()["edge_G"] * np.nan))
+
+
+def test_predict__refuses_interlocking_of_round_corners(fits):
+    texture = {"ridge_width": 0.05, "groove_width": 0.0375, "corner_radius": 0.0125}
+    scene = rb.Scene.from_dict({"texture": texture, "load": {"p_over_E": 0.0167}})
+    drawn = rb.friction_inputs(fits["hybrid"], scene, 2, n=20, rng=1, edges=True)
+    with pytest.raises(InputError, match=r"needs sharp corners.*corner_radius.*kappa=0"):
+        rb.FrictionModel().predict(drawn)
+    assert len(rb.FrictionModel(kappa=0).predict(drawn, rng=1).bands) == 2
 
 
 def test_predict__known_parameters_give_the_sum_of_terms():

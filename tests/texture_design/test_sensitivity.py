@@ -1,4 +1,4 @@
-"""Shares, reliability and measurements against closed forms."""
+"""Shares and measurements against closed forms."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,6 @@ import ridgebayes as rb
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.texture_design.bodies import Bodies, Tolerance
 from ridgebayes.texture_design.drawn_loads import drawn_loads
-from ridgebayes.texture_design.form_reliability import form_reliability
 from ridgebayes.texture_design.goal_values import Value
 from ridgebayes.texture_design.goals import parse_goals
 from ridgebayes.texture_design.next_simulation import _information, next_simulation
@@ -123,59 +122,6 @@ def test_what_to_measure__resolves_what_the_closed_form_says(fit, log_load):
             expected = first_order((1 - left**2) * (own / total) ** 2, 0.5)
             assert found.loc[(name, left), "resolved"] == pytest.approx(expected, rel=0.4)
     assert (found["probability_low"] <= found["probability_high"]).all()
-
-
-@pytest.mark.parametrize("failure", [1e-1, 1e-2, 1e-3, 1e-4])
-def test_form__of_normal_logs_is_exact(fit, log_load, failure):
-    mean, sd = log_load
-    total = np.hypot(np.hypot(SD_MODULUS, SD_LOAD), sd)
-    beta = stats.norm.isf(failure)
-    found = form_reliability(sources_at(fit, mean + beta * total), failure, 0.01 * failure)
-    assert found["trusted"]
-    # Exact but for the error's own spread over draws, and that of nodes.
-    assert found["beta"] == pytest.approx(beta, rel=2e-3)
-    assert found["probability"] == pytest.approx(failure, rel=0.03)
-    assert found["importance"]["body"] == pytest.approx((SD_MODULUS / total) ** 2, abs=2e-3)
-    assert sum(found["importance"].values()) == pytest.approx(1)
-
-
-def test_form__adds_the_ways_to_fail(fit, log_load):
-    mean, sd = log_load
-    total = np.hypot(np.hypot(SD_MODULUS, SD_LOAD), sd)
-    one = form_reliability(sources_at(fit, mean + total), 0.1, 0.001)
-    both = form_reliability(sources_at(fit, mean + total, "P(8 <= Q <= 8) >= 0.5"), 0.1, 0.001)
-    # Loads of Q = 10 lie 2 ln(4/3) above those of Q = 8.
-    passed = stats.norm.sf((2 * np.log(4 / 3) - total) / total)
-    assert both["probability"] - one["probability"] == pytest.approx(passed, rel=0.01)
-
-
-@pytest.mark.parametrize(
-    ("probability", "se", "why"),
-    [
-        (0.2, 0.001, "differs from Monte Carlo by more than 20 %"),
-        (0.1, 0.02, "too coarse"),
-        (0.0, 0.0, "too coarse"),
-    ],
-)
-def test_form__says_when_it_is_not_to_be_trusted(fit, log_load, probability, se, why):
-    mean, sd = log_load
-    sources = sources_at(fit, mean + np.hypot(np.hypot(SD_MODULUS, SD_LOAD), sd))
-    found = form_reliability(sources, probability, se)
-    assert not found["trusted"]
-    assert why in found["why"]
-
-
-@pytest.mark.slow
-def test_form__needs_functions_of_normal_scores(fit):
-    scene = {
-        "body": {"radius": "8 mm", "youngs_modulus": lambda rng: 60e3 * rng.uniform(0.9, 1.1)},
-        "texture": {"ridge_width": "0.18 mm", "groove_width": "0.16 mm"},
-        "load": {"max": "0.6 kPa"},
-    }
-    sizes = {"a": (0.02, 0.03), "b": (0.02, 0.03), "step": 0.005}
-    found = rb.design(fit, rb.Scene.from_dict(scene), "P(Q >= 6) >= 0.5", sizes=sizes)
-    assert found.form_reliability["beta"] is None
-    assert "draws, not functions of normal scores" in found.form_reliability["why"]
 
 
 def test_sources__that_a_scene_correlates_are_one_group(fit):

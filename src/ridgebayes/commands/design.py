@@ -54,7 +54,11 @@ def command(asked: options.Design) -> Answer:
 
 def _over_radius(text: str, body: Body) -> float:
     """Return a length over the radius, of a text with a unit or a number."""
-    return body.over_radius(text) if re.search(r"[^\W\d_eE]", text) else float(text)
+    return body.over_radius(text) if _has_unit(text) else float(text)
+
+
+def _has_unit(text: str) -> bool:
+    return re.search(r"[^\W\d_eE]", text) is not None
 
 
 def _length(text: str, option: str, body: Body) -> float:
@@ -73,6 +77,8 @@ def _bounds(text: str, option: str, body: Body) -> tuple[float, float]:
     low, colon, high = text.partition(":")
     if not colon:
         raise InputError(f"{option} {text!r}: expected LO:HI, such as 0.01:0.04 or '80 um:320 um'")
+    if _has_unit(low) != _has_unit(high):
+        raise InputError(f"{option} {text!r}: expected two lengths with units, or two over R")
     return _length(low, option, body), _length(high, option, body)
 
 
@@ -105,15 +111,12 @@ def _answer(found: Design, out: Path, body: Body) -> Answer:
         }
     n = int(found.designs["feasible"].sum())
     told = f"{out}: {n} of {len(found.designs)} textures meet the goal"
-    if not found.feasible:
-        told += f"; the nearest misses it by {-row['margin']:.3g}"
+    if found.limits is not None:
+        told += f"; the nearest misses it by {-row['margin']:.3g}. {found.limits['why']}"
     told += f"\n{found.conditions}"
     warnings = []
     if row["extrapolation"]:
         warnings.append(f"the texture lies beyond what was calibrated: {row['extrapolation_of']}")
-    reliability = found.form_reliability
-    if reliability["beta"] is not None and not reliability["trusted"]:
-        warnings.append(f"do not trust first-order reliability: {reliability['why']}")
     shares = found.shares[found.shares["of"] == "Q"].sort_values("total_order", ascending=False)
     orders = {"first_order": "alone", "total_order": "with interactions"}
     shown = shares[["source", *orders]].rename(columns=orders)

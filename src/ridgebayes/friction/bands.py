@@ -73,7 +73,10 @@ class FrictionInputs:
         if edges:
             side, G = value["edge_side"], value["edge_G"]
             if np.isnan(G[side != 0]).any():
-                raise InputError("inputs: expected sharp ridges, or kappa=0: round ones have no G")
+                raise InputError(
+                    "inputs: interlocking needs sharp corners, and edge_G is NaN (round corners); "
+                    "expected a scene without corner_radius, or FrictionModel(kappa=0)"
+                )
             # Of each side's ridges the edges that face the centre; the mean of both directions.
             proximal = side * np.nan_to_num(value["edge_x"]) < 0
             interlocking = 0.5 * np.where(proximal, G, 0.0).sum(axis=2) / (2 * p)

@@ -35,6 +35,8 @@ SMALL_STRAIN = 0.015  # p/E up to which contact of moderate grooves is within 1 
 _BLOCK = 1_000
 _N_CHECKED, _MOST_LOADS = 24, 10_000
 _LEAST_ERROR = 1e-4
+_PROFILE = ("a", "b", "depth", "corner", "offset")
+_CORNER = _PROFILE.index("corner")
 # Name: dimensions, unit, meaning.
 _VARIABLES = {
     "Q": ("dl", "1", "proximal edges in contact, drawn from the posterior predictive"),
@@ -58,8 +60,12 @@ _VARIABLES = {
     "youngs_modulus": ("d", "Pa", "Young's modulus"),
     "edge_x": ("dle", "R", "where contact ends, from the body's axis; NaN beyond the last edge"),
     "edge_side": ("dle", "1", "-1 left, 1 right; 0 beyond the last edge"),
-    "edge_K": ("dle", "E sqrt(R)", "pressure near the edge is K/sqrt(2 pi r)"),
-    "edge_G": ("dle", "E R", "(1 - nu^2) K^2/(2 E): force on the body, from ridge into groove"),
+    "edge_K": (
+        "dle",
+        "E sqrt(R)",
+        "pressure near the edge is K/sqrt(2 pi r); NaN if round",
+    ),
+    "edge_G": ("dle", "E R", "(1 - nu^2) K^2/(2 E): force on the body, into the groove; NaN as K"),
 }
 _DIMS = {"d": "draw", "l": "load", "e": "edge"}
 
@@ -275,6 +281,7 @@ class InputDraws:
             if self._edges:
                 modulus = 1 / (1 - nu[i][:, None] ** 2)
                 K = np.maximum(found.K, 0.0) * modulus * (p[here] / at)[:, None]
+                K[profiles[i, _CORNER] > 0] = np.nan
                 for name, column in (("x", found.x), ("K", K), ("G", 0.5 * K**2 / modulus)):
                     out[f"edge_{name}"][i, j, : 2 * count] = column
                 out["edge_side"][i, j, : 2 * count] = np.tile([-1, 1], count)
@@ -309,8 +316,7 @@ class InputDraws:
 
 
 def _profiles(bodies: SceneDraws) -> FloatArray:
-    names = ("a", "b", "depth", "corner", "offset")
-    return np.stack([bodies.profile[name] for name in names], axis=1)
+    return np.stack([bodies.profile[name] for name in _PROFILE], axis=1)
 
 
 def _steps(loads: int | ArrayLike) -> tuple[FloatArray, bool]:

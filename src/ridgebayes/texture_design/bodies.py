@@ -79,11 +79,16 @@ class Tolerance:
 
     def check(self, least: float) -> None:
         """Refuse a length that is above a fifth of the smallest width."""
-        if self.is_length and self.size > _LARGEST_SHARE * least:
+        if least < self.least_width:
             raise InputError(
                 f"tolerance: expected at most {_LARGEST_SHARE:.0%} of the smallest width, "
                 f"{least:.4g} R, got {self.size:.4g} R"
             )
+
+    @property
+    def least_width(self) -> float:
+        """Width of which a length is a fifth: the smallest that it may be a tolerance of."""
+        return self.size / _LARGEST_SHARE if self.is_length else 0.0
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:

@@ -58,22 +58,28 @@ def mark_extrapolation(
 
 
 def chosen(designs: pd.DataFrame, objective: str) -> Json:
-    """Return the recommended row, or that which comes nearest where none is feasible."""
-    rows = designs
-    if rows["feasible"].any():
-        rows = rows[rows["feasible"]]
-    else:
-        objective = "margin"
+    """Return the recommended row."""
+    rows = designs[designs["feasible"]]
     for wanted in (~rows["extrapolation"], rows["margin"] >= _SURE * rows["probability_se"]):
         if wanted[rows.index].any():
             rows = rows[wanted[rows.index]]
     if OBJECTIVES[objective] is _margin:  # of margins that cannot be told apart, the coarsest
-        least = rows["margin"].max() - _SURE * (rows["probability_se"] + _ALIKE)
-        rows, objective = rows[rows["margin"] >= least], "max-pitch"
+        rows, objective = alike(rows), "max-pitch"
     # Of equals the first, from the largest margin on.
     rows = rows.sort_values("margin", ascending=False, kind="stable")
     key: FloatArray = OBJECTIVES[objective](rows).to_numpy().round(12)
-    row = rows.iloc[int(np.argmax(key))].to_dict()
+    return plain(rows, int(np.argmax(key)))
+
+
+def alike(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of the largest margin, and those that cannot be told apart from it."""
+    least = rows["margin"].max() - _SURE * (rows["probability_se"] + _ALIKE)
+    return pd.DataFrame(rows[rows["margin"] >= least])
+
+
+def plain(rows: pd.DataFrame, place: int) -> Json:
+    """Return a row as plain values."""
+    row = rows.iloc[place].to_dict()
     return {
         str(name): one.item() if isinstance(one, np.generic) else one for name, one in row.items()
     }

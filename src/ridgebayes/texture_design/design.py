@@ -1,6 +1,5 @@
 """`design`: the textures that meet a goal under all uncertainties, the best of them, and why."""
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -18,19 +17,18 @@ from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
-from ridgebayes.texture_design.choice import OBJECTIVES, chosen, mark_extrapolation
+from ridgebayes.texture_design.choice import OBJECTIVES, alike, chosen, mark_extrapolation, plain
 from ridgebayes.texture_design.drawn_check import drawn_check
 from ridgebayes.texture_design.drawn_loads import drawn_loads
-from ridgebayes.texture_design.form_reliability import form_reliability
 from ridgebayes.texture_design.goal_values import GoalValues, Value
 from ridgebayes.texture_design.goals import LARGEST, Goal, Load, parse_goals, read_loads
 from ridgebayes.texture_design.lattice import lattice
+from ridgebayes.texture_design.limits import Limits, limits
 from ridgebayes.texture_design.next_simulation import next_simulation
 from ridgebayes.texture_design.record import DESIGN_COLUMNS, Design
 from ridgebayes.texture_design.sensitivity import Sources, sobol_shares, what_to_measure
 
-_N_DRAW, _N_SPREAD, _N_PRECISE = 16_384, 4_096, 2**17
-_PRECISE_ROUNDS, _PRECISE_SE = 16, 0.03
+_N_DRAW, _N_SPREAD = 16_384, 4_096
 _N_CHECK = 100_000
 _N_LOADS = 20  # of the objective min-load, where none are given
 
@@ -130,7 +128,11 @@ def design(
         mark_extrapolation(designs, averaged, scene, goals)
         if designs["feasible"].any():
             break
-    best = chosen(designs, objective)
+    limited: Json | None = None
+    if designs["feasible"].any():
+        best = chosen(designs, objective)
+    else:
+        best, limited = _nearest(Limits(values, goals, scene), designs, goals, made)
     texture = (float(best["a_over_R"]), float(best["b_over_R"]))
     tightest = goals[int(best.get("goal", 1)) - 1]
     value = values.at(tightest, *texture)
@@ -153,7 +155,8 @@ def design(
             "goal": tightest.text,
             **drawn_check(averaged, draw, tightest, texture, value, _N_CHECK, seed + 1),
         },
-        *_why(sources, tightest, draw, seed),
+        limited,
+        *_why(sources, tightest, seed),
         next_simulation(_leading(source), _inside(designs), seed),
         about,
     )
@@ -212,28 +215,18 @@ def _leading(source: Fit | Comparison) -> list[list[tuple[Posterior, float]]]:
     return [source.fits[name].averaged for name, _ in probable]
 
 
-def _why(
-    sources: Sources, goal: Goal, draw: Any, seed: int
-) -> tuple[pd.DataFrame, pd.DataFrame, Json]:
-    """Return shares, what to measure, and the reliability index, at one texture."""
+def _nearest(
+    found: Limits, designs: pd.DataFrame, goals: Sequence[Goal], tolerance: Tolerance
+) -> tuple[Json, Json]:
+    """Return the row that comes nearest to goals that no texture meets, and what would do there."""
+    rows = designs[~designs["extrapolation"]]
+    rows = alike(rows if len(rows) else designs)
+    place, factor = found.nearest(rows)
+    best = plain(rows, place)
+    return best, limits(found, best, goals, factor, tolerance)
+
+
+def _why(sources: Sources, goal: Goal, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return shares and what to measure, at one texture; a bound on the spread has no failure."""
     found, measure = sobol_shares(sources, seed + 2), what_to_measure(sources, seed + 4)
-    if goal.is_spread:
-        why = "a bound on the spread has no failure"
-        return (
-            found[found["of"] == "Q"],
-            measure.iloc[:0],
-            {"beta": None, "probability": None, "trusted": False, "why": why},
-        )
-    met = Goal(goal.text, (sources.value.case,), goal.level)
-    total, variance, rounds = 0.0, 0.0, 0
-    while rounds < _PRECISE_ROUNDS:
-        size = partial(draw, seed=seed + 1_000 + rounds)
-        one = GoalValues(sources.loads, size, _N_PRECISE).at(
-            met, *sources.texture, [sources.value.corner]
-        )
-        total, variance, rounds = total + 1 - one.value, variance + one.se**2, rounds + 1
-        if math.sqrt(variance) <= _PRECISE_SE * total:
-            break
-    se = math.sqrt(variance) / rounds
-    reliability = form_reliability(sources, total / rounds, se)
-    return found, measure, reliability
+    return (found[found["of"] == "Q"], measure.iloc[:0]) if goal.is_spread else (found, measure)

@@ -40,15 +40,17 @@ class Design(Tabular):
     designs : pandas.DataFrame
         A row a texture, with the columns of `ridgebayes.texture_design.record.DESIGN_COLUMNS`.
     best : dict
-        The row that is recommended, or, where no texture meets the goals, comes nearest to it.
+        The recommended row, or, where no texture meets the goals, the nearest one: of textures with
+        the largest margin the one whose loads have to change least.
     check : dict
         n, probability and se of an independent run of draws at that texture, and the goal.
+    limits : dict or None
+        Where no texture meets the goals: load_factor and width_factor that would do at the nearest
+        one (None where none would), and why, a sentence.
     shares : pandas.DataFrame
         Sobol indices there, see `texture_design.sensitivity`.
     measure : pandas.DataFrame
         What knowing one source better would do: exactly, and to half its spread.
-    form_reliability : dict
-        beta, probability (of failure), trusted, and why not.
     simulate_next : pandas.DataFrame
         Textures, by how much a simulation would discriminate between the two leading forms.
     options : dict
@@ -75,9 +77,9 @@ class Design(Tabular):
     designs: pd.DataFrame
     best: Json
     check: Json
+    limits: Json | None
     shares: pd.DataFrame
     measure: pd.DataFrame
-    form_reliability: Json
     simulate_next: pd.DataFrame
     options: Json
 
@@ -146,8 +148,8 @@ class Design(Tabular):
         Returns
         -------
         dict
-            goals, feasible, recommended (a row, or None), best, objective, check, shares, measure,
-            form_reliability, simulate_next, options.
+            goals, feasible, recommended (a row, or None), best, objective, check, limits, shares,
+            measure, simulate_next, options.
         """
         return {
             "goals": [goal.text for goal in self.goals],
@@ -156,8 +158,8 @@ class Design(Tabular):
             "best": self.best,
             "objective": self.objective,
             "check": self.check,
+            "limits": self.limits,
             "shares": _rows(self.shares),
-            "form_reliability": self.form_reliability,
             "measure": _rows(self.measure),
             "simulate_next": _rows(self.simulate_next.head(5)),
             "options": self.options,

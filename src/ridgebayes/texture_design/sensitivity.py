@@ -206,7 +206,7 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
     pandas.DataFrame
         Columns of, source, first_order (alone), total_order (with all its interactions), and their
         standard errors. No rows of what varies in so few draws that one of these is above 0.1, such
-        as rare failures, see `form_reliability`.
+        as rare failures.
     """
     groups = sources.groups
     one, other = (sources.draw(_N, seed_of_draws) for seed_of_draws in (seed, seed + 1))
