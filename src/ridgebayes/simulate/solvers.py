@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from ridgebayes._types import NEO_HOOKEAN, FloatArray, IntArray, Json, Ogden
 from ridgebayes.contact import halfplane, hertz, two_scale
 from ridgebayes.contact.contact_solution import load_factor
-from ridgebayes.contact.many_textures import LoadFunction, load_function
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import InputError
 from ridgebayes.scene.effects import FINITE_ELEMENT_ERROR, Plan, full_profile
 from ridgebayes.scene.scene import Scene, Texture
 
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from ridgebayes.contact.cylinder.cylinder import Cylinder, Transition
 
 SOLVERS = ("auto", "hertz", "half-plane", "two-scale", "cylinder-linear", "cylinder-fe")
-_MANY, _MOST_UNLIKE = 200, 1e3  # textures, and ratios of groove to ridge, that one function serves
 # A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
 _MAX_TRANSITIONS = 65_536
 
@@ -60,8 +58,6 @@ class TextureTask:
         Wanted relative error of each load.
     meshes : tuple of int
         Edges of finite elements a ridge, finest first: where one stops, the next goes on.
-    loads : LoadFunction, optional
-        Half-plane loads of sharp, centred textures, as far as it goes.
     version : str
         Of this package, where the task was made.
     """
@@ -72,7 +68,6 @@ class TextureTask:
     solver: str
     rel_tol: float
     meshes: tuple[int, ...]
-    loads: LoadFunction | None = None
     version: str = field(default_factory=lambda: versions()["ridgebayes"])
 
     @property
@@ -110,7 +105,6 @@ class TextureTask:
             "solver": self.solver,
             "rel_tol": self.rel_tol,
             "meshes": list(self.meshes),
-            "loads": None if self.loads is None else list(self.loads.given),
         }
 
 
@@ -361,8 +355,6 @@ def _linear(task: TextureTask) -> _Rows:
 
 def _half_plane(task: TextureTask, n: int) -> tuple[FloatArray, tuple[str, ...]]:
     a, b, nu = task.texture.a_over_R, task.texture.b_over_R, task.scene.nu
-    if task.loads is not None and n <= task.loads.n_transitions:
-        return task.loads(a, b)[0, :n] * (a + b) ** 2 / (1 - nu**2), ("ok",) * n
     loads = halfplane.transition_loads(a, b, n, rel_tol=task.rel_tol)
     return loads.p_over_E(a + b, nu=nu), loads.status
 
@@ -370,22 +362,3 @@ def _half_plane(task: TextureTask, n: int) -> tuple[FloatArray, tuple[str, ...]]
 def _hertz(task: TextureTask, n: int) -> tuple[FloatArray, tuple[str, ...]]:
     a, b, Q = task.texture.a_over_R, task.texture.b_over_R, 4 + 2 * np.arange(n)
     return hertz.transition_load(Q, a, b, nu=task.scene.nu), ("ok",) * n
-
-
-def many_loads(scene: Scene, rel_tol: float) -> LoadFunction | None:
-    """Return half-plane loads as one function where a scene's textures are many.
-
-    Its error is under a tenth of the tolerance, and of 1e-8. None where the textures are too few,
-    or too unlike each other, to save time, or where the function cannot be made to that error.
-    """
-    a, b = np.array([(texture.a_over_R, texture.b_over_R) for texture in scene.textures]).T
-    if len(a) <= _MANY or (b / a).max() > _MOST_UNLIKE * (b / a).min():
-        return None
-    p_max = np.array([scene.highest_load(texture) for texture in scene.textures])
-    n = float((hertz.half_width(p_max, nu=scene.nu) / (a + b)).max())
-    n_transitions = next((k for k in (8, 16, 32) if k > 1.5 * n + 2), 64)
-    low, high = float((b / a).min()), float((b / a).max())
-    try:
-        return load_function(low, high, n_transitions, rel_tol=0.1 * min(rel_tol, 1e-8))
-    except ComputationError:
-        return None
