@@ -21,7 +21,7 @@ from ridgebayes.contact.intervals import (
 from ridgebayes.contact.rigid_profile import Kinks, Profile, RigidSegment, falls
 from ridgebayes.errors import InputError
 
-_MAX_ITERATIONS = 80
+_MAX_ITERATIONS = 200  # ends take steps in turn, more of them where few coefficients are used
 _N_CORNER, _N_VERTEX = 17, 4
 _N_LOOK, _LOOKS = 17, 5  # places in a groove; each look is at an eighth of the one before
 MOST_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
