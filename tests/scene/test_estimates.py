@@ -138,6 +138,8 @@ def test_plan__with_a_tighter_accuracy_simulates_more():
     assert chosen[2] == {*given, FINITE_BODY}
     # Large deformation only for a scene that says what it is worth.
     assert set(planned(**texture)[0].simulated) == given
+    assert FINITE_BODY in planned(p_over_E=0.02, relative=1e-3)[0].simulated
+    assert FINITE_BODY not in planned(p_over_E=0.02)[0].simulated
 
 
 def test_plan__may_neglect_even_the_ridges():

@@ -1,9 +1,9 @@
 """How large each effect of a scene is, and whether it is simulated or neglected.
 
 Effects are neglected, the smallest first, while half as much again as all their estimates together
-stays within the wanted accuracy. What is said of an effect's size comes from one or two solutions at chosen loads, not from the
-simulation that it is to save: the shift of an event is the gap that the effect leaves at the load
-of the event without it, over the slope of that gap.
+stays within the wanted accuracy. Estimates come from one or two solutions at chosen loads, not from
+the simulation that they are to save: the shift of an event is the gap that the effect leaves at the
+load of the event without it, over the slope of that gap.
 """
 
 import math
@@ -158,8 +158,10 @@ class _Base:
         if nu < two_scale.LEAST_NU:
             return math.inf
         loads = np.minimum(self.W / load_factor(nu), two_scale.REACH)
-        sharp, ogden = self.sharp, self.scene.ogden
-        return float(np.max(two_scale.relative_error(loads, sharp.a, sharp.b, nu, ogden)))
+        profile = self.given
+        if self.texture.offset == "uniform":  # the error is largest at a quarter
+            profile = replace(profile, offset=0.25)
+        return float(np.max(two_scale.relative_error(loads, profile, nu, self.scene.ogden)))
 
     @cached_property
     def given(self) -> Profile:
@@ -310,8 +312,9 @@ def _finite_body(base: _Base) -> tuple[Effect, str]:
     if nu >= two_scale.LEAST_NU:
         loads = base.W / load_factor(nu)
         change = np.abs(two_scale.load_of(loads, nu) / loads - 1)
-        estimate = float(np.max(change[np.isfinite(change)], initial=-math.inf))
-    if not 0 <= estimate:
+        if np.isfinite(change).any():
+            estimate = float(np.nanmax(change))
+    if math.isnan(estimate):
         # A compressible surface draws in by (1 - 2 nu)(1 + nu) times its pressure, and loads go as
         # distances squared. One that hangs into a groove by its own width is bent by as much as a
         # body can be.

@@ -168,7 +168,7 @@ def transition_curves(
         with_reach = task.at_half_plane_load() if two_scales else task
         found = _many(with_reach, _half_plane) if sharp else _events(here, with_reach)
         curve = _curve(task, found, "half-plane", how, offset)
-        yield _two_scale(curve, task.scene.ogden) if two_scales else curve
+        yield _two_scale(curve, here, task.scene.ogden) if two_scales else curve
 
 
 def _simulated(task: TextureTask, one: Plan, chosen: str) -> list[str]:
@@ -231,13 +231,11 @@ def chosen_solver(one: Plan, solver: str) -> str:
     return one.solver if solver == "auto" else solver
 
 
-def _two_scale(curve: Json, ogden: Ogden) -> Json:
+def _two_scale(curve: Json, profile: Profile, ogden: Ogden) -> Json:
     """Return a curve of half-plane loads at the loads that do so at large deformation."""
     nu = curve["nu"]
     loads = two_scale.load_of(curve["p_over_E"], nu, ogden)
-    error = two_scale.relative_error(loads, curve["a_over_R"], curve["b_over_R"], nu, ogden)
-    if curve["offset_over_R"]:
-        error = np.hypot(error, two_scale.OFF_CENTRE)
+    error = two_scale.relative_error(loads, profile, nu, ogden)
     said = [
         two_scale.UNCHECKED if one == "ok" and p > two_scale.checked(ogden) else one
         for one, p in zip(curve["status"], loads.tolist(), strict=True)
