@@ -174,6 +174,15 @@ def test_ridge_contacts__of_a_round_ridge_below_the_centre_have_a_closed_load(w,
     np.testing.assert_allclose(ends, w, rtol=1e-9)
 
 
+def test_ridge_contacts__do_not_turn_inside_out_where_both_ends_pull():
+    """A small force on a surface that bulges in the middle: no zero of pressure is near."""
+    field = np.zeros((6, 1))
+    field[[2, 4], 0] = 0.25, -0.05
+    contacts = RidgeContacts(field, np.array([1e-3]), np.ones((2, 1)), 0.0, 1.0)
+    assert (contacts.steps < -0.5).all()
+    assert (1 + contacts.steps).sum() > 0
+
+
 def test_ridge_row__of_the_first_ridges_is_that_of_all():
     row = RidgeRow.of(Profile(0.02, 0.03, offset=0.2), 6, 5, 0.01)
     part, few = row.first(3), np.arange(3)

@@ -102,7 +102,7 @@ class ContactSet:
         stuck = [one == at for one, at in zip(self._ends[segment], limits, strict=True)]
         if stuck[side] and strength >= -self._tol * mean:  # (5)
             return end
-        most = (1 - _SHRINK) * width * (1.0 if any(stuck) else 0.5)  # (9)
+        most = (1 - _SHRINK) * width * (1.0 if sum(stuck) == 1 else 0.5)  # (9)
         step = float(np.nan_to_num(found.outward[side][i], nan=0.0))  # (7)
         if strength > 0 and step <= 0:  # no zero of pressure ahead (8)
             step = width
