@@ -82,7 +82,7 @@ def test_all_events__are_none_where_one_ridge_has_too_many_unknowns():
 
 
 def test_all_events__are_none_where_the_matrix_is_not_definite(monkeypatch):
-    """What rounding costs is found one by one instead."""
+    """Loads lost to rounding are found one by one instead."""
     profile, W_max = Profile(0.03, 0.02, corner=2e-3), 5e-3
     together = reaching_loads(profile, W_max=W_max)
     broken = Mock(side_effect=np.linalg.LinAlgError)

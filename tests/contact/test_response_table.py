@@ -74,7 +74,7 @@ def test_response_table__of_many_textures_is_the_contact_of_each():
 
 @pytest.mark.slow
 def test_response_table__of_narrow_grooves_between_sharp_ridges_is_the_contact_of_each():
-    # Beside an event a contact that has just begun cannot be solved, nor all others from a start.
+    # A contact that has just begun cannot be solved; others cannot from some starts.
     assert worst(profiles(b=0.008 * A), 8) < 3e-4
 
 

@@ -122,8 +122,19 @@ def test_plan__simulates_what_is_above_the_wanted_accuracy_and_only_that(name):
     assert effects[name].simulated
     assert "above the wanted" in effects[name].reason
     assert getattr(one.profile, field) == value
-    # What is estimated does not hang on what is wanted.
+    # Estimates do not depend on the wanted accuracy.
     assert effects[name].estimate == estimate
+
+
+def test_plan__weighs_together_what_it_neglects():
+    both = FURTHER["offset"] | {"corner_radius_over_R": 0.4 * A}
+    sizes = {name: planned(**both)[1][name].estimate for name in ("offset", "corner radius")}
+    large, small = sorted(sizes, key=sizes.get, reverse=True)
+    # Each of them alone would be neglected.
+    relative = 1.5 * sizes[large] + 0.75 * sizes[small]
+    effects = planned(**both, relative=relative)[1]
+    assert (effects[large].simulated, effects[small].simulated) == (True, False)
+    assert "with all that is neglected above the wanted" in effects[large].reason
 
 
 @pytest.mark.slow

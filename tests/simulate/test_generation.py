@@ -295,7 +295,7 @@ def test_a_coarser_mesh_takes_over_where_the_fine_one_stops(stopping):
     assert [one.profile.corner for _, one, _ in bodies] == [0.0, 0.05 * 0.06]
     assert frame["edges"].tolist() == [24, 24, 10, 10]
     assert [[one.Q for one in reached] for _, _, reached in bodies] == [[4, 6], [8, 10]]
-    # What holds on to a sharp corner is given up sooner, where another mesh goes on.
+    # A mesh that sticks to a sharp corner is given up sooner, where another mesh goes on.
     assert stopping["failures"] == [2, cylinder.MOST_FAILURES]
     assert stopping["after"] == [None, 6]
 

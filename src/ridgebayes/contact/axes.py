@@ -1,4 +1,4 @@
-"""What many rows of numbers have in common, seen block by block; nodes between two values."""
+"""Range and distinct values of many rows, seen block by block; nodes between two values."""
 
 from dataclasses import dataclass
 
@@ -72,7 +72,7 @@ class Axis:
     n : int
         Nodes; 1 where the ends are equal.
     degree : int, optional
-        Of the spline between nodes.
+        Degree of the spline between nodes.
 
     Examples
     --------

@@ -145,7 +145,7 @@ class ContactSet:
                 continue
             for _ in range(3):
                 x, gap = with_vertex(found, segment, x, gap)
-            # On a sloping surface a contact too narrow to be one stands for this much.
+            # On a sloping surface a contact that is too narrow to be kept penetrates by this much.
             start, stop = segment.start, segment.stop
             if gap.min() < -max(scale, 100 * _NOTHING * (stop - start) * max(-start, stop)):
                 inside = x[gap < 0]

@@ -295,7 +295,7 @@ def smallest_pressure(found: PressureSolution) -> float:
     ends = (end / width for end in found.singular)
     pressure = np.column_stack([found.pressure_at_points(), *ends])
     mean = found.coefficients[:, 0] / width
-    # A contact that has only just begun is as small as rounding lets it be.
+    # The pressure of a contact that has just begun is rounding.
     counts = found.forces * found.intervals.weight > BEGUN * found.load
     return float((pressure.min(axis=1) / mean)[counts].min(initial=np.inf))
 

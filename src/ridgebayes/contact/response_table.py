@@ -1,4 +1,4 @@
-"""What many bodies do under many loads, interpolated on a grid of contacts that were solved.
+"""Contacts of many bodies under many loads, interpolated on a grid of solved contacts.
 
 Contact of sharp ridges without floors is a function of W/pitch^2, groove over ridge, and the offset
 in pitches (the scale law). Loads of one count make an interval, whose ends are the loads that reach
@@ -29,7 +29,7 @@ from ridgebayes.errors import ComputationError, InputError
 
 _TOL = 1e-8
 _N_PLACE, _N_BISECTION = 25, 10
-# Of an interval, and of a load: at its very ends a contact is only rounding.
+# Shares of an interval and of a load: at the interval's very ends a contact is only rounding.
 _INSIDE, _BEGUN = 1e-5, 5e-6
 CLOSEST = 1e-4  # of an interval, by which loads stay away from its ends
 _CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets
@@ -59,7 +59,7 @@ class ContactValues:
     penetration : ndarray of float, shape (n,)
         Deepest, into any groove; NaN where one ridge alone is touched.
     share, largest_share : ndarray of float, shape (n,)
-        Of the load on all ridges (less than 1 where floors are touched), and on one.
+        Share of the load on all ridges (less than 1 where floors are touched), and on one ridge.
     x, K : ndarray of float, shape (n, 2 Q)
         Edges from left to right, as `edges.EdgeForces`; K at nu = 0.
     """

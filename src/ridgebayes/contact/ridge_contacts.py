@@ -31,7 +31,7 @@ class RidgeContacts:
     ends : ndarray of float, shape (2, n)
         How far contact goes to the left and right of the middle, in half-widths, at most 1.
     radius : float
-        Of the corners, over the square of the half-width; 0 is sharp.
+        Radius of the corners, over the square of the half-width; 0 is sharp.
     flat : float
         Where the flat ends, in half-widths.
     """

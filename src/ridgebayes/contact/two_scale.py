@@ -38,9 +38,9 @@ _NEWTON_STEPS = 12
 # material than the neo-Hookean changes of r^2.
 _TABLE_ERROR, _TABLE_GROWTH = 4e-4, 4e-3
 _BY_WIDTH, _BY_BODY, _BY_PRESSURE, _BY_MATERIAL = 0.05, 0.1, 0.01, 0.2
-# Of bodies off centre, beside these: loads on round corners at offsets of 0.16 to 0.38 pitches were
-# 0.3 to 1.7 % above those of finite elements, always above (docs/two-scale.md). Over the middle of
-# a groove or a ridge there is no lateral force, and no such error.
+# A further error of bodies off centre. Twelve loads on round corners at offsets of 0.16 to 0.38
+# pitches were 0.3 to 1.7 % above those of finite elements, always above (docs/two-scale.md). Over
+# the middle of a groove or a ridge there is no lateral force, and no such error.
 _OFF_CENTRE = 1e-2
 
 

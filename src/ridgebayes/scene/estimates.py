@@ -131,7 +131,7 @@ class _Base:
         if not W.size:
             raise _too_narrow(texture, loads.status[0])
         W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
-        # Of very many ridges those looked at stand for all: what is beyond is smoother still.
+        # The first ridges stand for all of very many: the others are smoother still.
         top = min(max(W_max, float(W[-1])), 1.2 * float(W[-1]) + sharp.pitch**2)
         last = solve_contact(sharp, top, rel_tol=_ROUGH)
         return cls(scene, texture, sharp, W, last, max(W_max, float(W[-1])))
@@ -251,8 +251,7 @@ def _ridges(base: _Base) -> Effect:
     smooth = hertz.transition_load(Q, a, b, nu=0.0) * load_factor(0)
     estimate = float(np.max(np.abs(smooth / base.W - 1)))
     cost = base.cost(2, n, 8)
-    what = "b/pitch; against Hertz in ridge units"
-    return Effect("ridges", b / (a + b), estimate, True, what, cost)
+    return Effect("ridges", b / (a + b), estimate, True, "b/pitch; against smooth Hertz", cost)
 
 
 def _partial_contact(base: _Base) -> Effect:

@@ -1,4 +1,4 @@
-"""What a scene does under given loads: counts, contact, penetration, the force on each ridge."""
+"""Contact of a scene under given loads: counts, contact, penetration, the force on each ridge."""
 
 import math
 import os

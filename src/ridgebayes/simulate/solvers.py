@@ -47,9 +47,9 @@ class TextureTask:
     Parameters
     ----------
     number : int
-        Of the texture in its scene, from 1.
+        Number of the texture in its scene, from 1.
     scene : Scene
-        Of this texture alone.
+        Scene of this texture alone.
     planned : bool
         Whether to decide which effects are simulated; all that are given if not.
     solver : str
@@ -59,7 +59,7 @@ class TextureTask:
     meshes : tuple of int
         Edges of finite elements a ridge, finest first: where one stops, the next goes on.
     version : str
-        Of this package, where the task was made.
+        Version of this package, where the task was made.
     """
 
     number: int
@@ -118,7 +118,7 @@ def transition_curves(
     task : TextureTask
         The texture and how its loads are computed.
     one : Plan
-        What is simulated of it.
+        Effects that are simulated.
     pressed : callable, optional
         As for `ridgebayes.generate`.
 
@@ -206,7 +206,7 @@ def _curve(
     }
 
 
-UNIFORM = tuple((2 * i + 1) / 32 for i in range(8))  # offsets that stand for any, and their mirrors
+UNIFORM = tuple((2 * i + 1) / 32 for i in range(8))  # offsets that represent all others
 
 
 def optional_effects(texture: Texture) -> list[str]:
@@ -277,7 +277,7 @@ def _many(task: TextureTask, solve: _Solver) -> _Rows:
 
 def _events(profile: Profile, task: TextureTask) -> _Rows:
     """Return the transitions of any profile up to the load: a table holds those from Q = 4 on."""
-    from ridgebayes.contact.reaching import reaching_loads  # few sweeps ask for it
+    from ridgebayes.contact.reaching import reaching_loads  # loaded on use
 
     factor, W_max = load_factor(task.scene.nu), load_factor(task.scene.nu) * task.p_max
     found = reaching_loads(profile, W_max=W_max, n_max=_MAX_TRANSITIONS, rel_tol=task.rel_tol)
@@ -305,7 +305,7 @@ def _elements(
             here, p_max=p_max, nu=scene.nu, friction=scene.friction, edges=edges, ogden=scene.ogden
         )
         reached: list[Transition] = []
-        # What takes all steps at a sharp corner passes it no more: docs/validation/cylinder.md.
+        # A mesh that takes all steps at a sharp corner never passes it: see validation/cylinder.md.
         tries = MOST_FAILURES if final or profile.corner else 2
         found = transition_curve(body, p_max, seen=reached.append, most_failures=tries, after=known)
         # With friction loads depend on the way, and every transition is a stop.

@@ -1,4 +1,4 @@
-"""What transition loads of a texture cost: forms, half-plane, finite elements."""
+"""Cost of a texture's transition loads: forms, half-plane, finite elements."""
 
 from collections.abc import Callable
 from functools import partial
