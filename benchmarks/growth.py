@@ -19,7 +19,6 @@ import pandas as pd
 
 import ridgebayes as rb
 from ridgebayes.contact.halfplane import forget_loads, transition_loads
-from ridgebayes.contact.many_textures import load_function
 from ridgebayes.drawing.style import new_figure, save, styled
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.importance import Effort, importance_sample
@@ -69,16 +68,6 @@ def half_plane(Q: int) -> Callable[[], object]:
     return solve
 
 
-def many_textures(n: int) -> Callable[[], object]:
-    a, b = np.random.default_rng(0).uniform(0.005, 0.05, (2, n))
-
-    def solve() -> object:
-        forget_loads()
-        return load_function(0.1, 10.0, 9)(a, b)
-
-    return solve
-
-
 def importance(n: int) -> Callable[[], object]:
     model = Model(Observations.from_table(rb.paper_sweep()), rb.Hybrid())
     # Four sets, of four times as many draws where densities are exact.
@@ -112,11 +101,6 @@ CURVES: dict[str, tuple[str, tuple[int, ...], Callable[[int], Callable[[], objec
         lambda n: likelihood(10 * n, n),
     ),
     "Q": ("half-plane loads up to Q, a = b", (4, 10, 20, 50, 100, 300, 1_000), half_plane),
-    "textures, table": (
-        "half-plane loads to Q = 20, table of F included",
-        (10, 100, 1_000, 10_000, 100_000),
-        many_textures,
-    ),
     "draws": (
         "importance draws, adaptation included",
         (512, 4_096, 32_768, 262_144),

@@ -38,7 +38,7 @@ def compare() -> pd.DataFrame:
                 ridge_pressure=2 * p / ((rows["Q"] - 2) * a),
                 half_plane_error=half_plane / p - 1,
                 two_scale_error=load_of(half_plane, nu) / p - 1,
-                two_scale_rel_se=relative_error(p, a, b, nu),
+                two_scale_rel_se=relative_error(p, profile, nu),
             )
         )
     return pd.concat(found, ignore_index=True).dropna(subset=["half_plane_error"])

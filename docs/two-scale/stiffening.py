@@ -50,7 +50,9 @@ def main() -> None:
                     "Q": one.Q,
                     "p_over_E": p,
                     "two_scale_error": own / p - 1,
-                    "standard_error": np.hypot(float(relative_error(own, a, b, nu, ogden)), mesh),
+                    "standard_error": np.hypot(
+                        float(relative_error(own, profile, nu, ogden)), mesh
+                    ),
                     "neo_hookean_error": soft / p - 1,
                     "half_plane_error": half_plane[one.Q] / p - 1,
                     "edges": edges,

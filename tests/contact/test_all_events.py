@@ -82,7 +82,7 @@ def test_all_events__are_none_where_one_ridge_has_too_many_unknowns():
 
 
 def test_all_events__are_none_where_the_matrix_is_not_definite(monkeypatch):
-    """What rounding costs is found one by one instead."""
+    """Loads lost to rounding are found one by one instead."""
     profile, W_max = Profile(0.03, 0.02, corner=2e-3), 5e-3
     together = reaching_loads(profile, W_max=W_max)
     broken = Mock(side_effect=np.linalg.LinAlgError)
@@ -172,6 +172,15 @@ def test_ridge_contacts__of_a_round_ridge_below_the_centre_have_a_closed_load(w,
         ends = ends + contacts.steps
     # Rounding times the condition of a thin layer.
     np.testing.assert_allclose(ends, w, rtol=1e-9)
+
+
+def test_ridge_contacts__do_not_turn_inside_out_where_both_ends_pull():
+    """A small force on a surface that bulges in the middle: no zero of pressure is near."""
+    field = np.zeros((6, 1))
+    field[[2, 4], 0] = 0.25, -0.05
+    contacts = RidgeContacts(field, np.array([1e-3]), np.ones((2, 1)), 0.0, 1.0)
+    assert (contacts.steps < -0.5).all()
+    assert (1 + contacts.steps).sum() > 0
 
 
 def test_ridge_row__of_the_first_ridges_is_that_of_all():

@@ -224,6 +224,15 @@ def test_reaching_loads__go_on_one_by_one_from_a_load_far_above(monkeypatch):
     np.testing.assert_allclose(found.W, whole.W, rtol=2e-6)  # tolerance, of each
 
 
+@pytest.mark.long
+@pytest.mark.slow
+def test_reaching_loads__beside_many_floors_are_all_found():
+    """Each load starts from contacts of the one before, whose ends need over 80 steps here."""
+    profile = Profile(0.0055494, 0.0237167, depth=1.36855e-4, offset=-0.0650524)
+    found = reaching_loads(profile, W_max=0.087347)
+    assert found.status == ("ok",) * 28
+
+
 @pytest.mark.parametrize("offset", [0.0, 0.2])
 def test_reaching_loads__of_grooves_too_narrow_say_so(offset):
     found = reaching_loads(Profile(0.03, 1e-9, offset=offset), W_max=1e-3)

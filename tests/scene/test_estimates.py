@@ -109,18 +109,32 @@ def test_plan__of_what_is_not_there_is_no_effect():
 def test_plan__simulates_what_is_above_the_wanted_accuracy_and_only_that(name):
     field = {"offset": "offset", "groove floor": "depth", "corner radius": "corner"}[name]
     (value,) = FURTHER[name].values()
-    estimate = planned(**FURTHER[name])[1][name].estimate
+    effects = planned(**FURTHER[name])[1]
+    estimate = effects[name].estimate
     assert 1e-4 < estimate < 0.5
-    one, effects = planned(**FURTHER[name], relative=1.001 * estimate)
+    # Neglected together with the body's deformation, by half as much again as both estimates.
+    together = 1.5 * (estimate + effects[FINITE_BODY].estimate)
+    one, effects = planned(**FURTHER[name], relative=1.001 * together)
     assert not effects[name].simulated
     assert "within the wanted" in effects[name].reason
     assert one.profile == Profile(A, B)
-    one, effects = planned(**FURTHER[name], relative=0.999 * estimate)
+    one, effects = planned(**FURTHER[name], relative=0.999 * together)
     assert effects[name].simulated
     assert "above the wanted" in effects[name].reason
     assert getattr(one.profile, field) == value
-    # What is estimated does not hang on what is wanted.
+    # Estimates do not depend on the wanted accuracy.
     assert effects[name].estimate == estimate
+
+
+def test_plan__weighs_together_what_it_neglects():
+    both = FURTHER["offset"] | {"corner_radius_over_R": 0.4 * A}
+    sizes = {name: planned(**both)[1][name].estimate for name in ("offset", "corner radius")}
+    large, small = sorted(sizes, key=sizes.get, reverse=True)
+    # Each of them alone would be neglected.
+    relative = 1.5 * sizes[large] + 0.75 * sizes[small]
+    effects = planned(**both, relative=relative)[1]
+    assert (effects[large].simulated, effects[small].simulated) == (True, False)
+    assert "with all that is neglected above the wanted" in effects[large].reason
 
 
 @pytest.mark.slow
@@ -129,12 +143,14 @@ def test_plan__with_a_tighter_accuracy_simulates_more():
     chosen = [
         set(planned(**texture, relative=relative)[0].simulated) for relative in (0.9, 0.1, 1e-3)
     ]
-    assert chosen[0] < chosen[1] < chosen[2]
-    assert chosen[0] == {"Poisson's ratio"}
+    assert chosen[0] <= chosen[1] < chosen[2]
+    assert chosen[0] == {"ridges", "Poisson's ratio"}
     given = {"ridges", "offset", "groove floor", "corner radius", "Poisson's ratio"}
     assert chosen[2] == {*given, FINITE_BODY}
     # Large deformation only for a scene that says what it is worth.
     assert set(planned(**texture)[0].simulated) == given
+    assert FINITE_BODY in planned(p_over_E=0.02, relative=1e-3)[0].simulated
+    assert FINITE_BODY not in planned(p_over_E=0.02)[0].simulated
 
 
 def test_plan__may_neglect_even_the_ridges():
@@ -190,7 +206,7 @@ def test_plan__estimates_floor_and_corners_as_large_as_they_are(a, b, depth, cor
     effect = effects["corner radius" if corner else "groove floor"]
     true = true_change(Profile(a, b), Profile(a, b, depth, corner), reduced(p))
     assert true > 0.01
-    assert 2 / 3 * true <= effect.estimate <= 10 * true
+    assert 0.5 * true <= effect.estimate <= 2 * true
 
 
 @pytest.mark.slow
@@ -204,7 +220,7 @@ def test_plan__estimates_floor_and_corners_beside_each_other():
     ):
         alone = Profile(a, b, depth) if name == "groove floor" else Profile(a, b, math.inf, corner)
         true = max(true_change(other, both, reduced(P)), true_change(sharp, alone, reduced(P)))
-        assert 2 / 3 * true <= effects[name].estimate <= 10 * true
+        assert 0.5 * true <= effects[name].estimate <= 2 * true
 
 
 def test_plan__of_a_body_anywhere_is_that_of_the_largest_offset():
@@ -243,17 +259,10 @@ def test_plan__says_that_the_finite_body_grows_as_the_half_width_squared():
     ]
     # Rounding.
     assert [end.number for end in ends] == pytest.approx(widths, rel=1e-12)
-    # Tolerance: what hangs into grooves this narrow is nothing beside it.
-    assert ends[1].estimate / ends[0].estimate == pytest.approx(4, rel=1e-3)
+    # Order: loads go up in proportion to the load, with the next term of the body's deformation.
+    assert ends[1].estimate / ends[0].estimate == pytest.approx(4, rel=0.1)
     assert not ends[0].simulated
     assert ends[1].cost_s > ends[0].cost_s > 1e-3
-
-
-def test_plan__says_that_deep_hanging_bends_the_body_more():
-    wide, narrow = (
-        planned(a, b, p_over_E=0.045)[1][FINITE_BODY] for a, b in ((0.012, 0.09), (0.09, 1e-3))
-    )
-    assert wide.estimate / wide.number**2 > 1.1 * narrow.estimate / narrow.number**2
 
 
 def test_plan__says_of_the_finite_body_what_finite_elements_find():
@@ -267,7 +276,7 @@ def test_plan__says_of_the_finite_body_what_finite_elements_find():
         found = abs(row["p_over_E"] / half_plane - 1)
         _, effects = planned(a, b, nu=nu, p_over_E=half_plane * (1 + 1e-6))
         # A factor, not a tolerance: the estimate is of the order of the truth.
-        assert 1 / 3 <= effects[FINITE_BODY].estimate / found <= 3
+        assert 1 / 2 <= effects[FINITE_BODY].estimate / found <= 2
 
 
 def test_plan__says_that_friction_is_nothing_where_nothing_slides():

@@ -1,7 +1,6 @@
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from ridgebayes.contact import halfplane, hertz
@@ -173,53 +172,6 @@ def test_small_strain_of_the_whole_cylinder_is_refused_where_it_knows_too_little
         )
 
 
-MANY = Scene.of([(0.02 + 1e-5 * i, 0.03 - 1e-5 * i) for i in range(201)], p_over_E=0.01)
-
-
-@pytest.mark.slow
-def test_many_textures_share_one_function_of_their_ratio(monkeypatch):
-    table = generate(MANY)
-    asked = []
-    solve = halfplane.transition_loads
-    monkeypatch.setattr(
-        halfplane,
-        "transition_loads",
-        lambda *given, **how: asked.append(given) or solve(*given, **how),
-    )
-    generate(MANY)
-    assert not asked
-    # One texture less is solved for texture by texture.
-    fewer = MANY.model_copy(update={"textures": MANY.textures[1:]})
-    alone = generate(fewer).frame
-    assert len(asked) >= 200
-    frame = table.frame[table.frame["a_over_R"] != 0.02].reset_index(drop=True)
-    same = [name for name in frame.columns if name != "p_over_E"]
-    pd.testing.assert_frame_equal(frame[same], alone[same])
-    # Discretisation: a tenth of the default tolerance.
-    np.testing.assert_allclose(frame["p_over_E"], alone["p_over_E"], rtol=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("update", [{"relative": 0.5}, {"nu": 0.3}])
-def test_many_textures_keep_their_tolerance(update):
-    scene = MANY.model_copy(update=update)
-    some = scene.model_copy(update={"textures": scene.textures[::67]})
-    frame, alone = generate(scene).frame, generate(some).frame
-    frame = frame[frame["a_over_R"].isin(alone["a_over_R"])]
-    np.testing.assert_allclose(frame["p_over_E"], alone["p_over_E"], rtol=1e-9)  # as above
-
-
-@pytest.mark.slow
-def test_many_textures_that_no_function_serves_are_solved_for_one_by_one():
-    unlike = Scene.of(
-        [*[(0.02 + 1e-5 * i, 0.03) for i in range(200)], (0.03, 1e-12)], p_over_E=0.005
-    )
-    frame = generate(unlike).frame
-    assert frame["p_over_E"].isna().any()
-    tight = generate(MANY, rel_tol=1e-15).frame
-    assert tight["status"].str.startswith("not converged").any()
-
-
 def test_friction_that_changes_loads_is_refused_on_a_half_plane():
     textures = scene_with().textures
     with pytest.raises(InputError, match=r"friction = 0.3: changes loads by up to 0\.0"):
@@ -343,7 +295,7 @@ def test_a_coarser_mesh_takes_over_where_the_fine_one_stops(stopping):
     assert [one.profile.corner for _, one, _ in bodies] == [0.0, 0.05 * 0.06]
     assert frame["edges"].tolist() == [24, 24, 10, 10]
     assert [[one.Q for one in reached] for _, _, reached in bodies] == [[4, 6], [8, 10]]
-    # What holds on to a sharp corner is given up sooner, where another mesh goes on.
+    # A mesh that sticks to a sharp corner is given up sooner, where another mesh goes on.
     assert stopping["failures"] == [2, cylinder.MOST_FAILURES]
     assert stopping["after"] == [None, 6]
 

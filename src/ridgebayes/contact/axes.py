@@ -1,9 +1,9 @@
-"""What many rows of numbers have in common, seen block by block; nodes between two values."""
+"""Range and distinct values of many rows, seen block by block; nodes between two values."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import chebyshev
+from scipy.interpolate import make_interp_spline
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
@@ -70,43 +70,36 @@ class Axis:
     low, high : float
         Ends.
     n : int
-        Nodes; 1 where the ends are one.
-    is_smooth : bool, optional
-        Whether weights are those of the polynomial through all nodes, or of a line between two.
+        Nodes; 1 where the ends are equal.
+    degree : int, optional
+        Degree of the spline between nodes.
 
     Examples
     --------
-    >>> axis = Axis(1.0, 3.0, 3)
-    >>> (axis.weights(np.array([1.0, 1.5, 3.0])) @ axis.nodes**2).round(12).tolist()
-    [1.0, 2.25, 9.0]
+    >>> axis = Axis.over(1.0, 3.0, 5)
+    >>> (axis.weights(np.array([1.0, 1.3, 3.0])) @ axis.nodes**3).round(12).tolist()
+    [1.0, 2.197, 27.0]
     """
 
     low: float
     high: float
     n: int
-    is_smooth: bool = True
+    degree: int = 3
 
     @classmethod
-    def over(cls, low: float, high: float, n: int, *, is_smooth: bool = True) -> "Axis":
+    def over(cls, low: float, high: float, n: int, *, degree: int = 3) -> "Axis":
         """Return the axis over a range, of one node if that is a single value."""
-        return cls(float(low), float(high), n if high > low else 1, is_smooth)
+        return cls(float(low), float(high), n if high > low else 1, degree)
 
     @property
     def nodes(self) -> FloatArray:
         """Nodes in rising order, shape (n,)."""
-        if self.n == 1:
+        if self.n == 1:  # may be infinite
             return np.array([self.low])
-        unit = chebyshev.chebpts1(self.n) if self.is_smooth else np.linspace(-1, 1, self.n)
-        return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * unit
+        return np.linspace(self.low, self.high, self.n)
 
     def weights(self, x: FloatArray) -> FloatArray:
         """Return the weight of each node at values, shape (.., n)."""
         if self.n == 1:
             return np.ones((len(x), 1))
-        if not self.is_smooth:
-            place = np.interp(x, self.nodes, np.arange(self.n))
-            value: FloatArray = np.maximum(1 - np.abs(place[:, None] - np.arange(self.n)), 0.0)
-            return value
-        at_nodes = np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(self.n), self.n - 1))
-        t = (2 * x - self.low - self.high) / (self.high - self.low)
-        return np.asarray(chebyshev.chebvander(t, self.n - 1) @ at_nodes)
+        return np.asarray(make_interp_spline(self.nodes, np.eye(self.n), k=self.degree)(x))

@@ -102,7 +102,7 @@ class ContactSet:
         stuck = [one == at for one, at in zip(self._ends[segment], limits, strict=True)]
         if stuck[side] and strength >= -self._tol * mean:  # (5)
             return end
-        most = (1 - _SHRINK) * width * (1.0 if any(stuck) else 0.5)  # (9)
+        most = (1 - _SHRINK) * width * (1.0 if sum(stuck) == 1 else 0.5)  # (9)
         step = float(np.nan_to_num(found.outward[side][i], nan=0.0))  # (7)
         if strength > 0 and step <= 0:  # no zero of pressure ahead (8)
             step = width
@@ -145,7 +145,7 @@ class ContactSet:
                 continue
             for _ in range(3):
                 x, gap = with_vertex(found, segment, x, gap)
-            # On a sloping surface a contact too narrow to be one stands for this much.
+            # On a sloping surface a contact that is too narrow to be kept penetrates by this much.
             start, stop = segment.start, segment.stop
             if gap.min() < -max(scale, 100 * _NOTHING * (stop - start) * max(-start, stop)):
                 inside = x[gap < 0]

@@ -21,7 +21,7 @@ from ridgebayes.contact.intervals import (
 from ridgebayes.contact.rigid_profile import Kinks, Profile, RigidSegment, falls
 from ridgebayes.errors import InputError
 
-_MAX_ITERATIONS = 80
+_MAX_ITERATIONS = 200  # ends take steps in turn, more of them where few coefficients are used
 _N_CORNER, _N_VERTEX = 17, 4
 _N_LOOK, _LOOKS = 17, 5  # places in a groove; each look is at an eighth of the one before
 MOST_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
@@ -295,7 +295,7 @@ def smallest_pressure(found: PressureSolution) -> float:
     ends = (end / width for end in found.singular)
     pressure = np.column_stack([found.pressure_at_points(), *ends])
     mean = found.coefficients[:, 0] / width
-    # A contact that has only just begun is as small as rounding lets it be.
+    # The pressure of a contact that has just begun is rounding.
     counts = found.forces * found.intervals.weight > BEGUN * found.load
     return float((pressure.min(axis=1) / mean)[counts].min(initial=np.inf))
 

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ridgebayes._types import BoolArray, FloatArray
-from ridgebayes.contact.homogenised import beyond
 from ridgebayes.contact.loadtable import HalfPlaneLoads
 from ridgebayes.contact.logkernel import log_ellipse, self_energies
 from ridgebayes.contact.ridge_row import RidgeRow
@@ -67,8 +66,7 @@ def transition_loads(
 
     *Accuracy.* ``status`` is ``"ok"`` only if the estimated error is within rel_tol, the
     coefficients have decayed, every pressure is positive and the loads rise. About 1e-13 is the
-    floor of rounding. Of very many ridges loads follow from those of fewer by the law of
-    `contact.homogenised`, once its error is within rel_tol (``n_coefficients`` is 0 there).
+    floor of rounding. Loads that take more unknowns than `MAX_UNKNOWNS` are not computed.
 
     *Cost.* About 7 coefficients a strip at a = b, 144 at a = 1000 b (growing as sqrt(a/b)); a
     millisecond for a usual texture up to Q = 20, nothing when asked again.
@@ -159,30 +157,7 @@ def _table(gap_ratio: float, n_table: int, rel_tol: float) -> HalfPlaneLoads:
     if n_table == _FIRST_BATCH:
         return _solve_batch(gap_ratio, 0, n_table, rel_tol)
     below = _table(gap_ratio, n_table // 2, rel_tol)
-    far = _homogenised(below, gap_ratio, n_table, rel_tol)
-    if all(status == "ok" for status in far.status):
-        return below.joined(far)
-    batch = _solve_batch(gap_ratio, n_table // 2, n_table, rel_tol)
-    n_solved = int(np.count_nonzero(np.isfinite(batch.F)))
-    if n_solved < len(batch.F):  # too many unknowns: what lies beyond by the law of many ridges
-        solved = below.joined(batch.part(slice(0, n_solved)))
-        far = _homogenised(solved, gap_ratio, n_table, rel_tol)
-        if all(status == "ok" for status in far.status):
-            batch = batch.part(slice(0, n_solved)).joined(far)
-    return below.joined(batch)
-
-
-def _homogenised(
-    below: HalfPlaneLoads, gap_ratio: float, n_table: int, rel_tol: float
-) -> HalfPlaneLoads:
-    """Continue a table by the law of very many ridges; ok where its error is within rel_tol."""
-    k = np.arange(len(below.F) + 1, n_table + 1)
-    if not all(status == "ok" for status in below.status):
-        return HalfPlaneLoads.not_computed(len(k), "loads below are not ok")
-    F, rel_error = beyond(below.F, gap_ratio, k)
-    rel_error = rel_error + below.rel_error[-1]
-    status = tuple("ok" if e <= rel_tol else _TOO_FAR.format(e) for e in rel_error.tolist())
-    return HalfPlaneLoads(F, status, np.zeros(len(k), dtype=np.int64), rel_error)
+    return below.joined(_solve_batch(gap_ratio, n_table // 2, n_table, rel_tol))
 
 
 def _solve_batch(gap_ratio: float, n_known: int, n_last: int, rel_tol: float) -> HalfPlaneLoads:

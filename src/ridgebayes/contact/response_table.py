@@ -1,10 +1,10 @@
-"""What many bodies do under many loads, interpolated between contacts that were solved.
+"""Contacts of many bodies under many loads, interpolated on a grid of solved contacts.
 
 Contact of sharp ridges without floors is a function of W/pitch^2, groove over ridge, and the offset
 in pitches (the scale law). Loads of one count make an interval, whose ends are the loads that reach
-this count and the next. Within it quantities are smooth but where a free end reaches its corner, or
-the flat of a round one. Each piece between such loads is a polynomial in the root of its own
-coordinate, since a contact that begins grows like one.
+this count and the next. The grid's nodes are shapes, and places in that interval. Places go with
+the root of the load, since a contact that begins grows like one, and lie close where a free end
+reaches its corner, the flat of a round one, or a floor is touched.
 """
 
 import itertools
@@ -13,29 +13,34 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.polynomial import chebyshev
+from scipy.interpolate import PchipInterpolator
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.axes import Axis, Spread
-from ridgebayes.contact.contact_solution import ContactSolution, solve_contact
+from ridgebayes.contact.contact_solution import (
+    ContactSolution,
+    coefficients_for,
+    solve_contact,
+)
 from ridgebayes.contact.edges import edge_forces
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import ComputationError, InputError
 
 _TOL = 1e-8
-_N_PIECE, _N_SCAN, _N_BISECTION = 8, 7, 16
-# Of an interval, and of a load: at its very ends a contact is only rounding.
+_N_PLACE, _N_BISECTION = 25, 10
+# Shares of an interval and of a load: at the interval's very ends a contact is only rounding.
 _INSIDE, _BEGUN = 1e-5, 5e-6
 CLOSEST = 1e-4  # of an interval, by which loads stay away from its ends
 _CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets
 _FROM = 1e-4  # of the load of the first change of the count: where the table begins
 MOST_DISTINCT, _MOST_NODES = 32, 400
+_MOST_COEFFICIENTS = 64  # an interval, of shapes that vary: grooves of some 0.6 % of a sharp ridge
 _LAST_OFFSET = 0.499
 _TRIES = 5  # each four times as far from an interval's end
 # Columns of `shapes_of`.
 _OVER_RIDGE, _OVER_RADIUS = [0, 1, 2, 3, 4], [5, 1, 2, 6, 4]
-_N_SMOOTH, _N_OFFSET = 9, 17  # nodes along an axis
+_N_SMOOTH, _N_OFFSET = 13, 17  # nodes along an axis
 _FIXED = 5  # quantities before those of edges: see `ContactValues`
 
 
@@ -54,7 +59,7 @@ class ContactValues:
     penetration : ndarray of float, shape (n,)
         Deepest, into any groove; NaN where one ridge alone is touched.
     share, largest_share : ndarray of float, shape (n,)
-        Of the load on all ridges (less than 1 where floors are touched), and on one.
+        Share of the load on all ridges (less than 1 where floors are touched), and on one ridge.
     x, K : ndarray of float, shape (n, 2 Q)
         Edges from left to right, as `edges.EdgeForces`; K at nu = 0.
     """
@@ -87,7 +92,7 @@ class ResponseTable:
     *Accuracy.* Measured by whoever asks, with `solved`.
 
     *Cost.* Some 0.1 s for each shape and count: up to 32 distinct shapes are solved each, more
-    are interpolated from 9 ratios of groove to ridge, or 17 offsets, or both.
+    are interpolated from 13 ratios of groove to ridge, or 17 offsets, or both.
     """
 
     def __init__(self, seen: Spread) -> None:
@@ -109,7 +114,10 @@ class ResponseTable:
         else:
             rows = distinct[:, self._columns]
         over_ridge = self._columns == _OVER_RIDGE
-        self._shapes = [_Shape(_profile(row, over_ridge=over_ridge)) for row in rows]
+        profiles = [_profile(row, over_ridge=over_ridge) for row in rows]
+        if self._axes:
+            _refuse_narrow(profiles)
+        self._shapes = [_Shape(one) for one in profiles]
 
     def _weights(self, shapes: FloatArray) -> FloatArray:
         """Return the weight of each shape, (n, n_shape)."""
@@ -149,12 +157,10 @@ class ResponseTable:
         y = (wanted - low) / (high - low)
         kept = np.clip(y, -np.inf if Q == 2 else self._margin, 1 - self._margin)
         near = np.where(kept == y, W, np.exp(low + kept * (high - low)) * unit**2)
-        breaks = [one.pieces(Q)[0] for one in shapes]
-        alike = len({len(one) for one in breaks}) == 1
-        own = weights @ np.array(breaks) if alike else None
+        root = np.sqrt(np.clip(kept, 0.0, 1.0))
         values = np.zeros((len(profiles), _FIXED + 4 * Q))
-        for i, one in enumerate(shapes):
-            values += weights[:, i, None] * one.values(Q, np.clip(kept, 0.0, 1.0), own)
+        for weight, one in zip(weights.T, shapes, strict=True):
+            values += weight[:, None] * one.values(Q)(root)
         x, K = np.split(values[:, _FIXED:], 2, axis=1)
         mirrored = (profiles[:, 4] < 0)[:, None]
         x, K = np.where(mirrored, -x[:, ::-1], x), np.where(mirrored, K[:, ::-1], K)
@@ -199,9 +205,9 @@ def _axes(seen: Spread, columns: list[int]) -> list[Axis]:
     """Return axes over some columns of `shapes_of`, the second of them that of the offset."""
     ranges = list(zip(seen.low[columns], seen.high[columns], strict=True))
     axes = [Axis.over(*ends, _N_SMOOTH) for ends in ranges]
-    # Which end is free changes with the offset: no polynomial would do.
+    # Which end is free changes with the offset: a cubic would swing.
     near, far = (min(end, _LAST_OFFSET) for end in ranges[1])
-    axes[1] = Axis.over(near, far, _N_OFFSET, is_smooth=False)
+    axes[1] = Axis.over(near, far, _N_OFFSET, degree=1)
     return axes
 
 
@@ -223,13 +229,24 @@ def _profile(at: FloatArray, *, over_ridge: bool) -> Profile:
     return Profile(a, b, math.exp(depth), radius, offset)
 
 
+def _refuse_narrow(profiles: list[Profile]) -> None:
+    """Refuse sharp grooves so narrow that a grid of them takes hours."""
+    for one in profiles:
+        needed = coefficients_for(one, _TOL, 0.5 * one.a)
+        if one.corner == 0 and needed > _MOST_COEFFICIENTS:
+            raise InputError(
+                f"scene: groove_width: expected sharp grooves that vary to be wider than 0.6 % of "
+                f"ridge_width, got {100 * one.b / one.a:.2g} %; truncated(..) keeps draws above"
+            )
+
+
 class _Shape:
-    """One profile: its loads of each count, and the polynomials between them."""
+    """One profile: its loads of each count, and what is interpolated between them."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
         self._events: tuple[FloatArray, IntArray] = np.empty(0), np.empty(0, dtype=np.int64)
-        self._kept: dict[int, tuple[FloatArray, list[FloatArray]]] = {}
+        self._kept: dict[int, PchipInterpolator] = {}
 
     def interval(self, Q: int) -> tuple[float, float]:
         """Return the loads between which the count is Q."""
@@ -254,27 +271,38 @@ class _Shape:
     def _first(self) -> int:
         return solve_contact(self._profile, float(self._events[0][0]) * _FROM, rel_tol=_TOL).Q
 
-    def pieces(self, Q: int) -> tuple[FloatArray, list[FloatArray]]:
-        """Return where pieces end in 0 to 1, both ends included, and polynomials on each."""
+    def values(self, Q: int) -> PchipInterpolator:
+        """Return what `_measured` does as a function of the root of a place in the interval."""
         if Q not in self._kept:
-            breaks = self._breaks(Q)
-            parts = [self._fitted(Q, low, high) for low, high in itertools.pairwise(breaks)]
-            self._kept[Q] = np.array(breaks), parts
+            low, high = self.interval(Q)
+            # More below the first change of the count, where loads go over decades.
+            n = _N_PLACE * max(round(math.log10(high / low)), 1)
+            roots = np.linspace(0.0, 1.0, n).tolist()
+            grid = [self._solve(Q, root**2) for root in roots]
+            nodes = dict(grid)
+            for first, last in itertools.pairwise(grid):
+                nodes |= self._between(Q, first, last)
+            places = sorted(nodes)
+            values = [_measured(nodes[place], Q) for place in places]
+            self._kept[Q] = PchipInterpolator(np.sqrt(places), np.array(values))
         return self._kept[Q]
 
-    def values(self, Q: int, y: FloatArray, breaks: FloatArray | None) -> FloatArray:
-        """Return what `_measured` does at places y; pieces end at own `breaks` (n, n_break)."""
-        own, parts = self.pieces(Q)
-        ends = np.broadcast_to(own, (len(y), len(own))) if breaks is None else breaks
-        piece = np.clip((y[:, None] >= ends).sum(axis=1) - 1, 0, len(parts) - 1)
-        rows = np.arange(len(y))
-        low, high = ends[rows, piece], ends[rows, piece + 1]
-        root = np.sqrt(np.clip((y - low) / (high - low), 0.0, 1.0))
-        found = np.empty((len(y), _FIXED + 4 * Q))
-        for i, part in enumerate(parts):
-            here = piece == i
-            found[here] = chebyshev.chebval(2 * root[here] - 1, part).T
-        return found
+    def _between(
+        self, Q: int, low: tuple[float, ContactSolution], high: tuple[float, ContactSolution]
+    ) -> dict[float, ContactSolution]:
+        """Return contacts ever closer to where an end is free no more; none where none is."""
+        nodes = {}
+        for _ in range(_N_BISECTION):
+            if _free_ends(low[1]) == _free_ends(high[1]):
+                break
+            root = 0.5 * (math.sqrt(low[0]) + math.sqrt(high[0]))
+            place, middle = self._solve(Q, root**2, low[1])
+            nodes[place] = middle
+            if _free_ends(middle) == _free_ends(low[1]):
+                low = place, middle
+            else:
+                high = place, middle
+        return nodes
 
     def _solve(
         self, Q: int, y: float, start: ContactSolution | None = None
@@ -293,39 +321,6 @@ class _Shape:
                 break
             place = further
         return place, found
-
-    def _breaks(self, Q: int) -> list[float]:
-        """Return 0, where an end reaches its corner or the flat of a round one, and 1."""
-        grid = np.linspace(0.0, 1.0, _N_SCAN).tolist()
-        solved = [self._solve(Q, y)[1] for y in grid]
-        breaks = [0.0]
-        for low, high, first, last in zip(grid, grid[1:], solved, solved[1:], strict=False):
-            if _free_ends(first) == _free_ends(last):
-                continue
-            for _ in range(_N_BISECTION):
-                middle = 0.5 * (low + high)
-                _, between = self._solve(Q, middle, first)
-                if _free_ends(between) == _free_ends(first):
-                    low, first = middle, between
-                else:
-                    high = middle
-            breaks.append(0.5 * (low + high))
-        bottom, top = self.interval(Q)
-        decades = round(math.log10(top / bottom))  # below the first change of the count
-        breaks += [i / decades for i in range(1, decades)]
-        return sorted([*breaks, 1.0])
-
-    def _fitted(self, Q: int, low: float, high: float) -> FloatArray:
-        """Return Chebyshev coefficients of what `_measured` returns, (n_piece, 5 + 4 Q)."""
-        t, values, last = chebyshev.chebpts2(_N_PIECE), [], None
-        for i, root in enumerate((0.5 * (t + 1)).tolist()):
-            y = low + root**2 * (high - low)
-            place, last = self._solve(Q, y, last)
-            values.append(_measured(last, Q))
-            if place != y:
-                t[i] = 2 * math.sqrt((place - low) / (high - low)) - 1
-        matrix = chebyshev.chebvander(t, _N_PIECE - 1)
-        return np.asarray(np.linalg.solve(matrix, np.array(values)), dtype=np.float64)
 
 
 def _free_ends(found: ContactSolution) -> tuple[bool, ...]:

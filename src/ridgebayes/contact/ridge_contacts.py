@@ -31,7 +31,7 @@ class RidgeContacts:
     ends : ndarray of float, shape (2, n)
         How far contact goes to the left and right of the middle, in half-widths, at most 1.
     radius : float
-        Of the corners, over the square of the half-width; 0 is sharp.
+        Radius of the corners, over the square of the half-width; 0 is sharp.
     flat : float
         Where the flat ends, in half-widths.
     """
@@ -117,7 +117,8 @@ class RidgeContacts:
         width = 2 * self.share
         step = np.divide(-width * strength, slopes, out=np.zeros_like(slopes), where=slopes != 0.0)
         stuck = self.ends >= 1.0
-        most = (1 - _SHRINK) * width * np.where(stuck.any(axis=0), 1.0, 0.5)
+        # Half of it where both ends move in: else they could pass each other.
+        most = (1 - _SHRINK) * width * np.where(stuck.sum(axis=0) == 1, 1.0, 0.5)
         step = np.where((strength > 0) & (step <= 0), width, step)
         step = np.where((strength < 0) & (step >= 0), -most, step)
         step = np.where(stuck & (strength >= 0), 0.0, np.clip(step, -most, 2 * width))

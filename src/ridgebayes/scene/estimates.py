@@ -1,9 +1,9 @@
 """How large each effect of a scene is, and whether it is simulated or neglected.
 
-An effect is neglected where leaving it out changes no transition load by more than the wanted
-accuracy. What is said of its size comes from one or two solutions at chosen loads, not from the
-simulation that it is to save: the shift of an event is the gap that the effect leaves at the load
-of the event without it, over the slope of that gap.
+Effects are neglected, the smallest first, while half as much again as all their estimates together
+stays within the wanted accuracy. Estimates come from one or two solutions at chosen loads, not from
+the simulation that they are to save: the shift of an event is the gap that the effect leaves at the
+load of the event without it, over the slope of that gap.
 """
 
 import math
@@ -30,11 +30,11 @@ from ridgebayes.scene.effects import (
 )
 from ridgebayes.scene.scene import Scene, Texture
 
-_SAFETY = 1.5  # an estimate may be two thirds of the truth and still be on the safe side
+_SAFETY = 1.5  # the truth may be half as much again as an estimate
 _ROUGH = 1e-5  # tolerance of the solutions behind estimates
-# Loads of finite elements over those of the half-plane are 1 + 0.3 (w/R)^2 at finite strain, up to
-# a half-width w of 0.26 R (data/fea); and half as much again to be safe.
-_FINITE_BODY = 0.45
+# Where there are no two scales: loads at finite strain over those of the half-plane are
+# 1 + 0.3 (w/R)^2, up to a half-width w of 0.26 R (data/fea).
+_FINITE_BODY = 0.3
 _PER_PRESS, _PER_CUBE = 8e-4, 3e-11  # CPU seconds of a solution: fixed, and times unknowns cubed
 _MOST_LOOKED_AT = 64
 _PER_TRANSITION, _PER_TWO_SCALE = 5.0, 1e-3  # CPU seconds, of finite elements and two-scale
@@ -62,8 +62,9 @@ def plan(scene: Scene) -> list[Plan]:
 
     Notes
     -----
-    *Accuracy.* What is neglected changes loads by no more than the accuracy wanted, and estimates
-    are at most ten times the truth: checked on scenes all over the space (`checks.plan_check`).
+    *Accuracy.* All that is neglected changes loads by no more than the accuracy wanted, and
+    estimates above a tenth of it are within a factor of two of the truth: checked on scenes all
+    over the space (`checks.plan_check`).
     *Cost.* Some tens of milliseconds a texture.
 
     Examples
@@ -84,12 +85,15 @@ def _too_narrow(texture: Texture, status: str) -> InputError:
 
 
 def _planned(base: "_Base") -> Plan:
-    effects = [_ridges(base), _partial_contact(base), _offset(base), _floor(base), _corner(base)]
     large, solver = _finite_body(base)
     friction, material = _friction(base), _material(base)
     if material.simulated and solver == "half-plane":
         solver = "two-scale" if base.two_scale_error < math.inf else "cylinder-fe"
         large = replace(large, simulated=True)
+    neglected = [one.estimate for one in (large, friction, material) if not one.simulated]
+    ridged = [_ridges(base), _offset(base), _floor(base), _corner(base)]
+    effects = _decided(base, ridged, base.tolerance - _SAFETY * math.fsum(neglected))
+    effects.insert(1, _partial_contact(base))
     effects += [_poisson(base), large, material, friction, *_not_modelled()]
     solver = "cylinder-fe" if friction.simulated else solver
     chosen = {effect.name for effect in effects if effect.simulated}
@@ -127,7 +131,7 @@ class _Base:
         if not W.size:
             raise _too_narrow(texture, loads.status[0])
         W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
-        # Of very many ridges those looked at stand for all: what is beyond is smoother still.
+        # The first ridges stand for all of very many: the others are smoother still.
         top = min(max(W_max, float(W[-1])), 1.2 * float(W[-1]) + sharp.pitch**2)
         last = solve_contact(sharp, top, rel_tol=_ROUGH)
         return cls(scene, texture, sharp, W, last, max(W_max, float(W[-1])))
@@ -154,8 +158,10 @@ class _Base:
         if nu < two_scale.LEAST_NU:
             return math.inf
         loads = np.minimum(self.W / load_factor(nu), two_scale.REACH)
-        sharp, ogden = self.sharp, self.scene.ogden
-        return float(np.max(two_scale.relative_error(loads, sharp.a, sharp.b, nu, ogden)))
+        profile = self.given
+        if self.texture.offset == "uniform":  # the error is largest at a quarter
+            profile = replace(profile, offset=0.25)
+        return float(np.max(two_scale.relative_error(loads, profile, nu, self.scene.ogden)))
 
     @cached_property
     def given(self) -> Profile:
@@ -221,15 +227,22 @@ class _Base:
         return n_solution * (_PER_PRESS + _PER_CUBE * unknowns**3 + 4e-8 * unknowns**2)
 
 
-def _decided(
-    base: _Base, name: str, number: float, estimate: float, what: str, cost: float
-) -> Effect:
-    """Simulate an effect if its estimate, or its being unknown, exceeds the wanted accuracy."""
-    simulated = not estimate <= base.tolerance
-    reason = f"{what}; {'above' if simulated else 'within'} {base.wanted}"
-    if math.isnan(estimate):
-        reason = f"{what}; size not known, simulated to be safe"
-    return Effect(name, number, estimate, simulated, reason, cost)
+def _decided(base: _Base, effects: list[Effect], left: float) -> list[Effect]:
+    """Neglect the smallest effects, as long as all of them together stay within what is left."""
+    said = {}
+    for one in sorted(effects, key=lambda one: (math.isnan(one.estimate), one.estimate)):
+        if one.estimate == 0.0:
+            said[one.name] = replace(one, simulated=False)
+            continue
+        simulated = not _SAFETY * one.estimate <= left
+        reason = f"{one.reason}; {'above' if simulated else 'within'} {base.wanted}"
+        if math.isnan(one.estimate):
+            reason = f"{one.reason}; size not known, simulated to be safe"
+        elif simulated and one.estimate <= base.tolerance:
+            reason = f"{one.reason}; with all that is neglected above {base.wanted}"
+        left -= 0.0 if simulated else _SAFETY * one.estimate
+        said[one.name] = replace(one, simulated=simulated, reason=reason)
+    return [said[one.name] for one in effects]
 
 
 def _ridges(base: _Base) -> Effect:
@@ -238,8 +251,7 @@ def _ridges(base: _Base) -> Effect:
     smooth = hertz.transition_load(Q, a, b, nu=0.0) * load_factor(0)
     estimate = float(np.max(np.abs(smooth / base.W - 1)))
     cost = base.cost(2, n, 8)
-    what = "b/pitch; against Hertz in ridge units"
-    return _decided(base, "ridges", b / (a + b), estimate, what, cost)
+    return Effect("ridges", b / (a + b), estimate, True, "b/pitch; against smooth Hertz", cost)
 
 
 def _partial_contact(base: _Base) -> Effect:
@@ -256,9 +268,9 @@ def _offset(base: _Base) -> Effect:
     n, sharp = len(base.W), base.sharp
     # The further ridge of the first pair moves away by the offset; loads go as distance squared.
     first = 0.5 * sharp.b + sharp.pitch
-    estimate = _SAFETY * ((1 + number * sharp.pitch / first) ** 2 - 1)
+    estimate = (1 + number * sharp.pitch / first) ** 2 - 1
     cost = base.cost(24 * 2 * n, 2 * n, 10)
-    return _decided(base, "offset", number, estimate, "fraction of a pitch", cost)
+    return Effect("offset", number, estimate, True, "fraction of a pitch", cost)
 
 
 def _floor(base: _Base) -> Effect:
@@ -270,8 +282,7 @@ def _floor(base: _Base) -> Effect:
         reason = f"{what}; the floor is not touched"
         return Effect("groove floor", number, 0.0, False, reason, cost)
     # Touched only beyond the transitions looked at: not known by how much.
-    estimate = _SAFETY * base.change(0) or math.nan
-    return _decided(base, "groove floor", number, estimate, what, cost)
+    return Effect("groove floor", number, base.change(0) or math.nan, True, what, cost)
 
 
 def _corner(base: _Base) -> Effect:
@@ -280,8 +291,7 @@ def _corner(base: _Base) -> Effect:
     cost = base.cost(120 * len(base.W), len(base.W), 12)
     if corner == 0:
         return Effect("corner radius", 0.0, 0.0, False, "radius over a; corners are sharp", cost)
-    estimate = _SAFETY * base.change(1)
-    return _decided(base, "corner radius", number, estimate, "radius over a", cost)
+    return Effect("corner radius", number, base.change(1), True, "radius over a", cost)
 
 
 def _poisson(base: _Base) -> Effect:
@@ -297,11 +307,18 @@ def _finite_body(base: _Base) -> tuple[Effect, str]:
     count = max(base.last.Q, 2 * width / base.sharp.pitch)
     strain = 2 * p / (count * base.sharp.a)
     hang = base.penetration / base.sharp.b
-    # A compressible surface draws in by (1 - 2 nu)(1 + nu) times its pressure, and loads go as
-    # distances squared.
-    drawn = 2 * (1 - 2 * nu) * (1 + nu) * p / width
-    # A surface that hangs into a groove by its own width is bent by as much as a body can be.
-    estimate = _FINITE_BODY * width**2 + 0.3 * hang**2 + drawn
+    estimate = math.nan
+    if nu >= two_scale.LEAST_NU:
+        loads = base.W / load_factor(nu)
+        change = np.abs(two_scale.load_of(loads, nu) / loads - 1)
+        if np.isfinite(change).any():
+            estimate = float(np.nanmax(change))
+    if math.isnan(estimate):
+        # A compressible surface draws in by (1 - 2 nu)(1 + nu) times its pressure, and loads go as
+        # distances squared. One that hangs into a groove by its own width is bent by as much as a
+        # body can be.
+        drawn = 2 * (1 - 2 * nu) * (1 + nu) * p / width
+        estimate = _FINITE_BODY * width**2 + 0.2 * hang**2 + drawn
     reason = f"contact half-width over R; load per ridge over E a is {strain:.2g}, "
     reason += f"penetration over b {hang:.2g}; "
     solver, why = _solver_for(base, estimate)
@@ -321,7 +338,7 @@ def _solver_for(base: _Base, estimate: float) -> tuple[str, str]:
         Error of the half-plane.
     """
     error, goes_on = base.two_scale_error, base.p_max > HIGHEST_LOAD
-    if estimate <= base.tolerance:
+    if _SAFETY * estimate <= base.tolerance:
         return "half-plane", f"within {base.wanted}"
     if base.scene.relative is None and not (goes_on and error < math.inf):
         return "half-plane", (
@@ -345,9 +362,12 @@ def _material(base: _Base) -> Effect:
     if nu >= two_scale.LEAST_NU:
         p = min(base.p_max, two_scale.REACH)
         own, soft = (float(two_scale.width_ratio(p, nu, one)) for one in (ogden, NEO_HOOKEAN))
-        estimate = _SAFETY * abs((soft / own) ** 2 - 1)
+        estimate = abs((soft / own) ** 2 - 1)
     what += "a smooth body's load against a neo-Hookean one's"
-    return _decided(base, "material", exponent, estimate, what, _PER_MATERIAL)
+    (found,) = _decided(
+        base, [Effect("material", exponent, estimate, True, what, _PER_MATERIAL)], base.tolerance
+    )
+    return found
 
 
 def _friction(base: _Base) -> Effect:

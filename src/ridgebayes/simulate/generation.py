@@ -136,9 +136,7 @@ def generate(
     Rows of "cylinder-fe" carry their mesh's error in `rel_se`, and in `edges` how many of its
     edges lie on a ridge; where finite elements stop converging a row says at which load.
 
-    Over 200 sharp, centred textures share one function of b/a on the half-plane, with an error of
-    a tenth of the tolerance or of 1e-8, whichever is less. Rows of "cylinder-linear" carry their
-    mesh's error in `rel_se`.
+    Rows of "cylinder-linear" carry their mesh's error in `rel_se`.
 
     *Cost.* Milliseconds a texture; a second or so with floors, corners or an offset; of finite
     elements several seconds a transition, at small strain a second a texture.
@@ -190,12 +188,10 @@ def _tasks(scene: Scene, solver: str, rel_tol: float, meshes: tuple[int, ...]) -
     plain = plain and not scene.friction and scene.ogden == NEO_HOOKEAN
     high = max(scene.highest_load(texture) for texture in scene.textures) > HIGHEST_LOAD
     planned = not (plain and ((scene.relative is None and not high) or solver != "auto"))
-    by_half_plane = plain and not planned and solver in ("auto", "half-plane", "two-scale")
-    loads = solvers.many_loads(scene, rel_tol) if by_half_plane else None
     tasks = []
     for number, texture in enumerate(scene.textures, start=1):
         alone = scene.model_copy(update={"textures": (texture,)})
-        tasks.append(TextureTask(number, alone, planned, solver, rel_tol, meshes, loads))
+        tasks.append(TextureTask(number, alone, planned, solver, rel_tol, meshes))
     return tasks
 
 

@@ -1,4 +1,4 @@
-"""What a scene does under given loads: counts, contact, penetration, the force on each ridge."""
+"""Contact of a scene under given loads: counts, contact, penetration, the force on each ridge."""
 
 import math
 import os
@@ -255,8 +255,7 @@ def _error(load: float, profile: Profile, scale: float, scene: Scene) -> float:
     """Return the relative error of a load at large deformation; 0 at small strain."""
     if scale == 1.0:
         return 0.0
-    a, b, nu = profile.a, profile.b, scene.nu
-    return float(two_scale.relative_error(load, a, b, nu, scene.ogden))
+    return float(two_scale.relative_error(load, profile, scene.nu, scene.ogden))
 
 
 def _solved(

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from ridgebayes._types import NEO_HOOKEAN, FloatArray, IntArray, Json, Ogden
 from ridgebayes.contact import halfplane, hertz, two_scale
 from ridgebayes.contact.contact_solution import load_factor
-from ridgebayes.contact.many_textures import LoadFunction, load_function
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import InputError
 from ridgebayes.scene.effects import FINITE_ELEMENT_ERROR, Plan, full_profile
 from ridgebayes.scene.scene import Scene, Texture
 
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from ridgebayes.contact.cylinder.cylinder import Cylinder, Transition
 
 SOLVERS = ("auto", "hertz", "half-plane", "two-scale", "cylinder-linear", "cylinder-fe")
-_MANY, _MOST_UNLIKE = 200, 1e3  # textures, and ratios of groove to ridge, that one function serves
 # A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
 _MAX_TRANSITIONS = 65_536
 
@@ -49,9 +47,9 @@ class TextureTask:
     Parameters
     ----------
     number : int
-        Of the texture in its scene, from 1.
+        Number of the texture in its scene, from 1.
     scene : Scene
-        Of this texture alone.
+        Scene of this texture alone.
     planned : bool
         Whether to decide which effects are simulated; all that are given if not.
     solver : str
@@ -60,10 +58,8 @@ class TextureTask:
         Wanted relative error of each load.
     meshes : tuple of int
         Edges of finite elements a ridge, finest first: where one stops, the next goes on.
-    loads : LoadFunction, optional
-        Half-plane loads of sharp, centred textures, as far as it goes.
     version : str
-        Of this package, where the task was made.
+        Version of this package, where the task was made.
     """
 
     number: int
@@ -72,7 +68,6 @@ class TextureTask:
     solver: str
     rel_tol: float
     meshes: tuple[int, ...]
-    loads: LoadFunction | None = None
     version: str = field(default_factory=lambda: versions()["ridgebayes"])
 
     @property
@@ -110,7 +105,6 @@ class TextureTask:
             "solver": self.solver,
             "rel_tol": self.rel_tol,
             "meshes": list(self.meshes),
-            "loads": None if self.loads is None else list(self.loads.given),
         }
 
 
@@ -124,7 +118,7 @@ def transition_curves(
     task : TextureTask
         The texture and how its loads are computed.
     one : Plan
-        What is simulated of it.
+        Effects that are simulated.
     pressed : callable, optional
         As for `ridgebayes.generate`.
 
@@ -174,7 +168,7 @@ def transition_curves(
         with_reach = task.at_half_plane_load() if two_scales else task
         found = _many(with_reach, _half_plane) if sharp else _events(here, with_reach)
         curve = _curve(task, found, "half-plane", how, offset)
-        yield _two_scale(curve, task.scene.ogden) if two_scales else curve
+        yield _two_scale(curve, here, task.scene.ogden) if two_scales else curve
 
 
 def _simulated(task: TextureTask, one: Plan, chosen: str) -> list[str]:
@@ -212,7 +206,7 @@ def _curve(
     }
 
 
-UNIFORM = tuple((2 * i + 1) / 32 for i in range(8))  # offsets that stand for any, and their mirrors
+UNIFORM = tuple((2 * i + 1) / 32 for i in range(8))  # offsets that represent all others
 
 
 def optional_effects(texture: Texture) -> list[str]:
@@ -237,13 +231,11 @@ def chosen_solver(one: Plan, solver: str) -> str:
     return one.solver if solver == "auto" else solver
 
 
-def _two_scale(curve: Json, ogden: Ogden) -> Json:
+def _two_scale(curve: Json, profile: Profile, ogden: Ogden) -> Json:
     """Return a curve of half-plane loads at the loads that do so at large deformation."""
     nu = curve["nu"]
     loads = two_scale.load_of(curve["p_over_E"], nu, ogden)
-    error = two_scale.relative_error(loads, curve["a_over_R"], curve["b_over_R"], nu, ogden)
-    if curve["offset_over_R"]:
-        error = np.hypot(error, two_scale.OFF_CENTRE)
+    error = two_scale.relative_error(loads, profile, nu, ogden)
     said = [
         two_scale.UNCHECKED if one == "ok" and p > two_scale.checked(ogden) else one
         for one, p in zip(curve["status"], loads.tolist(), strict=True)
@@ -285,7 +277,7 @@ def _many(task: TextureTask, solve: _Solver) -> _Rows:
 
 def _events(profile: Profile, task: TextureTask) -> _Rows:
     """Return the transitions of any profile up to the load: a table holds those from Q = 4 on."""
-    from ridgebayes.contact.reaching import reaching_loads  # few sweeps ask for it
+    from ridgebayes.contact.reaching import reaching_loads  # loaded on use
 
     factor, W_max = load_factor(task.scene.nu), load_factor(task.scene.nu) * task.p_max
     found = reaching_loads(profile, W_max=W_max, n_max=_MAX_TRANSITIONS, rel_tol=task.rel_tol)
@@ -313,7 +305,7 @@ def _elements(
             here, p_max=p_max, nu=scene.nu, friction=scene.friction, edges=edges, ogden=scene.ogden
         )
         reached: list[Transition] = []
-        # What takes all steps at a sharp corner passes it no more: docs/validation/cylinder.md.
+        # A mesh that takes all steps at a sharp corner never passes it: see validation/cylinder.md.
         tries = MOST_FAILURES if final or profile.corner else 2
         found = transition_curve(body, p_max, seen=reached.append, most_failures=tries, after=known)
         # With friction loads depend on the way, and every transition is a stop.
@@ -361,8 +353,6 @@ def _linear(task: TextureTask) -> _Rows:
 
 def _half_plane(task: TextureTask, n: int) -> tuple[FloatArray, tuple[str, ...]]:
     a, b, nu = task.texture.a_over_R, task.texture.b_over_R, task.scene.nu
-    if task.loads is not None and n <= task.loads.n_transitions:
-        return task.loads(a, b)[0, :n] * (a + b) ** 2 / (1 - nu**2), ("ok",) * n
     loads = halfplane.transition_loads(a, b, n, rel_tol=task.rel_tol)
     return loads.p_over_E(a + b, nu=nu), loads.status
 
@@ -370,22 +360,3 @@ def _half_plane(task: TextureTask, n: int) -> tuple[FloatArray, tuple[str, ...]]
 def _hertz(task: TextureTask, n: int) -> tuple[FloatArray, tuple[str, ...]]:
     a, b, Q = task.texture.a_over_R, task.texture.b_over_R, 4 + 2 * np.arange(n)
     return hertz.transition_load(Q, a, b, nu=task.scene.nu), ("ok",) * n
-
-
-def many_loads(scene: Scene, rel_tol: float) -> LoadFunction | None:
-    """Return half-plane loads as one function where a scene's textures are many.
-
-    Its error is under a tenth of the tolerance, and of 1e-8. None where the textures are too few,
-    or too unlike each other, to save time, or where the function cannot be made to that error.
-    """
-    a, b = np.array([(texture.a_over_R, texture.b_over_R) for texture in scene.textures]).T
-    if len(a) <= _MANY or (b / a).max() > _MOST_UNLIKE * (b / a).min():
-        return None
-    p_max = np.array([scene.highest_load(texture) for texture in scene.textures])
-    n = float((hertz.half_width(p_max, nu=scene.nu) / (a + b)).max())
-    n_transitions = next((k for k in (8, 16, 32) if k > 1.5 * n + 2), 64)
-    low, high = float((b / a).min()), float((b / a).max())
-    try:
-        return load_function(low, high, n_transitions, rel_tol=0.1 * min(rel_tol, 1e-8))
-    except ComputationError:
-        return None
