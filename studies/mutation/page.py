@@ -1,6 +1,6 @@
 """Writes docs/mutation.md from the results of the runs and the reasons given for survivors.
 
-``python -m tests.mutation.page`` from the repository's root. `docs/mutation/survivors.csv`
+``python -m studies.mutation.page`` from the repository's root. `docs/mutation/survivors.csv`
 holds the reasons. A survivor without one is an error.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 
 from scipy import stats
 
-from tests.mutation.results import ROOT, Result, read, totals
+from studies.mutation.results import ROOT, Result, read, totals
 
 PAGE = ROOT / "docs" / "mutation.md"
 REASONS = ROOT / "docs" / "mutation" / "survivors.csv"
