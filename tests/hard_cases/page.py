@@ -20,7 +20,8 @@ HEAD = """# Edge cases
 
 {n_case} inputs chosen to break a calibration package. Each input is answered correctly, or
 refused with a message. The column *seen* has the results of {date}
-(Python {python}, NumPy {numpy}). `make hard-cases` runs all cases of `tests/hard_cases` and writes this page.
+(Python {python}, NumPy {numpy}). `make hard-cases` runs all cases of
+`tests/hard_cases` and writes this page.
 """
 COLUMNS = "| case | why it is hard | expected | seen |\n|---|---|---|---|"
 
