@@ -9,6 +9,8 @@
 #   make gallery    runs the scripts of docs/gallery and stores their figures
 #   make dist       wheel and sdist, checked, and the main job from the wheel alone on every Python,
 #                   and among the lowest versions of its dependencies
+#   make coverage   the tests of `make test`, with the share of branches that they reach
+#   make studies    long studies of the numbers in docs/validation, and their tests: hours
 #   make hard-cases, make mutation, make architecture: the pages of docs/ that are made by running code
 # Another Python: make test PYTHON=python3.12 VENV=.venv-3.12
 
@@ -17,6 +19,8 @@ PYTHONS ?= python3.11 python3.12 python3.13
 VENV    ?= .venv
 OUT     ?= ridgebayes-out
 BIN      = $(VENV)/bin
+# The studies that `make studies` runs: make studies STUDIES=verdicts
+STUDIES ?= brackets coverage cylinder friction kills load_coverage new_series sbc verdicts
 PYTEST   = $(BIN)/python -m pytest -n auto --dist worksteal
 # One BLAS thread: the matrices are small, and threads only fight over the cores.
 export OMP_NUM_THREADS ?= 1
@@ -24,7 +28,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes: none of them has to compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run lint types fast pytest test test-long docs notebooks gallery dist hard-cases mutation architecture clean
+.PHONY: setup run lint types fast pytest test test-long coverage docs notebooks gallery dist studies hard-cases mutation architecture clean
 
 setup: $(VENV)/.installed
 
@@ -42,6 +46,7 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/python docs/check_docstrings.py
+	$(BIN)/python docs/architecture/code_lines.py --check
 
 types: setup
 	$(BIN)/mypy
@@ -55,6 +60,9 @@ test: lint types pytest
 pytest: docs
 	$(PYTEST) -m "not long"
 
+coverage: setup
+	$(PYTEST) -q -m "not long" --cov --cov-report=term:skip-covered
+
 # One environment for each Python; one that is not there is an error, not a silent skip.
 test-long: setup
 	set -e; for python in $(PYTHONS); do \
@@ -66,7 +74,7 @@ test-long: setup
 .PHONY: test-python
 test-python: setup
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[dev,samplers]'
-	$(PYTEST) -q
+	$(PYTEST) -q tests src studies
 
 # From stored outputs; warnings are errors, and every reference has to resolve.
 docs: setup
@@ -88,13 +96,17 @@ dist: setup
 	set -e; for python in $(PYTHONS); do $(BIN)/python -m tests.wheel $$python dist; done
 	$(BIN)/python -m tests.wheel $(firstword $(PYTHONS)) dist --lowest
 
+studies: setup
+	$(PYTEST) -q studies
+	set -e; for study in $(STUDIES); do $(BIN)/python -m studies.$$study; done
+
 hard-cases: setup
 	$(BIN)/python -m tests.hard_cases.page
 
 mutation: setup
 	$(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python --editable '.[dev,mutation]'
-	$(BIN)/python -m tests.mutation.run
-	$(BIN)/python -m tests.mutation.page
+	$(BIN)/python -m studies.mutation.run
+	$(BIN)/python -m studies.mutation.page
 
 architecture: setup
 	$(BIN)/python docs/architecture/figure.py

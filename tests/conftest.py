@@ -50,9 +50,7 @@ SLOW_FOLDERS = {
     "test_pages.py",
     "test_readme.py",
     "test_results.py",
-    "validation",
 }
-LONG_FOLDERS = {"validation"}  # of tools that no command and no public name reaches
 SLOW_FIXTURES = {"fits", "fe_fits", "comparison", "reference", "comparisons"}
 PROCESS_MODULES = {
     "tests/runtime/test_atomic.py",
@@ -78,11 +76,9 @@ def pytest_collection_modifyitems(items):
     for item in items:
         path = item.path.relative_to(item.config.rootpath)
         # tests/ROOM/... and tests/test_README.py, or the examples in src/ridgebayes/ROOM/...
-        place = path.parts[1] if path.parts[0] == "tests" else path.parts[2]
+        place = path.parts[2] if path.parts[0] == "src" else path.parts[1]
         if place in SLOW_FOLDERS:
             item.add_marker(pytest.mark.slow)
-        if place in LONG_FOLDERS:
-            item.add_marker(pytest.mark.long)
         if SLOW_FIXTURES & set(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.slow)
         if path.as_posix() in PROCESS_MODULES:

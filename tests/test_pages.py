@@ -15,6 +15,7 @@ import contextlib
 import importlib.util
 import os
 import re
+import runpy
 import shlex
 import shutil
 import signal
@@ -215,6 +216,18 @@ def test_long_blocks__run_after_the_others_of_their_page(path, page_of):
         if block.mark == "long" and block.what:
             pytest.importorskip(block.what, reason="of the extra samplers")
         page.run(block)
+
+
+@pytest.mark.long
+@pytest.mark.filterwarnings("default")  # of other samplers
+@pytest.mark.usefixtures("made_once")
+@pytest.mark.parametrize("sampler", ["numpyro", "stan"])
+def test_reuse_scripts__run_after_their_page(sampler, page_of):
+    pytest.importorskip(sampler, reason="of the extra samplers")
+    page = page_of(DOCS / "reuse.md")
+    for block in runnable(page.path, long=False):
+        page.run(block)
+    runpy.run_path(str(DOCS / "reuse" / f"with_{sampler}.py"))
 
 
 @pytest.mark.long

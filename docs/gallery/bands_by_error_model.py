@@ -1,5 +1,5 @@
-"""What does the error model change?
-=================================
+"""How much does the error model change?
+=====================================
 
 Bands on each load of a texture that was not fitted. With independent rows (iid) all bands are
 equally wide, and that of Q = 4 just misses. A form's error at a given count repeats from texture
@@ -7,7 +7,7 @@ to texture. The error model texture+step learns this error from the other textur
 quarter as wide, and contain the loads.
 
 .. image:: images/sphx_glr_bands_by_error_model_001.png
-   :alt: What does the error model change?
+   :alt: How much does the error model change?
 """
 
 import matplotlib.pyplot as plt

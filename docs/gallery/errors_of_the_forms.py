@@ -1,11 +1,11 @@
-"""What does each form get wrong?
-==============================
+"""Where does each form get loads wrong?
+=====================================
 
 Loads of three forms, fitted to the same rows, relative to those of the half-plane equation. A
 form's error is not noise: it depends on Q and on the texture, and repeats exactly.
 
 .. image:: images/sphx_glr_errors_of_the_forms_001.png
-   :alt: What does each form get wrong?
+   :alt: Where does each form get loads wrong?
 """
 
 import matplotlib.pyplot as plt

@@ -1,11 +1,11 @@
-"""What if the finger does not land on the middle of a groove?
-===========================================================
+"""How do counts change if the finger lands beside a groove's middle?
+==================================================================
 
 The forms are for a body centred on a groove. A body that lands off centre reaches ridges one by
 one, not in pairs. The black line is the mean over all places.
 
 .. image:: images/sphx_glr_off_centre_001.png
-   :alt: What if the finger does not land on the middle of a groove?
+   :alt: How do counts change if the finger lands beside a groove's middle?
 """
 
 import matplotlib.pyplot as plt

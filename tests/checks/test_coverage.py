@@ -18,7 +18,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit
-from tests.validation.coverage import coverage_of
+from studies.coverage import coverage_of
 
 C, SIGMA, TAU = 1.38, 0.03, 0.05
 

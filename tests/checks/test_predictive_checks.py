@@ -11,7 +11,7 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import simulate_log_loads
 from ridgebayes.results import Fit
-from tests.validation.simulated import simulated
+from tests.simulated import simulated
 
 TRUTH = {"sigma": 0.01, "tau_texture": 0.04, "tau_step": 0.04}
 

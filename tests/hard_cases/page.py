@@ -18,34 +18,32 @@ from tests.hard_cases.table import AREAS, cases_of
 PAGE = Path(__file__).parents[2] / "docs" / "hard-cases.md"
 HEAD = """# Edge cases
 
-Inputs chosen to break a calibration package. Each is either answered correctly or refused with a
-message. `tests/hard_cases/` asserts what stands under *Expected*. *Seen* is the result of the run
-of {date} (Python {python}, NumPy {numpy}). `python -m tests.hard_cases.page` runs all
-cases and writes this page. It stops at the first case that fails, and takes about five minutes.
-
-{counts}
+{n_case} inputs chosen to break a calibration package. Each input is answered correctly, or
+refused with a message. The column *seen* has the results of {date}
+(Python {python}, NumPy {numpy}). `make hard-cases` runs all cases of
+`tests/hard_cases` and writes this page.
 """
+COLUMNS = "| case | why it is hard | expected | seen |\n|---|---|---|---|"
 
 
-def statements(case: HardCase) -> list[str]:
-    """Return the parts of a case's entry that do not depend on a run."""
-    return [f"### {case.name}", f"**Why hard.** {case.why}", f"**Expected.** {case.expected}"]
+def statement(case: HardCase) -> str:
+    """Return the cells of a case's row that do not depend on a run."""
+    cells = (case.name, case.why, case.expected)
+    return "| " + " | ".join(cell.replace("|", "&#124;") for cell in cells) + " |"
 
 
-def entry(case: HardCase, seen: str) -> str:
-    """Return the entry of one case in Markdown."""
-    name, why, expected = statements(case)
-    shown = html.escape(seen, quote=False)
-    code = f"`{case.area}.{case.test_id}`"
-    return f"{name}\n\n{why}\n\n{expected}\n\n**Seen.** {shown} ({code})\n"
+def row(case: HardCase, seen: str) -> str:
+    """Return the row of a case in a Markdown table."""
+    shown = html.escape(seen, quote=False).replace("|", "&#124;")
+    return f"{statement(case)} {shown} (`{case.area}.{case.test_id}`) |"
 
 
 def main() -> None:
     """Run every case and write the page."""
-    sections, counts = [], []
+    sections, n_case = [], 0
     with tempfile.TemporaryDirectory() as scratch:
         for area, (_, title) in AREAS.items():
-            entries = []
+            rows = []
             for case in cases_of(area):
                 folder = Path(scratch) / case.test_id
                 folder.mkdir()
@@ -54,16 +52,14 @@ def main() -> None:
                 except AssertionError as fault:
                     raise SystemExit(f"{area}.{case.test_id}: {fault}") from fault
                 print(f"{area}.{case.test_id}: {seen}", flush=True)
-                entries.append(entry(case, seen.replace(scratch, ".")))
-            sections.append("\n".join([f"## {title}\n", *entries]))
-            counts.append(f"{len(entries)} in {title[0].lower()}{title[1:]}")
-    n_case = sum(len(cases_of(area)) for area in AREAS)
-    shares = f"{n_case} cases: {', '.join(counts)}."
+                rows.append(row(case, seen.replace(scratch, ".")))
+            sections.append("\n".join([f"## {title}\n", COLUMNS, *rows, ""]))
+            n_case += len(rows)
     head = HEAD.format(
         date=datetime.now(UTC).date(),
         python=platform.python_version(),
         numpy=np.__version__,
-        counts=shares,
+        n_case=n_case,
     )
     PAGE.write_text("\n".join([head, *sections]), encoding="utf-8")
 

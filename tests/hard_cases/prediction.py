@@ -284,8 +284,8 @@ def a_posterior_too_narrow():
 
 @hard_case(
     "Probabilities for the skewed posterior of a few rows",
-    why="Few draws of a heavy tail stand for much of it, and a quoted error that is too small "
-    "misleads.",
+    why="A few draws carry most of the weight of a heavy tail, and a quoted error that is too "
+    "small misleads.",
     expected="The difference is within the quoted error of 0.005 plus four Monte Carlo standard "
     "errors of 65,536 importance draws.",
 )
@@ -307,7 +307,7 @@ def skewed_posterior():
         assert np.all(np.abs(q.at_least(n) - expected) <= 0.005 + 4 * se)
         worst = max(worst, np.abs(q.at_least(n) - expected).max())
     assert skew > 1
-    return f"skewness of sigma {skew:.0f}: errors within what is told"
+    return f"skewness of sigma {skew:.0f}: errors within the quoted standard errors"
 
 
 @hard_case(

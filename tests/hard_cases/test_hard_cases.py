@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.hard_cases.page import PAGE, statements
+from tests.hard_cases.page import PAGE, statement
 from tests.hard_cases.table import every_case
 
 CASES = every_case()
@@ -33,6 +33,6 @@ def test_table__names_each_case_once_and_has_eighty_or_more():
 def test_page__states_todays_cases():
     text = PAGE.read_text(encoding="utf-8")
 
-    assert all(line in text for case in CASES for line in statements(case)), (
-        "docs/hard-cases.md is of other cases; python -m tests.hard_cases.page writes it"
+    assert all(statement(case) in text for case in CASES), (
+        "docs/hard-cases.md shows other cases: make hard-cases writes it again"
     )

@@ -9,7 +9,7 @@ from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.replicated import form_log_loads, is_possible, prior_draws, simulate_log_loads
-from tests.validation.simulated import simulated
+from tests.simulated import simulated
 
 N = 40_000
 # Rows 0 and 1 share a texture, 0 and 2 a step, 0 and 3 the ratio a/pitch and the step; 1 and 2 a

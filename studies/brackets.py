@@ -1,4 +1,4 @@
-"""What stepping the load costs, and what brackets repair: ``python -m tests.validation.brackets``.
+"""What stepping the load costs, and what brackets repair: ``python -m studies.brackets``.
 
 A solver that raises the load in steps sees each transition at the first step at or above its load:
 half an increment too late on average. The embedded sweep is stepped so, at geometric steps of 1, 5

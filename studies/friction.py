@@ -1,6 +1,6 @@
 """How often do 90 % intervals of friction's parameters hold the truth?
 
-``python -m tests.validation.friction`` writes docs/validation/friction.csv. For each table the
+``python -m studies.friction`` writes docs/validation/friction.csv. For each table the
 truth is drawn from the priors, rows are simulated on a fixed plan, and calibrated. Of 50 tables
 each parameter should be inside 41 to 49 times: a binomial leaves that range in 3 % of the cases.
 A run that was stopped goes on.
@@ -18,7 +18,7 @@ from ridgebayes.friction.density import FrictionDensity, FrictionRows
 from ridgebayes.friction.terms import PARAMETERS, terms
 from ridgebayes.runtime.randomness import stream
 
-TARGET = Path(__file__).parents[2] / "docs" / "validation" / "friction.csv"
+TARGET = Path(__file__).parents[1] / "docs" / "validation" / "friction.csv"
 # As for other simulated tables: enough for a quantile among some thousand draws.
 SETTINGS = rb.SampleSettings(tau_change=0.1)
 COLUMNS = ["n_table", "n_inside", "n_converged"]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ridgebayes.errors import InputError
-from tests.validation.uniformity import ranks_to_pit, simultaneous_band, uniformity
+from studies.uniformity import ranks_to_pit, simultaneous_band, uniformity
 
 N_SAMPLE = 20_000
 
@@ -166,52 +165,6 @@ def test_p_value__sees_a_bent_distribution():
     assert uniform <= 0.01 + 0.02
 
 
-def test_p_value__is_the_same_in_the_mirror():
-    ranks = np.random.default_rng(6).integers(0, 40, 70)
-    one, other = (uniformity(ranks_to_pit(r, 63), n_draw=63).p_value for r in (ranks, 63 - ranks))
-    assert one == pytest.approx(other, rel=1e-9)  # algebra: the recursion runs the other way
-
-
-@pytest.mark.parametrize("points", [{}, {"n_point": 9}, {"n_draw": 63}, {"n_draw": 148}])
-def test_band__is_its_own_mirror_image(points):
-    band = simultaneous_band(90, 0.9, **points)
-    lower, upper = (np.rint(90 * side) for side in (band.lower, band.upper))
-    assert lower.tolist() == (90 - upper[::-1]).tolist()
-    np.testing.assert_allclose(band.z, 1 - band.z[::-1], rtol=0, atol=1e-15)  # algebra
-    assert np.all(band.lower < band.z)
-    assert np.all(band.z < band.upper)
-
-
-def test_band__has_pointwise_intervals_at_level_gamma():
-    band = simultaneous_band(300, 0.95, n_point=50)
-    lower, upper = (np.rint(300 * side) for side in (band.lower, band.upper))
-    for edge in (lower, upper):
-        tails = stats.binom.cdf(edge, 300, band.z), stats.binom.sf(edge - 1, 300, band.z)
-        assert np.all(np.minimum(*tails) > band.gamma / 2)
-    assert np.all(stats.binom.cdf(lower - 1, 300, band.z) <= band.gamma / 2 * (1 + 1e-12))
-    assert np.all(stats.binom.sf(upper, 300, band.z) <= band.gamma / 2 * (1 + 1e-12))
-
-
-def test_points__are_even_parts_or_what_ranks_allow():
-    assert simultaneous_band(4).z.tolist() == [0.25, 0.5, 0.75]
-    assert len(simultaneous_band(60).z) == 59
-    assert len(simultaneous_band(1_000).z) == 99
-    assert simultaneous_band(1_000, n_draw=3).z.tolist() == [0.25, 0.5, 0.75]
-    # Four parts of 10: nearest multiples from the outside in.
-    assert simultaneous_band(50, n_draw=9, n_point=4).z.tolist() == [0.2, 0.5, 0.8]
-    whole = 150 * simultaneous_band(1_000, n_draw=149).z
-    # Algebra: a rounding of a number up to 150.
-    np.testing.assert_allclose(whole, np.rint(whole), rtol=0, atol=1e-12)
-
-
-def test_band__of_few_values_is_everything():
-    for n in (1, 2):
-        band = simultaneous_band(n)
-        assert (band.lower.tolist(), band.upper.tolist()) == ([0.0], [1.0])
-        assert (band.gamma, band.coverage) == (0.0, 1.0)
-        assert uniformity(np.full(n, 0.9)).inside
-
-
 def test_uniformity__counts_values_at_a_point_and_measures_the_excess():
     pit = np.array([0.25] * 30 + [0.3] * 5 + [1.0] * 5)
     found = uniformity(pit, 0.9, n_point=4)
@@ -224,53 +177,3 @@ def test_uniformity__counts_values_at_a_point_and_measures_the_excess():
     below = uniformity([0.8] * 40, 0.9, n_point=4)
     assert below.largest_excess == band.lower[2]
     assert not below.inside
-
-
-def test_ranks_at_a_point_count_as_there_whatever_the_number_of_draws():
-    for n_draw in (*range(1, 30), 99, 149, 255, 999):
-        found = uniformity(ranks_to_pit(np.arange(n_draw + 1), n_draw), n_draw=n_draw)
-        np.testing.assert_array_equal(np.rint(found.ecdf * (n_draw + 1)) / (n_draw + 1), found.z)
-
-
-def test_ranks_to_pit__takes_small_and_unsigned_integers():
-    assert ranks_to_pit(np.array([0, 255], np.uint8), 255).tolist() == [1 / 256, 1.0]
-    assert ranks_to_pit([[0.0, 3.0]], 3).tolist() == [[0.25, 1.0]]
-
-
-@pytest.mark.parametrize("bad", [-1, 4, 1.5, np.nan])
-def test_ranks_to_pit__refuses_what_is_no_rank(bad):
-    with pytest.raises(InputError, match=rf"ranks: expected a whole number from 0 to 3, got {bad}"):
-        ranks_to_pit([0, bad], 3)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"n": 0}, "n: expected a whole number, at least 1, got 0"),
-        ({"n": 2.5}, "n: expected a whole number, at least 1, got 2.5"),
-        ({"prob": 1.0}, "prob: expected 0 < prob < 1, got 1.0"),
-        ({"prob": math.nan}, "prob: expected 0 < prob < 1, got nan"),
-        ({"n_point": 1}, "n_point: expected a whole number, at least 2, got 1"),
-        ({"n_draw": 0}, "n_draw: expected a whole number, at least 1, got 0"),
-        ({"n_draw": True}, "n_draw: expected a whole number, at least 1, got True"),
-    ],
-)
-def test_band__refuses_numbers_outside_their_range(wrong, message):
-    with pytest.raises(InputError, match=message):
-        simultaneous_band(**{"n": 50, **wrong})
-
-
-@pytest.mark.parametrize(
-    ("pit", "n_draw", "message"),
-    [
-        ([], None, r"pit: expected one axis, at least one value, got shape \(0,\)"),
-        ([[0.5]], None, r"pit: expected one axis, at least one value, got shape \(1, 1\)"),
-        ([0.5, 1.1], None, "pit: expected from 0 to 1, got 1.1"),
-        ([0.5, np.nan], None, "pit: expected from 0 to 1, got nan"),
-        ([0.5, 0.3], 3, "pit: expected a multiple of 1/4, as ranks_to_pit returns, got 0.3"),
-        ([0.5, 0.0], 3, "pit: expected a multiple of 1/4, as ranks_to_pit returns, got 0.0"),
-    ],
-)
-def test_uniformity__refuses_what_is_no_sample(pit, n_draw, message):
-    with pytest.raises(InputError, match=message):
-        uniformity(pit, n_draw=n_draw)

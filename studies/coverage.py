@@ -1,6 +1,6 @@
 """Do bands hold what they say? Hybrid on the embedded sweep, half-plane textures never fitted.
 
-Run ``python -m tests.validation.coverage [ERROR_MODEL ...]``; it prints a line per set of textures.
+Run ``python -m studies.coverage [ERROR_MODEL ...]``; it prints a line per set of textures.
 """
 
 import sys

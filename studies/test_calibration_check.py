@@ -1,34 +1,31 @@
 import functools
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from ridgebayes.errors import ComputationError, InputError
+import ridgebayes as rb
+from ridgebayes.errors import ComputationError
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.diagnostics import summarise
-from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
+from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import simulate_log_loads
 from ridgebayes.results import Fit
-from tests.drawn import drawn_posterior
-from tests.validation import calibration_check
-from tests.validation.calibration_check import (
+from studies import calibration_check
+from studies.calibration_check import (
     LOG_LIKELIHOOD,
     RANK_COLUMNS,
     SBC,
-    exact_places,
-    independent_draws,
     sbc,
 )
+from tests.drawn import drawn_posterior
 
 LOG_SIGMA = np.linspace(-14.0, 0.0, 3_000)
 
 
 @pytest.fixture(scope="module")
-def data(paper):
-    return Observations.from_table(paper)
+def data():
+    return Observations.from_table(rb.paper_sweep())
 
 
 def exact_fit(model, *, seed, spread=1.0):
@@ -121,29 +118,6 @@ def test_importance_sampling_is_calibrated(data, form, noise):
     assert found.verdict(unconverged=True).p_value > 0.01  # Monte Carlo: one seed in 100
 
 
-def test_the_walk_is_ranked(data):
-    found = run(data, Modified(), n=1, fit="walk")
-    assert found.engine == "walk"
-    assert found.ranks["converged"].all()
-    assert found.ranks["rank"].between(0, 63).all()
-
-
-def test_power_law_ranks_every_k(data):
-    found = run(data, PowerLaw(), n=1, fit=light)
-    names = [name for name in found.quantities if name.startswith("K[")]
-    assert len(names) == len(data.textures)
-    assert found.quantities[-2:] == ("sigma", LOG_LIKELIHOOD)
-
-
-def test_replicates_are_the_same_on_an_executor_and_in_two_runs(data):
-    whole = run(data, n=6)
-    with ThreadPoolExecutor(2) as executor:
-        pd.testing.assert_frame_equal(run(data, n=6, executor=executor).ranks, whole.ranks)
-    parts = run(data, n=4) + run(data, n=2, first=4)
-    pd.testing.assert_frame_equal(parts.ranks, whole.ranks)
-    assert parts.n_replicate == 6
-
-
 def test_failed_fits_are_counted_and_listed(data):
     calls = []
 
@@ -167,46 +141,3 @@ def test_failed_fits_are_counted_and_listed(data):
     assert found.uniformity(unconverged=True)["c"].n == 16
     few = SBC("modified", "iid", "walk", 200, found.ranks, found.failures)
     assert few.verdict().calibrated  # 8 of 200 are 4 %
-
-
-def test_no_fit_at_all_has_no_verdict(data):
-    def fails(model, *, seed):
-        raise ComputationError("no mode")
-
-    found = run(data, n=2, fit=fails)
-    assert found.n_failed == 2
-    with pytest.raises(ComputationError, match="modified, iid: all 2 fits failed"):
-        found.verdict()
-
-
-def test_draws_come_from_steps_far_apart(fits):
-    fit = fits["modified"]
-    chains = fit.chains
-    drawn = independent_draws(fit, 150, np.random.default_rng(1))
-    assert len(np.unique(drawn[:, 0])) == 150 or chains.acceptance.mean() < 1
-    steps = [np.argwhere(chains.u[..., 0] == value)[-1][1] for value in drawn[:, 0]]
-    # A walker that stayed has the same value at neighbouring steps: the last one is looked at.
-    gap = int(np.ceil(5 * chains.tau.max()))
-    last = chains.n_step - 1
-    assert np.mean((last - np.array(steps)) % gap == 0) > 0.6
-    with pytest.raises(InputError, match=r"n_draw: expected at most \d+, .*got 1000000"):
-        independent_draws(fit, 1_000_000, np.random.default_rng(1))
-
-
-def test_places_are_exact_rows_without_counts_of_2(observed):
-    rows = observed([0, 0, 1], [2, 4, 6], -6.0, log_lower=[np.nan, -7, np.nan], is_count=[1, 0, 1])
-    places = exact_places(rows)
-    assert places.Q.tolist() == [4, 6]
-    assert places.is_exact.all()
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"fit": "guess"}, "fit: expected one of walk, importance, or a callable, got 'guess'"),
-        ({"n": 0}, "n_replicate: expected at least 1, got 0"),
-    ],
-)
-def test_wrong_options_are_refused(data, wrong, message):
-    with pytest.raises(InputError, match=message):
-        run(data, **wrong)

@@ -1,4 +1,4 @@
-"""What bands for a new series can hold, in closed form: ``python -m tests.validation.new_series``.
+"""What bands for a new series can hold, in closed form: ``python -m studies.new_series``.
 
 Loads of two series that differ by a constant alone, or by nothing, are averaged over as the package
 does: with and without an offset per series, of the same prior probability and the default priors.

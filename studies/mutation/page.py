@@ -1,17 +1,16 @@
 """Writes docs/mutation.md from the results of the runs and the reasons given for survivors.
 
-``python -m tests.mutation.page`` from the repository's root. `docs/mutation/survivors.csv`
+``python -m studies.mutation.page`` from the repository's root. `docs/mutation/survivors.csv`
 holds the reasons. A survivor without one is an error.
 """
 
 import csv
-import html
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from scipy import stats
 
-from tests.mutation.results import ROOT, Result, read, totals
+from studies.mutation.results import ROOT, Result, read, totals
 
 PAGE = ROOT / "docs" / "mutation.md"
 REASONS = ROOT / "docs" / "mutation" / "survivors.csv"
@@ -48,8 +47,8 @@ def share(results: Sequence[Result]) -> str:
 
 def interval(results: Sequence[Result]) -> str:
     """Return the exact 95 % interval of the share among all mutants of a sampled module."""
-    found = stats.binomtest(noticed(results), len(results)).proportion_ci(0.95, "exact")
-    return f"{100 * found.low:.0f} to {100 * found.high:.0f} %"
+    ends = stats.binomtest(noticed(results), len(results)).proportion_ci(0.95, "exact")
+    return f"{100 * ends.low:.0f} to {100 * ends.high:.0f} %"
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -87,34 +86,24 @@ def row_of(name: str, results: Sequence[Result], size: dict[str, int]) -> list[o
     return [name, everything, len(results), *counts, noted]
 
 
-def code(text: str) -> str:
-    """Return text as code within a table."""
-    return f"<code>{html.escape(text, quote=False).replace('|', '&#124;')}</code>"
-
-
-def survivors(results: Sequence[Result]) -> tuple[str, str, str]:
-    """Return the share without needless changes, and the tables of kinds and of survivors.
+def survivors(results: Sequence[Result]) -> tuple[str, str]:
+    """Return the share without needless changes, and the table of kinds of survivors.
 
     Raises
     ------
     KeyError
         If a survivor has no reason.
     """
-    known, lines, kinds = reasons(), [], Counter()
-    for result in results:
-        if result.outcome == "survived":
-            kind, reason = known[result.mutant]
-            kinds[kind] += 1
-            where = f"`{result.module}` {result.line}"
-            lines.append((where, code(result.change), kind, reason))
+    reason_of = reasons()
+    lived = [result for result in results if result.outcome == "survived"]
+    kinds = Counter(reason_of[result.mutant][0] for result in lived)
     needless = sum(kinds[kind] for kind in NEEDLESS)
     rest = len(results) - needless
     return (
-        f"Of the {len(results)} mutants, {needless} survive because they change no result "
-        f"({', '.join(NEEDLESS)}). Of the other {rest}, {100 * noticed(results) / rest:.1f} % are "
-        "detected.",
+        f"{needless} of the {len(results)} mutants survive because they change no result "
+        f"({', '.join(NEEDLESS)}). Tests detect {100 * noticed(results) / rest:.1f} % of the "
+        f"other {rest}.",
         table(("kind", "survivors"), kinds.most_common()),
-        table(("where", "change", "kind", "reason"), lines),
     )
 
 
@@ -122,8 +111,7 @@ def text() -> str:
     """Return the page."""
     results = read()
     head = REASONS.with_name("head.md").read_text(encoding="utf-8")
-    others, kinds, lines = survivors(results)
-    parts = [head.strip(), "## Score", by_module(results), others, "## Survivors", kinds, lines]
+    parts = [head.strip(), "## Score", by_module(results), *survivors(results)]
     return "\n\n".join(parts) + "\n"
 
 

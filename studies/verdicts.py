@@ -1,4 +1,4 @@
-"""How often a verdict names the wrong form: ``python -m tests.validation.verdicts``.
+"""How often a verdict names the wrong form: ``python -m studies.verdicts``.
 
 Tables are drawn from a known form with known errors, and each is compared as `rb.compare` does by
 default, but that nothing is walked and nothing left out, and that evidences by importance sampling
@@ -6,7 +6,7 @@ take the draws of a quick run. (`--check 10` compares ten tables both ways.)
 docs/validation/verdicts.csv says of each cell of truth, errors and textures how many tables ended
 in each grade, and with which form named.
 
-    python -m tests.validation.verdicts --tables 40 --workers 2
+    python -m studies.verdicts --tables 40 --workers 2
 
 Every table that is done stands in docs/validation/verdicts.jsonl; a run that was stopped goes on
 from there. A table takes some 5 CPU seconds, so all cells with 40 tables take hours.
@@ -32,8 +32,8 @@ from ridgebayes.errors import RidgebayesError
 from ridgebayes.inference.presets import QUICK, STANDARD
 from ridgebayes.runtime.pool import executor_for
 from ridgebayes.runtime.randomness import stream
-from tests.validation.simulated import resumed
-from tests.validation.verdicts_figure import plot_verdicts
+from studies.resumed import resumed
+from studies.verdicts_figure import plot_verdicts
 
 OUT = Path("docs/validation/verdicts.csv")
 DONE = Path("docs/validation/verdicts.jsonl")

@@ -1,6 +1,6 @@
 """The main job killed at random moments and resumed: are the results those of an undisturbed run?
 
-    python -m tests.validation.kills --n 20 --seed 1
+    python -m studies.kills --n 20 --seed 1
 
 runs `ridgebayes run --accuracy quick --noise iid` on three textures of the study, but with
 posteriors walked (over 20 autocorrelation times), to its end. Then it kills that (SIGKILL) at `n`
@@ -74,7 +74,7 @@ def main() -> None:
 
 
 def parsed() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m tests.validation.kills")
+    parser = argparse.ArgumentParser(prog="python -m studies.kills")
     parser.add_argument("--n", type=int, default=20, help="kills")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("docs/validation"))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tests.validation.new_series import _quantile
+from studies.new_series import _quantile
 
 
 @pytest.mark.parametrize("p", [0.05, 0.3, 0.95])

@@ -20,7 +20,7 @@ from ridgebayes.drawing.style import (
     symbol,
 )
 from ridgebayes.errors import InputError
-from tests.validation.uniformity import Uniformity
+from studies.uniformity import Uniformity
 
 _OUTSIDE = COLOURS["classic"]  # no form is drawn here; this is the palette's red
 

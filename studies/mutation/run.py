@@ -1,6 +1,6 @@
 """Mutation testing: change the code in one place and see whether a test notices.
 
-    python -m tests.mutation.run [MODULE ...] [--workers N] [--again]
+    python -m studies.mutation.run [MODULE ...] [--workers N] [--again]
 
 Which modules, tests and changes is in `modules.toml`; what came out goes to
 `docs/mutation/mutants.csv`, and what is there of a module as it stands is not tried again. No file
@@ -28,8 +28,8 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from tests.mutation.mutants import Mutant, mutants_of
-from tests.mutation.results import (
+from studies.mutation.mutants import Mutant, mutants_of
+from studies.mutation.results import (
     CONFIGURATION,
     ROOT,
     Result,

@@ -1,4 +1,4 @@
-"""What the finite-element cylinder is worth: ``python -m tests.validation.cylinder [NAME ...]``.
+"""What the finite-element cylinder is worth: ``python -m studies.cylinder [NAME ...]``.
 
 Each NAME is a table docs/validation/cylinder-NAME.csv and, of some, a figure beside it; all of them
 if none is given. Seconds are of one thread.

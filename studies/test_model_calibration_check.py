@@ -3,13 +3,13 @@ import pandas as pd
 import pytest
 from scipy.special import logsumexp
 
+import ridgebayes as rb
 from ridgebayes.distributions.distribution import LogNormal
-from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.forms import Classic, Modified
 from ridgebayes.model.observations import Observations
+from studies.model_calibration_check import model_sbc
 from tests.drawn import drawn_posterior
-from tests.validation.model_calibration_check import PROBABILITY_COLUMNS, ModelSBC, model_sbc
 
 LOG_SIGMA = np.linspace(-14.0, 0.0, 3_000)
 FORMS = (Classic(), Modified())
@@ -18,8 +18,8 @@ PRIORS = {"sigma": LogNormal(0.4, 0.5)}
 
 
 @pytest.fixture(scope="module")
-def data(paper):
-    return Observations.from_table(paper)
+def data():
+    return Observations.from_table(rb.paper_sweep())
 
 
 def exact_evidence(model, *, seed, bonus=0.0):
@@ -74,52 +74,3 @@ def test_importance_sampling_gives_the_exact_probabilities(data):
     pd.testing.assert_frame_equal(by_importance[["form", "true"]], exact[["form", "true"]])
     # Monte Carlo: log evidences are good to 0.01, 0.05 is five times that.
     np.testing.assert_allclose(by_importance["probability"], exact["probability"], atol=0.05)
-
-
-def test_rows_that_cannot_be_weighed_are_listed(data):
-    calls = []
-
-    def fails_at_times(model, *, seed):
-        calls.append(seed)
-        if len(calls) == 1:
-            raise ComputationError("no mode")
-        if len(calls) == 2:
-            return LogEvidence("importance", 1.0, 0.1, "Pareto k 0.9")
-        return exact_evidence(model, seed=seed)
-
-    found = model_sbc(data, FORMS, n_replicate=6, rng=5, weigh=fails_at_times)
-    assert found.n_failed == 2
-    assert found.failures["reason"].tolist() == ["classic: no mode", "classic: Pareto k 0.9"]
-    assert found.probabilities["replicate"].unique().tolist() == [2, 3, 4, 5]
-
-
-def test_calibration_counts_by_hand():
-    rows = [
-        [i, form, form == true, p]
-        for i, (true, share) in enumerate(
-            [("a", 0.9), ("a", 0.7), ("b", 0.95), ("b", 0.2), ("a", 1.0)]
-        )
-        for form, p in (("a", share), ("b", 1 - share))
-    ]
-    frame = pd.DataFrame(rows, columns=PROBABILITY_COLUMNS)
-    found = ModelSBC(("a", "b"), "iid", 5, frame, pd.DataFrame(columns=["replicate", "reason"]))
-    bins = found.calibration(2).set_index(["form", "low"])
-    assert bins.loc[("a", 0.0), "n"] == 1
-    assert bins.loc[("a", 0.5), "n"] == 4
-    assert bins.loc[("a", 0.5), "share_true"] == 0.75
-    assert bins.loc[("a", 0.5), "mean_probability"] == pytest.approx(3.55 / 4)  # rounding
-    averages = found.averages().set_index("form")
-    assert averages.loc["a", "share_true"] == 0.6
-    assert averages.loc["b", "average"] == pytest.approx(0.25)  # rounding
-    spread = np.sqrt(sum(p * (1 - p) for p in (0.9, 0.7, 0.95, 0.2)))
-    assert averages.loc["a", "z"] == pytest.approx((3 - 3.75) / spread)  # rounding
-
-
-def test_wrong_options_are_refused(data):
-    with pytest.raises(InputError, match="forms: expected two or more, each once, got classic"):
-        model_sbc(data, [Classic()])
-    with pytest.raises(InputError, match="n_replicate: expected at least 2, got 1"):
-        model_sbc(data, FORMS, n_replicate=1)
-    found = model_sbc(data, FORMS, n_replicate=2, weigh=exact_evidence)
-    with pytest.raises(InputError, match="n_bin: expected at least 1, got 0"):
-        found.calibration(0)

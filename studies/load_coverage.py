@@ -1,4 +1,4 @@
-"""How often 90 % bands hold new loads: ``python -m tests.validation.load_coverage``.
+"""How often 90 % bands hold new loads: ``python -m studies.load_coverage``.
 
 Hybrid's coefficients and an error model's scales are drawn from the priors, and a table from them.
 It is fitted as `rb.calibrate` does by default, error models averaged. Then the same truth makes new
@@ -6,7 +6,7 @@ loads: at the table's textures, and at two new ones inside its range. Each has a
 row; a fitted texture keeps its offset and a new one has its own; steps keep theirs; the series is
 new. docs/validation/load_coverage.csv says how many of them the bands hold.
 
-    python -m tests.validation.load_coverage --tables 100 --workers 2 --only "series, 41"
+    python -m studies.load_coverage --tables 100 --workers 2 --only "series, 41"
 
 Truth `prior` draws the error model too, from all that are weighed for two series, and asks about
 twenty new series: averaged over such truths a right mixture holds 0.90.
@@ -35,8 +35,9 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import prior_draws, simulate_log_loads
 from ridgebayes.runtime.pool import executor_for
 from ridgebayes.runtime.randomness import stream
+from studies.resumed import resumed
 from tests.drawn import drawn_posterior
-from tests.validation.simulated import resumed, simulated
+from tests.simulated import simulated
 
 OUT = Path("docs/validation/load_coverage.csv")
 DONE = Path("docs/validation/load_coverage.jsonl")

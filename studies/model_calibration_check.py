@@ -26,9 +26,9 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import is_possible, simulate_log_loads
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
+from studies.calibration_check import FAILURE_COLUMNS, exact_places
 from tests.drawn import drawn_posterior
-from tests.validation.calibration_check import FAILURE_COLUMNS, exact_places
-from tests.validation.simulated import simulated
+from tests.simulated import simulated
 
 PROBABILITY_COLUMNS = ["replicate", "form", "true", "probability"]
 AVERAGE_COLUMNS = ["form", "prior", "average", "se", "share_true", "z"]

@@ -33,9 +33,9 @@ from ridgebayes.model.replicated import prior_draws, simulate_log_loads
 from ridgebayes.results import Fit
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
+from studies.uniformity import Uniformity, ranks_to_pit, uniformity
 from tests.drawn import drawn_posterior
-from tests.validation.simulated import simulated
-from tests.validation.uniformity import Uniformity, ranks_to_pit, uniformity
+from tests.simulated import simulated
 
 LOG_LIKELIHOOD = "log-likelihood"  # the quantity beside the parameters
 RANK_COLUMNS = ["replicate", "quantity", "rank", "n_draw", "converged"]

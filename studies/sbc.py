@@ -1,6 +1,6 @@
 """Long runs of simulation-based calibration, and the record that is kept of them.
 
-    python -m tests.validation.sbc --form hybrid --noise texture+step --n 300 --jobs 2
+    python -m studies.sbc --form hybrid --noise texture+step --n 300 --jobs 2
 
 draws 300 sets of parameters from the prior, simulates the rows of the paper's sweep under each,
 fits them with the sampler that `calibrate` runs, and writes into docs/validation/ the ranks (CSV),
@@ -24,8 +24,8 @@ from ridgebayes.drawing.style import as_bytes
 from ridgebayes.model.forms import FORMS, form_named
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from tests.validation.calibration_check import SBC, sbc
-from tests.validation.uniformity_figure import plot_uniformity
+from studies.calibration_check import SBC, sbc
+from studies.uniformity_figure import plot_uniformity
 
 _PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz", "matplotlib")
 _BATCH = 50
@@ -65,7 +65,7 @@ def together(
 
 
 def parsed() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m tests.validation.sbc")
+    parser = argparse.ArgumentParser(prog="python -m studies.sbc")
     parser.add_argument("--form", default="hybrid", help="names with commas between, or all")
     parser.add_argument("--noise", default="texture+step", help="names with commas, or all")
     parser.add_argument("--fit", default="walk", choices=["walk", "importance"])

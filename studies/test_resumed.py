@@ -1,6 +1,6 @@
 from typing import NamedTuple
 
-from tests.validation.simulated import resumed
+from studies.resumed import resumed
 
 
 class Task(NamedTuple):

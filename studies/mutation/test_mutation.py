@@ -4,8 +4,8 @@ from collections import Counter
 
 import pytest
 
-from tests.mutation import page
-from tests.mutation.results import CONFIGURATION, ROOT, path_of, read, totals
+from studies.mutation import page
+from studies.mutation.results import CONFIGURATION, ROOT, path_of, read, totals
 
 
 @pytest.mark.parametrize("module", CONFIGURATION["modules"])
