@@ -230,7 +230,7 @@ def test_reaching_loads__beside_many_floors_are_all_found():
     """Each load starts from contacts of the one before, whose ends need over 80 steps here."""
     profile = Profile(0.0055494, 0.0237167, depth=1.36855e-4, offset=-0.0650524)
     found = reaching_loads(profile, W_max=0.087347)
-    assert found.status == ("ok",) * 28
+    assert set(found.status) == {"ok"}
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.2])
