@@ -319,16 +319,6 @@ def test_read_columns__one_cell_in_another_unit_is_refused(refusal):
     assert "line 3, column 'Steg [mm]' = '100 µm'" in refusal(text, values=BODY)
 
 
-def test_read_columns__names_of_textures_may_hold_both_widths(read, refusal):
-    text = "Texture,Q,Line load [N/mm]\n240x80 um,4,0.0021\n100x80 um,4,0.003\n"
-    found = read(text, values=BODY)
-    assert found.table.textures == ((0.03, 0.01), (0.0125, 0.01))
-    bare = text.replace(" um", "")
-    assert "--map 'texture=Texture;mm'" in refusal(bare, values=BODY)
-    found = read(bare, {"texture": "Texture;um"}, values=BODY)
-    assert found.table.textures == ((0.03, 0.01), (0.0125, 0.01))
-
-
 def test_read_columns__compression_may_be_negative_throughout(read, refusal):
     text = "Ridge [mm],Groove [mm],Q,Force [N/mm]\n0.24,0.08,4,-0.0021\n0.24,0.08,6,-0.0087\n"
     found = read(text, values=BODY)
@@ -798,9 +788,3 @@ def test_read_columns__a_header_behind_a_per_cent_sign_is_one(read):
         "% Model: press.mph\n% a_over_R b_over_R Q p_over_E\n0.03 0.01 4 0.001\n0.03 0.01 6 0.004\n"
     )
     assert read(text).table.column("Q").tolist() == [4, 6]
-
-
-def test_read_columns__a_decimal_comma_of_a_title_is_not_cut(read):
-    text = "E-Modul = 60,5 kPa\nSteg [mm],Nut [mm],Kanten,Last [N/mm]\n0.24,0.08,4,0.0012\n"
-    found = read(text, values={"R": "8 mm"})
-    assert "E: 60.5 kPa, as given" in found.messages

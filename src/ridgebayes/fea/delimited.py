@@ -153,7 +153,6 @@ class TextTable(Source):
         head = list(islice(rows, LOOKED_AT))
         full = [(line, cells) for line, cells in head if any(one.strip() for one in cells)]
         layout = find_layout(full or [(1, [""])], where, how.header_row)
-        self.settings = layout.settings
         problems.messages += layout.messages
         self.headers = clean_headers(layout.headers, where)
         if layout.first >= len(full):
