@@ -136,8 +136,10 @@ def read_columns(
         _mapping_text(typed, interpreter.used, values),
     )
     origin = provenance(path, "columns", *(text for text in details if text))
-    own = as_text(frame["source"]) if "source" in frame else pd.Series("", index=frame.index)
-    frame["source"] = (origin + "; " + own).where(own != "", origin)
+    own = as_text(frame["source"]) if "source" in frame else ""
+    frame["source"] = (
+        origin if isinstance(own, str) else (origin + "; " + own).where(own != "", origin)
+    )
     rows = interpreter.rows
     line = None if rows is None or source.lines is None else source.lines[rows].item
     del cells, interpreter  # of a million rows: 0.2 GB that validating needs
