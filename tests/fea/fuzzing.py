@@ -304,6 +304,9 @@ def _contract(content: bytes, found: Imported) -> str:
     rows = [
         tuple(_value(r, name, messages) for name in names) for r in plain_rows(content, messages)
     ]
+    rows, low = [row for row in rows if row[2] not in (0, 2)], [row[2] in (0, 2) for row in rows]
+    if sum(low) and f"{sum(low)} rows of Q under 4 ignored" not in messages:
+        return f"{sum(low)} rows of Q under 4 are dropped in silence"
     return _same(found, rows)
 
 

@@ -178,34 +178,24 @@ def _fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) ->
 def _one_series(
     cells: pd.DataFrame, uses: list[Use], problems: FileError
 ) -> tuple[pd.DataFrame, list[Use]]:
-    """Return one column of series: of guesses those of which a texture has two or more, joined."""
+    """Return one column of series: those that words name, joined, without numbers of rows."""
     some = [use for use in uses if use.key == "series" and use.how in ("guessed", "wide")]
-    widths = [use.header for use in uses if use.key in _OF_TEXTURES]
-    again = [*widths, *(use.header for use in uses if use.key == "Q")]
-    kept = []
+    kept = [use for use in some if len(cells) == 1 or cells[use.header].duplicated().any()]
     for use in some:
-        labels = as_text(cells[use.header])
-        pairs = cells[widths].assign(series=labels).drop_duplicates()
-        is_repeated = pairs.duplicated(widths).any() if widths else len(pairs) > 1
-        # A label for each row numbers rows, but where a texture has a count twice.
-        if is_repeated and (labels.nunique() < len(labels) or cells[again].duplicated().any()):
-            kept.append(use)
-            continue
-        problems.messages.append(
-            f"column {use.header!r} is not taken as series: no texture has rows of two of them "
-            f"(--map 'series={use.header}' takes it)"
-        )
-    uses = [use for use in uses if use not in some or use in kept[:1]]
-    if not kept:
-        problems.known.pop("series" if some else "", None)
+        if use not in kept:
+            problems.known.pop("series", None)
+            problems.messages.append(
+                f"column {use.header!r} is not taken as series: it numbers the rows "
+                f"(--map 'series={use.header}' takes it)"
+            )
+    rest = [use for use in uses if use not in some]
     if len(kept) < 2:
-        return cells, uses
+        return cells, [*rest, *kept]
     name = ", ".join(use.header for use in kept)
-    texts = pd.DataFrame({use.header: as_text(cells[use.header]) for use in kept})
-    joined = texts.agg(", ".join, axis=1)
+    joined = pd.DataFrame({use.header: as_text(cells[use.header]) for use in kept})
     problems.messages.append(f"series: {name}, joined")
     one = Use("series", name, how="guessed")
-    return cells.assign(**{name: joined}), [one if use is kept[0] else use for use in uses]
+    return cells.assign(**{name: joined.agg(", ".join, axis=1)}), [*rest, one]
 
 
 def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:
