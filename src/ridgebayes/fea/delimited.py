@@ -111,7 +111,7 @@ def read_delimited(where: str, content: bytes, how: Reading, problems: FileError
     InputError
         If it is no text, is empty, or has an open quote.
     """
-    text = as_text(content, where, problems)
+    text = as_text(content, where, problems).lstrip("\ufeff")
     lines = text.split("\n", how.skip_rows)
     text = lines[-1] if len(lines) > how.skip_rows else ""
     if not text.strip():
