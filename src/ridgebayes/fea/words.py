@@ -1,4 +1,4 @@
-"""What headers and title lines say: the words of `words.toml` in them, and numbers."""
+"""Words of `words.toml` in headers, and numbers in them."""
 
 import re
 import unicodedata
