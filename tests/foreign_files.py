@@ -185,7 +185,7 @@ def _books() -> list[Foreign]:
         for row in ([words[0] + " [mm]", words[1] + " [mm]", "Q", "Line load [N/mm]"], *cells)
     ]
     return [
-        Foreign("titles.xlsx", workbook(Data=[*title, words, units, *cells]), {}, truth),
+        Foreign("titles.xlsx", workbook(Data=[*title, words, units, *cells]), BODY, truth),
         Foreign(
             "two-sheets.xlsx", workbook(About=other, Loads=[words, units, *cells]), BODY, truth
         ),
@@ -286,7 +286,7 @@ def foreign_files() -> list[Foreign]:
         _long("long.csv", english),
         _long("parentheses.csv", "Land (um)|Groove (um)|Q|Load (N/m)", width=1e3, load=1e3),
         _long("german.csv", german, separator=";", mark=","),
-        _long("german-titles.csv", german, separator=";", mark=",", before=titles, said={}),
+        _long("german-titles.csv", german, separator=";", mark=",", before=titles),
         _long(
             "german-excel.csv",
             german.replace("mm", "µm", 2),

@@ -245,7 +245,7 @@ def plain_rows(content: bytes, messages: str) -> list[dict[str, str]]:
         re.search(r"separator (tab|';'|','|'\|')", messages).group(1)  # type: ignore[union-attr]
     ]
     encoding = "cp1252" if "read as Windows-1252" in messages else "utf-8-sig"
-    text = content.decode(encoding).removeprefix("\ufeff")
+    text = content.decode(encoding).lstrip("\ufeff")
     records = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
     records = [one for one in records if any(cell.strip() for cell in one)]
     header = [" ".join(name.split()) for name in records[0]]
@@ -304,6 +304,9 @@ def _contract(content: bytes, found: Imported) -> str:
     rows = [
         tuple(_value(r, name, messages) for name in names) for r in plain_rows(content, messages)
     ]
+    rows, low = [row for row in rows if row[2] not in (0, 2)], [row[2] in (0, 2) for row in rows]
+    if sum(low) and f"{sum(low)} rows of Q under 4 ignored" not in messages:
+        return f"{sum(low)} rows of Q under 4 are dropped in silence"
     return _same(found, rows)
 
 
@@ -934,6 +937,39 @@ for _name, _files in _VTUS.items():
     )
 
 
+def _pvd_text() -> bytes:
+    """Return a collection of the states' files, with their loads."""
+    lines = [
+        f'<DataSet timestep="{p!r}" part="0" file="{k}.vtu"/>'
+        for k, p in enumerate(_SERIES["p"].tolist())
+    ]
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1"><Collection>'
+    return "\n".join([head, *lines, "</Collection></VTKFile>\n"]).encode()
+
+
+def _pvd(path: Path) -> Imported:
+    for k, content in enumerate(_VTUS["series, VTU binary"]):
+        if not (one := path.with_name(f"{k}.vtu")).exists():
+            one.write_bytes(content)
+    texture = (_SERIES["a"], _SERIES["b"])
+    given = Given(texture=texture, nu="0.5", top=_SERIES["top"], time="p_over_E")
+    try:
+        return import_files([path], given)
+    except InputError as error:  # a file that is not there, or states in another order
+        raise InputError(re.sub(r"\b[^/\s]*\.vtu\b", path.name, str(error))) from None
+
+
+def _doubt_pvd(content: bytes, found: Imported) -> str:
+    listed = ElementTree.fromstring(_lines_of(content)).findall("Collection/DataSet")
+    files = [int(re.fullmatch(r"(?:.*/)?(\d+)\.vtu", one.get("file", ""))[1]) for one in listed]  # type: ignore[index]
+    loads = np.array([_float(one.get("timestep", "").strip()) for one in listed])
+    states = (_SERIES["points"], _SERIES["moved"][files], loads)
+    return _doubt_arrays("series, VTU binary", states, found)
+
+
+register(Target("series, PVD", "run.pvd", _pvd_text(), _pvd, _doubt_pvd, inside_xml))
+
+
 # --- CalculiX's contact print and status ---------------------------------------------------------
 
 _TESTS = Path(__file__).parent
@@ -971,13 +1007,21 @@ _ANSYS = (
 )
 
 
+_NODES = "step,load,node,x,gap\n" + "".join(
+    f"{k},{-force:.9g},{node},{x:.9g},{y - _FEW['top']:.9g}\n"
+    for k, (force, at) in enumerate(zip(_FEW["force"], _FEW["position"], strict=True), start=1)
+    for node, (x, y) in enumerate(at.tolist(), start=1)
+)
+
+
 def _program(path: Path) -> Imported:
     if path.suffix == ".frd":
         path.with_suffix(".inp").write_text(_FEW_DECK)
         given = replace(_FEW_GIVEN, surface="RIM", reaction="TOP", top=None)
     else:
-        given = _FEW_GIVEN
-    name = {".frd": "calculix", ".txt": "febio", ".lis": "ansys"}[path.suffix]
+        given = replace(_FEW_GIVEN, top=None) if path.suffix == ".csv" else _FEW_GIVEN
+    names = {".frd": "calculix", ".txt": "febio", ".lis": "ansys", ".csv": "nodes"}
+    name = names[path.suffix]
     return import_files([path], given, program=name)
 
 
@@ -990,6 +1034,7 @@ def _doubt_program(content: bytes, found: Imported) -> str:
 
 
 for _one in (
+    Target("nodes", "nodes.csv", _NODES.encode(), _program, _doubt_program),
     Target("febio", "run.txt", _FEBIO.encode(), _program, _doubt_program),
     Target("ansys", "run.lis", _ANSYS.encode(), _program, _doubt_program),
     Target("frd", "run.frd", _PROGRAMS["frd"](run=_FEW).encode(), _program, _doubt_program),

@@ -148,32 +148,13 @@ def test_read_columns__large_tables_divide_as_small_ones_do(read):
 SPECIMENS = "specimen,a/R,b/R,Q,p/E\n"
 
 
-@pytest.mark.parametrize(
-    ("rows", "series"),
-    [
-        (["s1,.03,.01,4,.001", "s1,.03,.01,6,.004", "s2,.05,.01,4,.002"], ["", "", ""]),
-        (["s1,.03,.01,4,.001", "s2,.03,.01,4,.004", "s2,.05,.01,4,.002"], ["s1", "s2", "s2"]),
-        (["s1,.03,.01,4,.001", ",.03,.01,4,.004"], ["s1", ""]),
-    ],
-)
-def test_read_columns__specimens_are_series_where_a_texture_has_two(read, rows, series):
-    found = read(SPECIMENS + "\n".join(rows))
-    assert column(found, "series") == series
-    said = [line for line in found.messages if line.startswith("column 'specimen' is not taken")]
-    assert len(said) == (not any(series))
-    assert ("series" in found.known) == any(series)
-    kept = "specimen" in found.table.frame
-    assert kept == (not any(series))
-    mapped = read(SPECIMENS + "\n".join(rows), {"series": "specimen"})
-    assert column(mapped, "series") == [row.partition(",")[0] for row in rows]
-
-
-def test_read_columns__specimens_of_one_texture_given_once_are_series(read):
-    text = "specimen,Q,p/E\ns1,4,.001\ns2,4,.002\n"
-    found = read(text, values={"a_over_R": ".03", "b_over_R": ".01"})
-    assert column(found, "series") == ["s1", "s2"]
-    found = read(text.replace("s2,4", "s1,6"), values={"a_over_R": ".03", "b_over_R": ".01"})
-    assert column(found, "series") == ["", ""]
+@pytest.mark.parametrize("labels", ["112", "122"])
+def test_read_columns__specimens_are_series(read, labels):
+    rows = (".03,.01,4,.001", ".03,.01,6,.004", ".05,.01,4,.002")
+    text = SPECIMENS + "\n".join(f"{one},{row}" for one, row in zip(labels, rows, strict=True))
+    found = read(text)
+    assert column(found, "series") == list(labels)
+    assert found.known["series"] == "specimen"
 
 
 def test_read_columns__contract_columns_need_no_mapping(read, tmp_path):
@@ -319,16 +300,6 @@ def test_read_columns__one_cell_in_another_unit_is_refused(refusal):
     assert "line 3, column 'Steg [mm]' = '100 µm'" in refusal(text, values=BODY)
 
 
-def test_read_columns__names_of_textures_may_hold_both_widths(read, refusal):
-    text = "Texture,Q,Line load [N/mm]\n240x80 um,4,0.0021\n100x80 um,4,0.003\n"
-    found = read(text, values=BODY)
-    assert found.table.textures == ((0.03, 0.01), (0.0125, 0.01))
-    bare = text.replace(" um", "")
-    assert "--map 'texture=Texture;mm'" in refusal(bare, values=BODY)
-    found = read(bare, {"texture": "Texture;um"}, values=BODY)
-    assert found.table.textures == ((0.03, 0.01), (0.0125, 0.01))
-
-
 def test_read_columns__compression_may_be_negative_throughout(read, refusal):
     text = "Ridge [mm],Groove [mm],Q,Force [N/mm]\n0.24,0.08,4,-0.0021\n0.24,0.08,6,-0.0087\n"
     found = read(text, values=BODY)
@@ -449,13 +420,18 @@ def test_read_columns__repeats_and_specimens_make_one_series(read):
 
 def test_read_columns__a_specimen_hides_no_repeat(read):
     rows = [f"S{s},{n},.0{s},.01,4,.00{s}{n}" for s in (1, 2) for n in (1, 2)]
-    assert column(read(REPEATS + "\n".join(rows)), "series") == ["1", "2", "1", "2"]
+    labels = ["S1, 1", "S1, 2", "S2, 1", "S2, 2"]
+    assert column(read(REPEATS + "\n".join(rows)), "series") == labels
 
 
 def test_read_columns__a_number_for_each_row_is_no_series(read):
     rows = [f"{n},.03,.01,{Q},.00{Q}" for n, Q in enumerate((4, 6, 8), start=1)]
-    found = read("Test no,a/R,b/R,Q,p/E\n" + "\n".join(rows))
+    text = "Test no,a/R,b/R,Q,p/E\n" + "\n".join(rows)
+    found = read(text)
     assert column(found, "series") == ["", "", ""]
+    assert found.table.frame["Test no"].tolist() == [1, 2, 3]
+    assert "series" not in found.known
+    assert column(read(text, {"series": "Test no"}), "series") == ["1", "2", "3"]
 
 
 def test_read_columns__columns_of_loads_are_repeats(read):
@@ -798,9 +774,3 @@ def test_read_columns__a_header_behind_a_per_cent_sign_is_one(read):
         "% Model: press.mph\n% a_over_R b_over_R Q p_over_E\n0.03 0.01 4 0.001\n0.03 0.01 6 0.004\n"
     )
     assert read(text).table.column("Q").tolist() == [4, 6]
-
-
-def test_read_columns__a_decimal_comma_of_a_title_is_not_cut(read):
-    text = "E-Modul = 60,5 kPa\nSteg [mm],Nut [mm],Kanten,Last [N/mm]\n0.24,0.08,4,0.0012\n"
-    found = read(text, values={"R": "8 mm"})
-    assert "E: 60.5 kPa, as given" in found.messages

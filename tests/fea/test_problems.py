@@ -48,18 +48,3 @@ def test_problems__needs_carry_the_options_that_supply_them():
     error = told(problems)
     assert (error.options, error.mapping, error.is_broken) == ({"R": "? mm"}, {"a": "w1"}, False)
     assert str(error) == "mine.csv: 2 values missing or unclear\n  no R\n  no a"
-
-
-def test_file_error__of_two_readings_is_one():
-    first, second = FileError("mine.csv"), FileError("mine.csv")
-    first.need("no a", {"a": "w1"})
-    second.need("its unit", {"a": "w1;mm"})
-    joined = told(first).joined(told(second))
-    assert joined.needs == ["no a", "its unit"]
-    assert joined.mapping == {"a": "w1;mm"}
-
-
-def test_file_error__tells_of_a_cell_once_whatever_units_are_supplied():
-    first = FileError("f", ["f, row 7: p = 0.01: must rise"])
-    later = FileError("f", ["f, row 7: p = 1e-05: must rise", "f, row 8: p = 1: must rise"])
-    assert first.joined(later).wrong == [*first.wrong, later.wrong[1]]

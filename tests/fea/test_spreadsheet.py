@@ -241,17 +241,3 @@ def test_spreadsheet__all_sheets_of_a_header_are_read_one_after_the_other(read, 
     assert "sheets ignored, with another header: 'notes'" in found.messages
     broken = workbook(first, July=[[], HEADER, [0.03, 0.01, 4, "oops", "x"]])
     assert "sheet 'July', cell D3, column 'p_over_E' = 'oops'" in refusal(broken, sheet="all")
-
-
-def test_spreadsheet__sheets_of_other_bodies_are_not_joined(read, refusal):
-    words = ["Steg [mm]", "Nut [mm]", "Kanten", "Last [N/mm]"]
-    one, other = (
-        [["Radius R", R, "mm"], words, [0.24, 0.08, 4, 0.001], [0.24, 0.08, 6, 0.004]]
-        for R in (8, 10)
-    )
-    said = refusal(workbook(one, July=other), sheet="all", values={"E": "60 kPa"})
-    assert "sheet 'July': R, E or nu above its header are not those of the first sheet" in said
-    later = [*one[:2], [0.24, 0.08, 4, 0.0012], [0.24, 0.08, 6, 0.0041]]
-    found = read(workbook(one, July=later), sheet="all", values={"E": "60 kPa"})
-    assert found.table.column("series").tolist() == ["loads", "loads", "July", "July"]
-    assert found.table.column("a_over_R").tolist() == [0.03] * 4

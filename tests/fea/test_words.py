@@ -2,7 +2,7 @@
 
 import pytest
 
-from ridgebayes.fea.words import corners_of, count_term, key_of, settings_of, texture_of
+from ridgebayes.fea.words import corners_of, count_term, key_of
 
 
 @pytest.mark.parametrize(
@@ -79,13 +79,3 @@ def test_count_term__says_what_is_counted_or_nothing(words, term):
 )
 def test_corners_of__takes_series_of_even_counts_alone(headers, found):
     assert corners_of(headers) == found
-
-
-@pytest.mark.parametrize("text", ["a0.24", "1/2/3", "", "Load [N/mm]"])
-def test_texture_of__needs_two_numbers(text):
-    assert texture_of(text) is None
-
-
-def test_settings_of__takes_units_in_brackets_and_the_first_of_each():
-    found = settings_of([(1, "Radius [mm]; 8"), (2, "R = 9 mm"), (3, "Versuch 7; Datum 2024")])
-    assert found == {"R": ("8 mm", 1)}

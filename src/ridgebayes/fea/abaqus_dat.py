@@ -13,7 +13,7 @@ from ridgebayes.fea.lines import NUMBER, Frame, Line, NodeTable, Printed, on, re
 
 _ALL = "ALL NODES"
 _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
-_LABEL = re.compile("[0-9]{1,18}")  # the number of a node
+_MOST_DIGITS = 18  # of the number of a node
 _TRAILERS = ("MAXIMUM", "MINIMUM", "TOTAL")
 
 
@@ -127,7 +127,7 @@ def _increments(path: Path) -> tuple[list[Frame], list[str]]:
     lines = read_lines(path, unfinished=True)
     cut = lines[-1].number if lines and not lines[-1].ended else 0
     for line in lines:
-        if line.words and line.number != cut:
+        if line.text.strip() and line.number != cut:
             reader.take(line)
         elif reader.table is not None and reader.table.rows:
             reader.table.below = True
@@ -205,9 +205,14 @@ class _Dat(Printed):
     def row(self, line: Line, table: NodeTable) -> None:
         """Take a row, or what stands below the rows."""
         words = line.words
-        if not table.columns or words[0] == "AT":
+        is_row = words[0].isascii() and words[0].isdecimal() and len(words[0]) <= _MOST_DIGITS
+        if not table.columns or words[0] == "AT" or (is_row and table.whole):
             return
-        if words[0] in _TRAILERS:
+        if is_row:
+            if not table.below or all(NUMBER.fullmatch(word) for word in words):
+                # Else counts of messages at the end of the file.
+                table.add(line, words, ", in global directions (no footnotes)")
+        elif words[0] in _TRAILERS:
             values = [line.finite(word) for word in words[1:]]
             if len(values) != len(table.columns):
                 raise line.error(f"{len(values)} values; expected {len(table.columns)}")
@@ -215,8 +220,4 @@ class _Dat(Printed):
             table.trailers[words[0]] = values
         elif " ".join(words) == _ZERO:
             table.whole = True
-        elif not _LABEL.fullmatch(words[0]) or table.whole:
-            return  # NOTE below the header, a page's head, or what follows the table
-        elif not table.below or all(NUMBER.fullmatch(word) for word in words):
-            # Else counts of messages at the end of the file.
-            table.add(line, words, ", in global directions (no footnotes)")
+        # Else NOTE below the header, a page's head, or what follows the table.

@@ -5,6 +5,7 @@ import re
 from fractions import Fraction
 
 import numpy as np
+import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
@@ -151,7 +152,7 @@ def divided(over: FloatArray, *under: FloatArray) -> FloatArray:
     """
     with np.errstate(all="ignore"):
         found = functools.reduce(np.divide, under, over)
-    distinct, place = np.unique(found, return_inverse=True)
+    place, distinct = pd.factorize(found.ravel(), use_na_sentinel=False)
     if distinct.size > _MOST_ROUNDED:
         return np.asarray(found)
     short = np.array([float(f"{one:.14g}") for one in distinct])

@@ -2,10 +2,8 @@
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,12 +14,13 @@ from ridgebayes.fea.abaqus_rpt import read_xy
 from ridgebayes.fea.delimited import Reading, TextTable, read_delimited
 from ridgebayes.fea.interpret import ColumnInterpreter, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
+from ridgebayes.fea.missing import ask_columns
 from ridgebayes.fea.parquet import ParquetTable
 from ridgebayes.fea.problems import SHOWN, FileError, Source
 from ridgebayes.fea.quantities import ABOVE_0
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
-from ridgebayes.fea.wide import melt_counts, melt_repeats, named_textures
+from ridgebayes.fea.wide import melt_counts, melt_repeats
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.runtime.text import count, some_of
 from ridgebayes.table.columns import RawTable
@@ -34,8 +33,6 @@ _OF_GROUPS = (*_OF_TEXTURES, "E", "nu", "offset", "offset_over_R", "thickness")
 _LONGEST = 300  # characters of the mapping in `source`
 
 _PLAIN = Reading()
-_WAYS = ("sheet", "header_row", "decimal", "empty", "count_is")
-_MOST_TRIES = 5
 _DISGUISED = (
     *((bytes([0x80, version]), "a pickle") for version in range(2, 6)),
     (b"\x1f\x8b", "compressed by gzip"),
@@ -108,57 +105,11 @@ def read_columns(
     ((0.03, 0.01),)
     """
     check_constants(values, str(path))
-    refused: FileError | None = None
-    for _ in range(_MOST_TRIES):
-        try:
-            found = _read(path, mapping, values, how)
-        except FileError as error:
-            refused = error if refused is None else refused.joined(error)
-            # What else is missing shows once this is there.
-            tried = _supplied(error)
-            mapping, values = {**mapping, **tried[0]}, {**values, **tried[1]}
-            if not any(tried):
-                break
-            how = replace(how, **tried[2])
-        except InputError as error:
-            raise refused or error from None
-        else:
-            if refused is not None:
-                break
-            return found
-    assert refused is not None
-    raise refused
-
-
-def _supplied(error: FileError) -> tuple[dict[str, str], dict[str, str], dict[str, Any]]:
-    """Return mapping, values and ways of reading that an error asks for, with a guess of each ?."""
-    mapping = {
-        key: text.replace("?", "N/mm" if key.startswith(("load", "value")) else "mm")
-        for key, text in error.mapping.items()
-        if text != "?"
-    }
-    options = {key: text.replace("?", "1") for key, text in error.options.items()}
-    if "texture" in options:
-        options |= dict.fromkeys(("a_over_R", "b_over_R"), options.pop("texture")[:1])
-    ways: dict[str, Any] = {key: options.pop(key) for key in _WAYS if key in options}
-    ways |= {"skip_empty": True} if options.pop("skip_empty", "") else {}
-    if "header_row" in ways:
-        ways["header_row"] = int(ways["header_row"])
-    if "empty" in ways:
-        ways["empty"] = tuple(ways["empty"].split("\n"))
-    return mapping, options, ways
-
-
-def _read(
-    path: Path, mapping: Mapping[str, str], values: Mapping[str, str | float], how: Reading
-) -> Imported:
     problems = FileError(str(path))
     source = open_table(path, how, problems)
     where = source.where
     uses, term = assign(source.headers, mapping, values, problems)
     problems.known = {use.name: _typed(use) for use in uses if use.repeat is None}
-    taken = {use.key for use in uses} | set(values)
-    settings = {key: one for key, one in source.settings.items() if key not in taken}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
     _fill_down(cells, uses, problems)
     for use in uses:
@@ -167,30 +118,28 @@ def _read(
                 f"{where}, column {use.header!r}, {use.name}: expected numbers or text"
             )
         _check_cells(cells, use, problems)
+    uses = ask_columns(cells, uses, values, problems)
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
     typed = uses
-    for key, (text, at) in settings.items():
-        problems.messages.append(f"{key}: {text}, from line {at}")
     if not corners and any(use.Q is not None for use in uses):
         cells, uses = melt_counts(cells, uses, problems)
-    elif named := named_textures(cells, uses, problems):
-        cells, uses = named
     if any(use.repeat is not None for use in uses):
         cells, uses = melt_repeats(cells, uses, problems)
     cells, uses = _one_series(cells, uses, problems)
-    constants = {key: text for key, (text, _) in settings.items()} | dict(values)
-    interpreter = ColumnInterpreter(cells, uses, constants, how, problems)
+    interpreter = ColumnInterpreter(cells, uses, values, how, problems)
     frame = interpreter.history(corners) if corners else interpreter.long(term)
     if frame.empty:
         problems.raise_all(source)
         raise _all_under_4(cells, uses, where)
     details = (
         how.sheet and f"sheet={how.sheet}",
-        _mapping_text(typed, interpreter.used, constants),
+        _mapping_text(typed, interpreter.used, values),
     )
     origin = provenance(path, "columns", *(text for text in details if text))
-    own = as_text(frame["source"]) if "source" in frame else pd.Series("", index=frame.index)
-    frame["source"] = (origin + "; " + own).where(own != "", origin)
+    own = as_text(frame["source"]) if "source" in frame else ""
+    frame["source"] = (
+        origin if isinstance(own, str) else (origin + "; " + own).where(own != "", origin)
+    )
     rows = interpreter.rows
     line = None if rows is None or source.lines is None else source.lines[rows].item
     del cells, interpreter  # of a million rows: 0.2 GB that validating needs
@@ -229,34 +178,24 @@ def _fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) ->
 def _one_series(
     cells: pd.DataFrame, uses: list[Use], problems: FileError
 ) -> tuple[pd.DataFrame, list[Use]]:
-    """Return one column of series: of guesses those of which a texture has two or more, joined."""
+    """Return one column of series: those that words name, joined, without numbers of rows."""
     some = [use for use in uses if use.key == "series" and use.how in ("guessed", "wide")]
-    widths = [use.header for use in uses if use.key in _OF_TEXTURES]
-    again = [*widths, *(use.header for use in uses if use.key == "Q")]
-    kept = []
+    kept = [use for use in some if len(cells) == 1 or cells[use.header].duplicated().any()]
     for use in some:
-        labels = as_text(cells[use.header])
-        pairs = cells[widths].assign(series=labels).drop_duplicates()
-        is_repeated = pairs.duplicated(widths).any() if widths else len(pairs) > 1
-        # A label for each row numbers rows, but where a texture has a count twice.
-        if is_repeated and (labels.nunique() < len(labels) or cells[again].duplicated().any()):
-            kept.append(use)
-            continue
-        problems.messages.append(
-            f"column {use.header!r} is not taken as series: no texture has rows of two of them "
-            f"(--map 'series={use.header}' takes it)"
-        )
-    uses = [use for use in uses if use not in some or use in kept[:1]]
-    if not kept:
-        problems.known.pop("series" if some else "", None)
+        if use not in kept:
+            problems.known.pop("series", None)
+            problems.messages.append(
+                f"column {use.header!r} is not taken as series: it numbers the rows "
+                f"(--map 'series={use.header}' takes it)"
+            )
+    rest = [use for use in uses if use not in some]
     if len(kept) < 2:
-        return cells, uses
+        return cells, [*rest, *kept]
     name = ", ".join(use.header for use in kept)
-    texts = pd.DataFrame({use.header: as_text(cells[use.header]) for use in kept})
-    joined = texts.agg(", ".join, axis=1)
+    joined = pd.DataFrame({use.header: as_text(cells[use.header]) for use in kept})
     problems.messages.append(f"series: {name}, joined")
     one = Use("series", name, how="guessed")
-    return cells.assign(**{name: joined}), [one if use is kept[0] else use for use in uses]
+    return cells.assign(**{name: joined.agg(", ".join, axis=1)}), [*rest, one]
 
 
 def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:

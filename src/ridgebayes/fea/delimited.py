@@ -1,9 +1,12 @@
 """Text of cells between separators, and the numbers that are meant by them."""
 
+import csv
+import io
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain, islice
 from typing import Any
 
@@ -40,6 +43,12 @@ _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _WORDS = {".": "point", ",": "comma"}
 # What Python takes for blanks, but for control characters that only damage brings into a file.
 _BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
+
+_UNEVEN = ('"', "#", "=", "\r", "nan")  # quotes, comments, formulas, no blanks, no numbers
+
+# Digits to the nearest float, which is the default from pandas 3.1 on.
+_IS_NEW = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
+_EXACT: dict[str, Any] = {} if _IS_NEW else {"float_precision": "round_trip"}
 
 _Row = tuple[int, list[str]]  # line, and cells
 _NOTE = re.compile(r"#.*|[^\W\d].*\s.*")  # words, and not one label of a row cut off
@@ -102,14 +111,14 @@ def read_delimited(where: str, content: bytes, how: Reading, problems: FileError
     InputError
         If it is no text, is empty, or has an open quote.
     """
-    text = as_text(content, where, problems)
+    text = as_text(content, where, problems).lstrip("\ufeff")
     lines = text.split("\n", how.skip_rows)
     text = lines[-1] if len(lines) > how.skip_rows else ""
     if not text.strip():
         raise InputError(f"{where}: the file is empty")
     text, separator = separated(text, where, problems)
     rows = ((line + how.skip_rows, cells) for line, cells in records(text, where, separator))
-    return TextTable(where, rows, separator, how, problems)
+    return TextTable(where, rows, separator, how, problems, text=text)
 
 
 class TextTable(Source):
@@ -131,6 +140,8 @@ class TextTable(Source):
         Of a worksheet: words for the cell of a line and a column, both from 1.
     typed : collection of str, optional
         Cells of a worksheet that are numbers, not text, and so have a point for decimals.
+    text : str, optional
+        What the rows were made from: if it is even, pandas reads it.
 
     Raises
     ------
@@ -147,18 +158,21 @@ class TextTable(Source):
         problems: FileError,
         cell: Callable[[int, int], str] | None = None,
         typed: Collection[str] = (),
+        text: str = "",
     ) -> None:
         self._is_typed = frozenset(typed)
         self.where, self._separator, self._how, self._cell = where, separator, how, cell
         head = list(islice(rows, LOOKED_AT))
         full = [(line, cells) for line, cells in head if any(one.strip() for one in cells)]
         layout = find_layout(full or [(1, [""])], where, how.header_row)
-        self.settings = layout.settings
         problems.messages += layout.messages
         self.headers = clean_headers(layout.headers, where)
         if layout.first >= len(full):
             raise InputError(f"{where}: no rows below the header")
+        self._body: str | None = None
         first = full[layout.first :]
+        if self._read_even(text, first[0][0] - how.skip_rows):
+            return
         begun = next((cells for _, cells in first if not self._is_comment(cells)), first[0][1])
         cut = zip(self.headers, map(_WITH_UNIT.fullmatch, begun), strict=False)
         units = {name: match[1] for name, match in cut if match is not None}
@@ -187,9 +201,12 @@ class TextTable(Source):
     def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
         """Read all rows, the columns of these headers as numbers; note cells that are none."""
         wanted = [name for name in self.headers if name in numeric]
-        numbers, mark = self._numbers(wanted, problems)
-        text = {n: lossless(self._typed[n]) for n in self.headers if n not in wanted}
-        frame = self._typed.assign(**numbers, **text)
+        frame, mark = self._plain(wanted), "."
+        if frame is None:
+            numbers, mark = self._numbers(wanted, problems)
+            frame = self._typed.assign(**numbers)
+        own = {n: lossless(frame[n]) for n in self.headers if n not in wanted}
+        frame = frame.assign(**own)
         name = "TSV" if self._separator == "\t" else "CSV"
         thousands = f", {mark[1:]!r} between thousands" if mark[1:] else ""
         kind = "Excel" if self._cell else f"{name}, separator {SEPARATORS[self._separator]}"
@@ -205,6 +222,57 @@ class TextTable(Source):
     def typed(self, row: int, name: str) -> str:
         """Return a cell as it was typed."""
         return str(self._typed[name].iloc[row])
+
+    @cached_property
+    def _typed(self) -> pd.DataFrame:
+        """All cells as they were typed, of an even text."""
+        frame: pd.DataFrame = pd.read_csv(io.StringIO(self._body), dtype=str, **self._options())
+        return frame
+
+    def _options(self) -> dict[str, Any]:
+        names = list(self.headers)
+        how: dict[str, Any] = {"keep_default_na": False, "quoting": csv.QUOTE_NONE}
+        return how | {"sep": self._separator, "header": None, "names": names}
+
+    def _read_even(self, text: str, first: int) -> bool:
+        """Keep the rows for pandas, if they are cells and nothing else, as many in each."""
+        lines = text.split("\n", first - 1)[-1].split("\n") if text else []
+        rows = [line for line in lines if line.strip()]
+        body = "\n".join(rows)
+        width = len(self.headers)
+        small = body.lower()
+        is_odd = not rows or any(mark in small for mark in _UNEVEN) or self._how.empty
+        if is_odd or {line.count(self._separator) for line in rows} != {width - 1}:
+            return False
+        if sum(bool(cell.strip()) for cell in rows[-1].split(self._separator)) < 2:
+            return False  # a note, perhaps
+        if any(_WITH_UNIT.fullmatch(cell) for cell in rows[0].split(self._separator)):
+            return False
+        self._body, self._units = body, {}
+        numbers = np.arange(len(lines), dtype=np.int64)
+        if len(rows) < len(lines):
+            numbers = np.flatnonzero([bool(line.strip()) for line in lines])
+        self.lines = numbers + first + self._how.skip_rows
+        return True
+
+    def _plain(self, wanted: list[str]) -> pd.DataFrame | None:
+        """Return an even text whose numbers are all plain ones; None of any other."""
+        if self._body is None or self._how.decimal == "comma":
+            return None
+        text = {name: str for name in self.headers if name not in wanted}
+        frame: pd.DataFrame = pd.read_csv(
+            io.StringIO(self._body),
+            dtype=text,
+            na_values={name: [""] for name in wanted},
+            low_memory=False,
+            **_EXACT,
+            **self._options(),
+        )
+        if not all(frame[name].dtype.kind in "if" for name in wanted):
+            return None
+        numbers = {name: frame[name].astype(float) for name in wanted}
+        is_finite = not any(np.isinf(cells).any() for cells in numbers.values())
+        return frame.assign(**numbers) if is_finite else None
 
     def _is_comment(self, cells: list[str]) -> bool:
         """Return whether a record begins with a # that is not part of a label."""

@@ -1,6 +1,5 @@
 """What the columns of a table mean together: ratios, transitions, and messages about them."""
 
-import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -13,7 +12,6 @@ from ridgebayes.fea.column_units import (
     DIMENSIONS,
     NUMBER,
     divided,
-    split_header,
     unit_factor,
 )
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use
@@ -30,8 +28,6 @@ from ridgebayes.table.columns import COUNT, NAMES, OK
 from ridgebayes.table.rules import as_text
 
 _SHOWN = 8  # names that a line lists
-# Columns of increments that are nothing of a texture.
-_COUNTER = re.compile(r"\b(?:inc|increment|inkrement|time|zeit|step|schritt|nr|no|id|index)\b|^#")
 
 
 class ColumnInterpreter(Quantities):
@@ -46,8 +42,8 @@ class ColumnInterpreter(Quantities):
             What is counted, as `ridgebayes.fea.mapping.assign` returns it.
         """
         found = self._curve()
-        found["Q"] = self._counts(self._required("Q", self._first("Q")), term)
-        found["p_over_E"] = self._required("p_over_E", self._load())
+        found["Q"] = self._counts(self._first("Q"), term)
+        found["p_over_E"] = self._load()
         found |= {"p_over_E_lower": self._load("_lower"), "rel_se": self._rel_se()}
         self._load_se()
         found |= self._texts("kind", "role", "status")
@@ -83,7 +79,7 @@ class ColumnInterpreter(Quantities):
                     "load of each increment, and columns of corners"
                 )
         curve = self._curve() | self._texts("role")
-        load = self._required("p_over_E", self._load())
+        load = self._load()
         self._load_se()
         corners = sorted(corners, key=lambda use: use.Q or 0)
         gaps = np.column_stack([self._gap(use) for use in corners])
@@ -238,14 +234,14 @@ class ColumnInterpreter(Quantities):
 
     def _curve(self) -> dict[str, Any]:
         """Return what is constant along a curve."""
-        found: dict[str, Any] = {"a_over_R": self._required("a_over_R", self._over_R("a"))}
+        found: dict[str, Any] = {"a_over_R": self._over_R("a")}
         b = self._over_R("b")
         if b is None and found["a_over_R"] is not None:
             pitch = self._over_R("pitch")
             # Twelve decimals: a difference of decimals is one.
             b = None if pitch is None else np.round(pitch - found["a_over_R"], 12)
             self.messages += [] if b is None else ["b: pitch minus ridge width"]
-        found["b_over_R"] = self._required("b_over_R", b)
+        found["b_over_R"] = b
         found |= {"offset_over_R": self._over_R("offset"), "nu": self._first("nu")}
         return found | self._texts("texture", "series", "solver", "source")
 
@@ -272,50 +268,6 @@ class ColumnInterpreter(Quantities):
         R = None if use.key == "gap_over_R" else self._quantity("R")
         # Without R: only its zero counts, and how it falls, not its size.
         return found if R is None else divided(found, R)
-
-    def _required(self, key: str, found: FloatArray | None) -> FloatArray | None:
-        if found is None:
-            ways = {"a_over_R": "a", "b_over_R": "b, pitch", "p_over_E": "p, line, force, load"}
-            either = f" (or {ways[key]})" if key in ways else ""
-            self._problems.columns = ", ".join(map(repr, list(self.cells)[:50]))
-            name = {"a_over_R": "a", "b_over_R": "b", "p_over_E": "load"}.get(key, key)
-            text = f"no column {key}{either}; name it with --map '{name}=HEADER'"
-            likely = self._likely(name)
-            if likely == "?" and name in ("a", "b"):
-                self._problems.need(f"{text}, or give --texture A,B", texture="?,?")
-            else:
-                self._problems.need(text, {name: likely})
-        return found
-
-    def _likely(self, key: str) -> str:
-        """Return the header that is most likely meant, for the user to check; or a mark."""
-        taken = {use.header for use in self._uses} | set(self._problems.mapping.values())
-        free = [n for n in self._left() if n not in taken and not _COUNTER.search(n.lower())]
-        free = [n for n in free if not n.startswith("(column")]
-        numbers = {n: cells for n in free if len(cells := _as_numbers(self.cells[n]))}
-        has_Q = any(use.key == "Q" for use in self._uses)  # so that no other column counts
-
-        def fits(name: str) -> int:
-            unit, cells = split_header(name)[1], numbers[name]
-            is_length = unit_factor(unit, "length") is not None
-            is_whole = bool((cells == np.round(cells)).all() and (cells >= 2).all())
-            is_count = is_whole and not has_Q
-            is_load = any(unit_factor(unit, d) for d in ("pressure", "line load", "force"))
-            return {"Q": is_count and not unit, "load": is_load - is_length - is_count}.get(
-                key, is_length - is_load - (is_count and not unit)
-            )
-
-        best = max(numbers, key=fits, default=None)
-        return "?" if best is None or fits(best) < (key == "Q") else best
-
-
-def _as_numbers(cells: "pd.Series[Any]") -> FloatArray:
-    """Return the numbers of a column, with points or commas for decimals; none if some are not."""
-    if cells.dtype.kind not in "if":
-        cells = pd.to_numeric(cells.astype(str).str.replace(",", "."), errors="coerce")
-        if cells.isna().any():
-            return np.array([])
-    return cells.to_numpy(float)
 
 
 def listed(names: Iterable[str]) -> str:

@@ -2,14 +2,14 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.column_units import is_unit, split_header
 from ridgebayes.fea.problems import FileError
-from ridgebayes.fea.words import corners_of, key_of, settings_of, texture_of
+from ridgebayes.fea.words import corners_of, key_of
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import NAMES
 
@@ -35,15 +35,12 @@ class Layout:
         One a column, with the units of a row of units.
     first : int
         Which of the records is the first row.
-    settings : dict of str to (str, int)
-        Constants of title lines, each with its line.
     messages : tuple of str
         What was recognised.
     """
 
     headers: list[str]
     first: int
-    settings: dict[str, tuple[str, int]] = field(default_factory=dict)
     messages: tuple[str, ...] = ()
 
 
@@ -81,11 +78,9 @@ def find_layout(rows: Records, where: str, header_row: int | None = None) -> Lay
     headers[0] = re.sub(r"^\s*(?:#|%|//)\s*", "", headers[0])
     if header_row is None:
         _refuse_rows(rows[:i], headers, line, where)
-    titles = [(at, _title(row)) for at, row in rows[:i]]
-    settings = settings_of(titles)
     messages = []
-    if titles:
-        messages.append(f"{where}: header in line {line}, {len(titles)} title lines above it")
+    if i:
+        messages.append(f"{where}: header in line {line}, {i} title lines above it")
     below = rows[i + 1 : i + 2]
     if below and _is_units(below[0][1]):
         messages.append(f"{where}: units in line {below[0][0]}")
@@ -94,7 +89,7 @@ def find_layout(rows: Records, where: str, header_row: int | None = None) -> Lay
             f"{name} [{unit}]" if unit not in _NO_UNIT and not split_header(name)[1] else name
             for name, unit in zip(headers, [*units, *[""] * len(headers)], strict=False)
         ]
-    return Layout(headers, i + 1 + bool(len(messages) > bool(titles)), settings, tuple(messages))
+    return Layout(headers, i + 1 + bool(len(messages) > bool(i)), tuple(messages))
 
 
 def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
@@ -171,18 +166,12 @@ def known(cells: Sequence[str]) -> int:
     """Return how many of some cells are headers whose meaning is known."""
     words = [split_header(one.strip())[0] for one in cells[:_MOST_LOOKED] if not is_number(one)]
     keys = {one if one in NAMES else key_of(one) for one in words} - {""}
-    return len(keys) + len(corners_of(words)) + sum(texture_of(one) is not None for one in words)
+    return len(keys) + len(corners_of(words))
 
 
 def is_number(cell: str) -> bool:
     """Return whether a cell looks like a number, in whichever country."""
     return _NUMBER.fullmatch(cell) is not None
-
-
-def _title(cells: Sequence[str]) -> str:
-    """Return a title line as one text; a decimal comma that parted a number is put back."""
-    text = "; ".join(one for one in cells if one.strip())
-    return re.sub(r"(?<=\d); (?=\d+\s*[^\W\d])", ",", text)
 
 
 def _at(rows: Records, line: int, where: str) -> int | None:

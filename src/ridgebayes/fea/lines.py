@@ -1,8 +1,10 @@
 """Lines of text files of other programs: numbers and nodes in them, refused with file and line."""
 
+import functools
 import math
 import re
 from collections.abc import Callable, Container, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -200,20 +202,40 @@ class NodeTable:
         if len(words) != len(self.columns) + 1:
             columns = ", ".join(self.columns)
             raise line.error(f"{len(words)} values; expected node, {columns}{rule}")
-        node = line.node(words[0], self.rows, rule)
-        self.rows[node] = [line.finite(word) for word in words[1:]]
-        for name, word, value in zip(self.columns, words[1:], self.rows[node], strict=True):
-            if name.endswith(("U1", "U2")) and value and (match := NUMBER.fullmatch(word)):
-                # The unit of the last printed digit: 0.001 of 1.234, 1e-7 of 1.2345E-03.
-                decimals = len(match[1].partition(".")[2])
-                unit = float(f"1e{int(match[2] or match[3] or 0) - decimals}")
-                self.unit = max(self.unit, unit)
+        values = []
+        if _PLAIN.fullmatch(line.text):
+            with suppress(ValueError):
+                values = [float(word) for word in words[1:]]
+        if not (values and math.isfinite(sum(values))):
+            values = [line.finite(word) for word in words[1:]]
+        is_whole = words[0].isascii() and words[0].isdecimal()
+        is_fresh = is_whole and int(words[0]) not in self.rows
+        node = int(words[0]) if is_fresh else line.node(words[0], self.rows, rule)
+        self.rows[node] = values
+        for i, name in enumerate(self.columns):
+            if values[i] and name.endswith(("U1", "U2")):
+                self.unit = max(self.unit, _last_digit(words[1 + i]))
 
     def of(self, nodes: Iterable[int], *names: str) -> FloatArray:
         """Return columns, shape (n_node, n_name); 0 for nodes without a row."""
         at, zeros = [self.columns.index(name) for name in names], [0.0] * len(self.columns)
         values = [[self.rows.get(node, zeros)[i] for i in at] for node in nodes]
         return np.array(values, dtype=float).reshape(-1, len(at))
+
+
+def _last_digit(word: str) -> float:
+    """Return what the last printed digit is worth: 0.001 of 1.234, 1e-7 of 1.2345E-03."""
+    digits, _, power = word.partition("E")
+    if not (power[1:] or power).isdecimal():  # Fortran's other exponents, and none
+        match = NUMBER.fullmatch(word)
+        assert match is not None
+        digits, power = match[1], match[2] or match[3] or "0"
+    return _power_of_ten(int(power) - len(digits.partition(".")[2]))
+
+
+@functools.cache
+def _power_of_ten(power: int) -> float:
+    return float(f"1e{power}")
 
 
 @dataclass

@@ -138,7 +138,7 @@ def assign(
     counts = [u for u in columns.uses if u.key == "Q" and u.how == "guessed"]
     terms = columns.terms | {count_term(use.header) for use in counts}
     term = None if not terms else min(terms) if len(terms) == 1 else ""
-    return [_without_load(use, columns) for use in columns.uses], term
+    return [as_load(use, columns.uses, values, problems) for use in columns.uses], term
 
 
 def check_constants(values: Mapping[str, object], where: str) -> None:
@@ -333,8 +333,10 @@ def _rivals(key: str) -> set[str]:
     return next((set(group) for group in _SAME if key in group), {key})
 
 
-def _without_load(use: Use, columns: _Columns) -> Use:
-    """Return what a load is, by its unit; note one without a unit where others have some."""
+def as_load(
+    use: Use, uses: Sequence[Use], values: Mapping[str, object], problems: FileError
+) -> Use:
+    """Return what a load is, by its unit; note one without a unit where a body has to be known."""
     if use.key not in ("load", "load_lower"):
         return use
     lower = use.key.removeprefix("load")
@@ -342,15 +344,18 @@ def _without_load(use: Use, columns: _Columns) -> Use:
     for key in LOADS[1:]:
         if unit_factor(unit, DIMENSIONS[key]) is not None:
             return replace(use, key=key + lower)
-    of_dimension = [one for one in columns.uses if one.key in DIMENSIONS]
+    of_dimension = [one for one in uses if one.key in DIMENSIONS]
     has_units = any(one.own_unit not in ("", "1", "-") for one in of_dimension)
-    if use.unit is None and (has_units or {"E", "R"} & columns.values.keys()):
+    keys = {one.key for one in of_dimension}
+    needs_R = bool(keys & {"a", "b"}) and not keys & {"R", "D"}
+    if use.unit is None and (has_units or needs_R or {"E", "R"} & values.keys()):
         shown = re.sub(r"\d+", "*", use.header) if use.Q is not None else use.header
-        columns.problems.need(
+        problems.need(
             f"column {shown!r}: {f'{unit!r} is no unit' if unit else 'no unit'}: p/E, pressure, "
             "line load or force: name it, as "
             f"--map 'p_over_E={shown}', 'p={shown};kPa', 'line={shown};N/mm' or "
             f"'force={shown};N'",
             {use.key: f"{shown};?"},
+            **({} if "E" in keys | values.keys() else {"E": "? kPa"}),
         )
     return replace(use, key=f"p_over_E{lower}")

@@ -32,7 +32,7 @@ class ParquetTable(Source):
     """
 
     def __init__(self, path: Path, content: bytes) -> None:
-        self.where, self.settings, self.lines = str(path), {}, None
+        self.where, self.lines = str(path), None
         self._table = read_arrow(content, self.where)
         self.headers = clean_headers(self._table.column_names, self.where)
         if not self._table.num_rows:

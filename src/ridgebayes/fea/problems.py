@@ -1,8 +1,7 @@
 """What is wrong with a file and what it does not say: gathered, and told at once."""
 
 import heapq
-import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -22,7 +21,6 @@ class Source(Protocol):
 
     where: str
     headers: tuple[str, ...]
-    settings: Mapping[str, tuple[str, int]]  # constants of title lines, each with its line
     lines: IntArray | None  # of the rows, where the file has lines
 
     def read(self, numeric: Collection[str], problems: "FileError") -> pd.DataFrame:
@@ -91,7 +89,7 @@ class FileError(InputError):
         """Note what the user has to say, with the options that would say it."""
         if text not in self.needs:
             self.needs.append(text)
-        self.mapping |= {**(mapping or {}), **self.mapping}
+        self.mapping |= mapping or {}
         self.options |= {**options, **self.options}
 
     def cells(self, bad: "BoolArray | IntArray | pd.Index[int]", header: str, rule: str) -> None:
@@ -134,22 +132,3 @@ class FileError(InputError):
                 text = f"column {header!r}, {len(rows)} cells: {rule}: {shown}"
             found.append((first[0], text))
         return [text for _, text in sorted(found, key=lambda one: one[0])]
-
-    def joined(self, later: "FileError") -> "FileError":
-        """Return both errors as one: of a first reading, and of one with its needs supplied."""
-        wrong: dict[str, str] = {}  # by all but values, which depend on the units supplied
-        # With widths and empty cells supplied as a guess, what follows from them is no rule broken.
-        told = [] if "texture" in self.options else later.wrong
-        if "empty" in self.options:
-            told = [text for text in told if "expected not empty" not in text]
-        for text in (*self.wrong, *told):
-            wrong.setdefault(re.sub(r" = [^:,]+", "", text), text)
-        return FileError(
-            later.where,
-            list(wrong.values()),
-            list(dict.fromkeys([*self.needs, *later.needs])),
-            {**later.options, **self.options},
-            {**self.mapping, **later.mapping},
-            {**self.known, **later.known},
-            self.is_broken or later.is_broken,
-        )

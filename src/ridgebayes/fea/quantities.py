@@ -142,6 +142,7 @@ class Quantities:
         if key == "R" and (found := self._quantity("D")) is not None:
             return found / 2
         why, example = _NEEDED[key]
+        self._units[key] = example.split()[1]  # as the user is asked for it
         ways = f"expected --{key} '{example}', or a column, --map '{key}=HEADER'"
         self._problems.need(f"{key} is missing ({why}): {ways}", None, **{key: example})
         # Loads rise or do not, whatever it is.

@@ -1,4 +1,4 @@
-"""What importers hand on: a table, and what they understood of the file."""
+"""The result of an import: a table, and messages about the file."""
 
 import hashlib
 from collections.abc import Mapping

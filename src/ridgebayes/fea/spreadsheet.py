@@ -17,7 +17,6 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.delimited import Reading, TextTable
 from ridgebayes.fea.layout import LOOKED_AT, find_layout, known
 from ridgebayes.fea.problems import FileError
-from ridgebayes.fea.words import settings_of
 from ridgebayes.runtime.reading import extra, refusing
 
 LARGEST = 2**30  # bytes of all members, unpacked
@@ -80,13 +79,7 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError)
 def _joined(
     path: Path, found: Grids, typed: set[str], how: Reading, problems: FileError
 ) -> TextTable:
-    """Read all sheets with the header of the first, one after the other; their names are a column.
-
-    Raises
-    ------
-    InputError
-        If R, E or nu above the headers differ.
-    """
+    """Read all sheets with the header of the first, and their names as a column."""
     rows: list[list[str]] = []
     places: list[tuple[str, int]] = []  # sheet and line of each row
     first, left_out = None, []
@@ -97,17 +90,7 @@ def _joined(
         if layout.headers != first.headers:
             left_out.append(name)
             continue
-        if layout.settings.keys() != first.settings.keys() or any(
-            layout.settings[key][0] != text for key, (text, _) in first.settings.items()
-        ):
-            raise InputError(
-                f"{path}, sheet {name!r}: R, E or nu above its header are not those of the first "
-                "sheet; expected the same, or --sheet for each"
-            )
         if not rows:
-            above = [(i, row) for i, row in full if layout.settings and i < full[layout.first][0]]
-            rows = [row for _, row in above if settings_of([(1, "; ".join(filter(None, row)))])]
-            places = [(name, 1)] * len(rows)
             rows.append([*layout.headers, "Sheet"])
             places.append((name, full[max(layout.first - 1, 0)][0]))
         for i, row in full[layout.first :]:
@@ -208,7 +191,6 @@ def _grids(content: bytes, problems: FileError, sheet: str | None) -> tuple[Grid
             "all reads those with the same header)",
             sheet=best[0],
         )
-        problems.raise_all()
     return {best[0]: full[best[0]]}, typed
 
 

@@ -7,10 +7,8 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import IntArray
-from ridgebayes.fea.column_units import split_header, unit_factor
 from ridgebayes.fea.mapping import LOADS, Use
 from ridgebayes.fea.problems import FileError
-from ridgebayes.fea.words import texture_of
 from ridgebayes.runtime.text import count
 
 Melted = tuple[pd.DataFrame, list[Use]]
@@ -87,39 +85,6 @@ def melt_repeats(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) 
         Use("series", "repeat", how="wide"),
     ]
     return _melted(cells, row, new, each), [*(use for use in uses if use not in each), *more]
-
-
-def named_textures(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> Melted | None:
-    """Return both widths as columns where names of textures such as ``240x80 um`` have them."""
-    named = [use for use in uses if use.key == "texture"]
-    if not named or any(use.key in ("a", "b", "a_over_R", "b_over_R") for use in uses):
-        return None
-    names = cells[named[0].header].astype(str)
-    pairs = {name: texture_of(name) for name in names.unique()}
-    found = {name: pair for name, pair in pairs.items() if pair is not None}
-    units = {pair[2] for pair in found.values()} or {"?"}
-    header, given = named[0].header, named[0].unit
-    unit = split_header(header)[1] or min(units) if given is None else given.strip("1")
-    if len(found) < len(pairs) or len(units) > 1 or unit_factor(unit or "mm", "length") is None:
-        return None
-    if given is None and not unit and any(split_header(use.header)[1] for use in uses):
-        problems.need(
-            f"widths in column {header!r} have no unit: expected --map 'texture={header};mm', or 1 "
-            "for widths over the radius",
-            {"texture": f"{header};?"},
-        )
-    columns = _widths(unit)
-    wide = np.array([[float(part) for part in found[name][:2]] for name in names])
-    new = dict(zip([use.key for use in columns], wide.T, strict=True))
-    shown = ", ".join(new)
-    problems.messages.append(f"{shown}: the numbers in {header!r}, {unit or 'over the radius'}")
-    return cells.assign(**new), [*columns, *uses]
-
-
-def _widths(unit: str) -> list[Use]:
-    """Return the uses of columns of both widths in a unit; over the radius without one."""
-    keys = ("a", "b") if unit else ("a_over_R", "b_over_R")
-    return [Use(key, key, unit or "1", how="wide") for key in keys]
 
 
 def _one(key: str, some: Sequence[Use], problems: FileError) -> Use:

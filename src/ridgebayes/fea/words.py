@@ -1,15 +1,14 @@
-"""What headers and title lines say: the words of `words.toml` in them, and numbers."""
+"""Words of `words.toml` in headers, and numbers in them."""
 
 import re
 import unicodedata
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes._types import BoolArray, FloatArray
-from ridgebayes.fea.column_units import NUMBER
 from ridgebayes.runtime.reading import read_toml
 
 _WORDS = read_toml(Path(__file__).with_name("words.toml"))
@@ -38,11 +37,6 @@ _LOWER, _FILLERS = (
 NOTHING = re.compile(rf"\s*{_any(_WORDS['columns']['nothing'])}\s*", re.I)
 _NO_CORNER = re.compile(_any(_WORDS["columns"]["no_corner"]))
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
-_PAIR = re.compile(r"(\d+(?:[.,]\d+)?)\s*([^\W\d_]+)?")
-_SETTING = re.compile(
-    r"([^\W\d][^\d:=;,\t\[\]()]*?)\s*(?:[\[(]([^\])]*)[\])])?\s*[:=;\t ]+\s*"
-    r"(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)(?:[;\t ]*([^\W\d][^\s;,)]*))?"
-)
 
 
 def plain(text: str) -> str:
@@ -160,43 +154,6 @@ def repeats_of(headers: Iterable[str]) -> dict[str, str]:
 def is_number_of_repeats(words: str) -> bool:
     """Return whether a header beside a mean and its deviation says how many were measured."""
     return plain(words) in _WORDS["columns"]["n_mean"]
-
-
-def texture_of(text: str) -> tuple[str, str, str] | None:
-    """Return ridge width, groove width and their unit of a text with just two numbers.
-
-    Examples
-    --------
-    >>> texture_of("240x80 um"), texture_of("a0.03_b0.01"), texture_of("Nut 0,1 / Steg 0,2")
-    (('240', '80', 'um'), ('0.03', '0.01', ''), ('0.2', '0.1', ''))
-    """
-    pairs = _PAIR.findall(text)
-    if len(pairs) != 2:
-        return None
-    (first, unit_a), (second, unit_b) = ((n.replace(",", "."), unit) for n, unit in pairs)
-    before = plain(text[: text.index(pairs[0][0])])
-    if before.endswith(("b", "g")) or _key_of(before) == "b":
-        first, second = second, first
-    return first, second, unit_b or (unit_a if unit_a != "x" else "")
-
-
-def settings_of(titles: Sequence[tuple[int, str]]) -> dict[str, tuple[str, int]]:
-    """Return R, D, E and nu that title lines give, each with its line.
-
-    Examples
-    --------
-    >>> settings_of([(1, "Test 7"), (2, "Radius R = 8 mm, E-Modul: 0,06 MPa"), (3, "nu; 0.49")])
-    {'R': ('8 mm', 2), 'E': ('0.06 MPa', 2), 'nu': ('0.49', 3)}
-    """
-    found: dict[str, tuple[str, int]] = {}
-    for line, text in titles:
-        for words, unit, number, after in _SETTING.findall(text):
-            key = key_of(words)
-            number = number.replace(",", ".")
-            if key in ("R", "D", "E", "nu") and NUMBER.fullmatch(number):
-                of = "" if key == "nu" else (unit or after).strip()
-                found.setdefault(key, (f"{number} {of}".strip(), line))
-    return found
 
 
 def touching(
