@@ -12,6 +12,7 @@ FOLDER = Path(__file__).parents[1] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 NUMBER = re.compile(r"-?\b\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 IN_MAKE_TEST = "study"
+VERDICTS = re.compile(r"^([A-Z ]+): ", re.MULTILINE)
 every_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
 
@@ -31,6 +32,11 @@ def numbers(cell):
     # The size of a figure, and where an object lies in memory, are no results.
     texts = [text for text in texts if "<Figure" not in text and " at 0x" not in text]
     return [float(number) for text in texts for number in NUMBER.findall(text)]
+
+
+def printed(cells):
+    """Return all that cells print."""
+    return "".join(one.get("text", "") for cell in cells for one in cell.outputs)
 
 
 @every_notebook
@@ -58,6 +64,7 @@ def test_notebook__runs_and_shows_what_is_stored(path, tmp_path, monkeypatch):
     resources = {"metadata": {"path": str(tmp_path)}}
     NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()
     now = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert VERDICTS.findall(printed(now)) == VERDICTS.findall(printed(code_cells(path)))
     for cell, stored in zip(now, code_cells(path), strict=True):
         assert figures(cell) == figures(stored), cell.source
         if "az." in cell.source:  # the two arviz lines show other columns
@@ -69,3 +76,15 @@ def test_notebook__runs_and_shows_what_is_stored(path, tmp_path, monkeypatch):
             assert math.isclose(one, other, rel_tol=0.1, abs_tol=0.02), (one, other, cell.source)
     if any("write_report(" in cell.source for cell in now):
         assert (tmp_path / "report.html").stat().st_size > 10_000
+
+
+def test_study__has_seventeen_verdicts_and_numbers_of_independent_code():
+    shown = printed(code_cells(FOLDER / "study.ipynb"))
+    yes, no = "CONFIRMED", "NOT CONFIRMED"
+    last = ["DEPENDS ON THE DEFINITION", no, "NOT TESTED HERE"]
+    assert VERDICTS.findall(shown) == [*[yes] * 6, *[no] * 6, yes, no, *last]
+    # Measured by independent code: ends of contact over Hertz, ridge pressures over E.
+    assert "0.86 to the outer distal edge (what touches), 1.09 to the next" in shown
+    assert "0.40 E at Q = 4, 0.78 E at Q = 6, 1.18 E at Q = 8" in shown
+    # Algebra: (L / 1.38)^2 at Q = 4 over the half-plane's load, as printed in its reference.
+    assert f"{100 * (1 - (0.042 / 1.38) ** 2 / 0.0009778101):.1f} % at (0.032, 0.01)." in shown

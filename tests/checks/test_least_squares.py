@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.checks.least_squares import fit_by_least_squares, power_law_r_squared, r_squared
+from ridgebayes.checks.least_squares import fit_by_least_squares, r_squared
 from ridgebayes.errors import ComputationError, InputError
 
 
@@ -55,14 +55,6 @@ def test_least_squares_of_a_texture_in_other_units_says_that_there_are_none(pape
 def test_least_squares_does_not_take_the_power_law(paper):
     with pytest.raises(InputError, match="printed coefficients"):
         fit_by_least_squares(rb.PowerLaw(), paper)
-
-
-def test_power_law_r_squared_leaves_out_textures_of_one_count(paper):
-    frame = paper.frame
-    keep = (frame["a_over_R"] == 0.012) & (frame["b_over_R"] == 0.01)
-    keep |= (frame["a_over_R"] == 0.032) & (frame["Q"] == 4)
-    found = power_law_r_squared(rb.ContactTable.from_frame(frame[keep]))
-    assert list(found) == [(0.012, 0.01)]
 
 
 def test_r_squared_of_no_variation_is_not_a_number():

@@ -725,17 +725,6 @@ def test_report__is_written_again(command, monkeypatch, run):
     assert asked[0][3].startswith("ridgebayes ")
 
 
-def test_report__checklist_shows_where_the_page_meets_each_item(command, run):
-    before = {path: path.stat().st_mtime_ns for path in run.rglob("*")}
-    said = command("report", run, "--checklist")
-    assert said.code == 0
-    assert "met  BARG 1C, priors and their reasons: Data and priors" in said.out
-    assert "NOT  BARG 4B, loss function: the verdict grades evidence; no loss enters" in said.out
-    assert {path: path.stat().st_mtime_ns for path in run.rglob("*")} == before
-    rows = json.loads(command("report", run, "--checklist", "--json").out)["result"]
-    assert {tuple(row) for row in rows} == {("item", "met", "where")}
-
-
 # --- predict --------------------------------------------------------------------------------------
 
 

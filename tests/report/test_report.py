@@ -12,7 +12,6 @@ import ridgebayes as rb
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
 from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
 from ridgebayes.checks.report_data import report_data
-from ridgebayes.checks.study import study_of
 from ridgebayes.comparison.ranking import Predicting
 from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.errors import InputError
@@ -108,7 +107,6 @@ def test_every_link_has_its_section(page):
         "Does the model hold?",
         "How it was computed",
         "Finite-element reference",
-        "The study this package began with",
         "Appendix",
     ],
 )
@@ -128,13 +126,12 @@ def test_details_are_closed_and_the_order_is_kept(page):
         "checks",
         "computation",
         "reference",
-        "study",
     ]
     assert anchors == [*wanted, "appendix"]
 
 
 def test_every_image_has_words_for_those_who_do_not_see_it(page):
-    assert len(page.all("img")) == 16
+    assert len(page.all("img")) == 15
     assert all(len(image["alt"]) > 20 for image in page.all("img"))
 
 
@@ -291,19 +288,20 @@ def test_headline__undecided_names_every_form_that_is_nearly_as_probable():
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_study_is_shown_for_its_own_sweep_and_for_no_other_table(page, odd, reference):
-    words = ("The study this package", "Smooth cylinder against Hertz", "doi:10.1016", "ublished")
+def test_the_study_is_named_for_its_own_sweep_and_for_no_other_table(page, odd, reference):
+    words = ("notebooks/study.ipynb", "doi:10.1016", "ublished")
     assert all(one in page.text for one in words)
     for other in (odd, reference):
         html = render_report(other)
         assert not [one for one in words if one in Page(html).text]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_equal_rows_from_a_file_are_the_sweep(comparison):
     table = rb.ContactTable.from_frame(comparison.table.frame, where="mine.csv")
-    assert len(study_of(replace(comparison, table=table)).claims) == 17
     fewer = rb.ContactTable.from_frame(comparison.table.frame.iloc[1:])
-    assert study_of(replace(comparison, table=fewer)) is None
+    said = [render_report(replace(comparison, table=one), ".md") for one in (table, fewer)]
+    assert ["notebooks/study.ipynb" in one for one in said] == [True, False]
 
 
 @pytest.mark.usefixtures("undrawn")

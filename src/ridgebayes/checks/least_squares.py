@@ -12,7 +12,6 @@ import pandas as pd
 from scipy.optimize import least_squares
 
 from ridgebayes._types import FloatArray
-from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.forms import Form
 from ridgebayes.table.table import ContactTable
@@ -111,39 +110,6 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
         r_squared(q, q + residual(solution.x)),
         len(q),
     )
-
-
-def power_law_r_squared(table: ContactTable) -> dict[tuple[float, float], float]:
-    """Return R^2 on Q of Q' = 2 + K s for each texture, K by least squares.
-
-    Parameters
-    ----------
-    table : ContactTable
-        Transitions of role calibration and status ok are used.
-
-    Returns
-    -------
-    dict of (float, float) to float
-        By texture; only textures with at least two different counts.
-
-    Examples
-    --------
-    >>> import ridgebayes as rb
-    >>> found = power_law_r_squared(rb.paper_sweep())
-    >>> len(found), all(r2 > 0.99 for r2 in found.values())
-    (9, True)
-    """
-    found = {}
-    frame = _transitions(table)
-    for a, b in dict.fromkeys(zip(frame["a_over_R"], frame["b_over_R"], strict=True)):
-        rows = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)]
-        q = rows["Q"].to_numpy(float)
-        if len(np.unique(q)) < 2:
-            continue
-        s = np.sqrt(reduced_load(rows["p_over_E"].to_numpy(), rows["nu"].to_numpy()))
-        slope = np.sum(s * (q - 2)) / np.sum(s * s)
-        found[(float(a), float(b))] = r_squared(q, 2 + slope * s)
-    return found
 
 
 def _transitions(table: ContactTable) -> pd.DataFrame:

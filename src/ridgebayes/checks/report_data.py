@@ -16,7 +16,6 @@ from ridgebayes.checks.load_errors import (
 from ridgebayes.checks.power_scaling import power_scaling
 from ridgebayes.checks.predictive_checks import PredictiveChecks, posterior_checks, prior_bands
 from ridgebayes.checks.repeat import Repeat, against_priors, is_cheap, repeat_posterior
-from ridgebayes.checks.study import Study, study_of
 from ridgebayes.comparison import ranking
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.cautions import cautions
@@ -30,6 +29,7 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence.tables import mean_evidence
 from ridgebayes.inference.presets import Preset
 from ridgebayes.results import Fit
+from ridgebayes.table.datafiles import paper_sweep
 
 _N_LOAD = 300  # of one panel's band: steps as sharp as a pixel
 _BEYOND = 1.6  # how far beyond a texture's own highest load its panel goes
@@ -111,8 +111,8 @@ class ReportData:
         Where the shown fit's means lie in their priors.
     own_texture : OwnTexture
         Quantiles from which the page predicts textures that were not fitted.
-    study : Study or None
-        The study's claims; None for any table but the embedded sweep.
+    is_paper_sweep : bool
+        Whether the rows are those of the embedded sweep, which published coefficients belong to.
     """
 
     comparison: Comparison
@@ -141,7 +141,7 @@ class ReportData:
     repeat: Repeat | None
     against_priors: pd.DataFrame
     own_texture: OwnTexture
-    study: Study | None
+    is_paper_sweep: bool
 
     @property
     def fit(self) -> Fit:
@@ -171,8 +171,8 @@ def report_data(comparison: Comparison) -> ReportData:
     >>> import ridgebayes as rb
     >>> forms = [rb.Modified(), rb.Hybrid()]
     >>> data = report_data(rb.compare(rb.paper_sweep(), forms, noise="iid", rng=1))
-    >>> data.ranked, len(data.study.claims), len(data.held_out)
-    (('hybrid', 'modified'), 17, 9)
+    >>> data.ranked, data.is_paper_sweep, len(data.held_out)
+    (('hybrid', 'modified'), True, 9)
     """
     best, preset = best_form(comparison), Preset.named(comparison.accuracy)
     shown = best or next(iter(comparison.fits))
@@ -215,7 +215,7 @@ def report_data(comparison: Comparison) -> ReportData:
         repeat_posterior(fit) if preset.extras and is_cheap(fit) else None,
         against_priors(fit),
         own_texture(comparison),
-        study_of(comparison),
+        comparison.table.digest() == paper_sweep().digest(),
     )
 
 

@@ -232,13 +232,6 @@ class Coverage:
 
 @dataclass(frozen=True)
 class Report:
-    """Write the report of a finished run again.
-
-    Parameters
-    ----------
-    checklist : bool, optional
-        Show where the report meets the guidelines BARG and WAMBS. Write nothing.
-    """
+    """Write the report of a finished run again."""
 
     folder: Argument[Path]
-    checklist: bool = False

@@ -1,4 +1,4 @@
-"""Figures of the forms: errors against data, slopes, Bayes factors, the smooth cylinder."""
+"""Figures of the forms: errors against data, slopes, Bayes factors."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -9,7 +9,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from ridgebayes.drawing.style import (
-    COLOURS,
     MOST_LEGEND,
     OBSERVED,
     QUIET,
@@ -35,20 +34,6 @@ _METHODS = {
     "importance": "s",
 }
 _PRIORS = {"c": "$c$ and $c_1$", "c2": "$c_2$", "K": "$K$", "sigma": r"$\sigma$"}
-_SMOOTH: dict[str, tuple[str, dict[str, Any]]] = {
-    "half-plane": (
-        "half-plane equation, no grooves",
-        {"color": COLOURS["half-plane"], "linewidth": 1.6},
-    ),
-    "small-strain": (
-        "finite elements, small strain",
-        {"color": COLOURS["modified"], "marker": "s", "linestyle": "none"},
-    ),
-    "neo-hooke": (
-        "finite elements, neo-Hookean",
-        {"color": COLOURS["classic"], "marker": "o", "linestyle": "none"},
-    ),
-}
 
 
 @styled()
@@ -91,51 +76,6 @@ def plot_percent_errors(errors: pd.DataFrame) -> Figure:
         handles.append(Line2D([], [], color=QUIET, label="calibrated"))
         handles.append(Line2D([], [], color=QUIET, marker="o", label="printed", **hollow))
     figure.legend(handles=handles, loc="outside lower center", ncols=MOST_LEGEND)
-    return figure
-
-
-@styled()
-def plot_smooth_cylinder(curves: pd.DataFrame) -> Figure:
-    """Draw the smooth cylinder's contact length, in ridge units, against Hertz (Fig. 3).
-
-    Parameters
-    ----------
-    curves : pandas.DataFrame
-        Columns name (half-plane, small-strain, neo-hooke), p_over_E, count, hertz.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Left Q' against load, right the error of Hertz in Q'.
-    """
-    figure = new_figure(WIDTH, 3.6)
-    left, right = figure.subplots(1, 2)
-    for name, (label, look) in _SMOOTH.items():
-        own = curves[curves["name"] == name]
-        left.plot(own["p_over_E"], own["count"], label=label, **look)
-        right.plot(own["p_over_E"], 100 * (own["hertz"] / own["count"] - 1), **look)
-    line = curves[curves["name"] == "half-plane"]
-    left.plot(
-        line["p_over_E"], line["hertz"], "--", color=OBSERVED, linewidth=1, label="Hertz, eq. (1)"
-    )
-    load = "$p/E$ (dimensionless)"
-    left.set(xlabel=load, ylabel="contact length in ridges, $Q'$ of eq. (2)")
-    right.set(xlabel=load, ylabel="error of Hertz in $Q'$, %")
-    right.axhline(0, color=OBSERVED, linestyle="--", linewidth=1)
-    right.set_ylim(min(-0.5, right.get_ylim()[0]), max(2.2, right.get_ylim()[1]))
-    right.axhline(2, color=QUIET, linestyle=":", linewidth=1.2)
-    right.annotate(
-        "2 %: the study's largest error",
-        (0.98, 2),
-        xycoords=("axes fraction", "data"),
-        xytext=(0, -4),
-        textcoords="offset points",
-        ha="right",
-        va="top",
-        fontsize=9,
-        color="#555555",
-    )
-    shared_legend(figure, left, n_column=2)
     return figure
 
 

@@ -21,7 +21,6 @@ from ridgebayes.checks.report_data import report_data
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import InputError
 from ridgebayes.report.blocks import Picture
-from ridgebayes.report.checklist import held_against
 from ridgebayes.report.exports import links
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
@@ -30,7 +29,7 @@ from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.templates import environment_of
 from ridgebayes.runtime.text import visible
 
-__all__ = ["checklist_of", "render_report", "write_report", "write_reports"]
+__all__ = ["render_report", "write_report", "write_reports"]
 
 _SMALL = 80_000  # bytes of an SVG that is embedded; of larger ones the PNG is
 _TEMPLATES = {".html": "report.html.jinja", ".md": "report.md.jinja"}
@@ -64,7 +63,7 @@ def write_report(
     Notes
     -----
     Equal comparisons give equal bytes, because the report has no date, and no path but the table's
-    name. Only the report of the embedded sweep has the study's claims and its smooth cylinder.
+    name. Published coefficients are shown for the embedded sweep alone.
 
     *Cost.* About two CPU seconds for Markdown; with figures about 15.
 
@@ -130,23 +129,6 @@ def write_reports(
     pages = _rendered(gallery, reference, list(_TEMPLATES), command=command, in_folder=True)
     for suffix, page in zip(_TEMPLATES, pages, strict=True):
         write_text(page, folder / f"report{suffix}")
-
-
-def checklist_of(comparison: Comparison) -> list[tuple[str, bool, str]]:
-    """Return the items of reporting checklists, and where the report meets each, or why not.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        What is reported.
-
-    Returns
-    -------
-    list of (str, bool, str)
-        Item, whether it is met, the section or the reason.
-    """
-    gallery = Gallery(report_data(comparison))
-    return held_against(first_screen(gallery.data), contents(gallery, None))
 
 
 def _rendered(

@@ -114,6 +114,13 @@ def _counted(data: ReportData) -> str:
 def forms_section(data: ReportData) -> list[Block]:
     """Return the model in formulas."""
     rows = [[form_name(name), *_FORMULAS[name]] for name in data.ranked if name in _FORMULAS]
+    study = Text(
+        "The forms and textures are those of a published study, "
+        "doi:10.1016/j.ijssolstr.2019.06.026. The documentation checks its figures and its 17 "
+        "claims: “Does the study hold, figure by figure and claim by claim?” "
+        "(notebooks/study.ipynb).",
+        "note",
+    )
     return [
         Text(
             "The table says at which load p/E each count Q of edges is reached. A form gives "
@@ -122,6 +129,7 @@ def forms_section(data: ReportData) -> list[Block]:
             "error has standard deviation σ, and the offset is that of the error model."
         ),
         Table(["Form", "s(Q)", "Coefficients"], rows, text=(0, 1, 2)),
+        *([study] if data.is_paper_sweep else []),
     ]
 
 

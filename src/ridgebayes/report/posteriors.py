@@ -64,7 +64,7 @@ def _coefficients_table(data: ReportData, names: list[str]) -> Table:
     header = ["Form", "Parameter", "Posterior mean ± sd", f"{percent(prob)} interval"]
     header += ["Least squares on Q", "Published 2019"]
     rows = [row for name in names for row in _coefficients(data, name)]
-    if data.study is None:  # the published ones are those of another table
+    if not data.is_paper_sweep:  # the published ones are those of another table
         header, rows = header[:-1], [row[:-1] for row in rows]
     return Table(header, rows, text=(0, 1))
 
@@ -191,7 +191,7 @@ def corner_section(data: ReportData) -> list[Block]:
         model = data.comparison.fits[name].model
         n = model.n_parameter
         some = f" {MOST_PARAMETERS} of {n} parameters." if n > MOST_PARAMETERS else ""
-        is_published = data.study is not None and model.form.printed is not None
+        is_published = data.is_paper_sweep and model.form.printed is not None
         printed = " Solid lines: published coefficients." if is_published else ""
         caption = (
             f"{form_name(name)}. Dashed: 5, 50 and 95 % quantiles.{printed} Contours contain 39 "

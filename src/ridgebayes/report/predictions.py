@@ -183,7 +183,7 @@ def errors_section(data: ReportData) -> list[Block]:
     caption = (
         "100 (p form / p data − 1) at each transition, repeats averaged. Above zero the form "
         "predicts too high a load. Coefficients are posterior means"
-        + ("; dashed, hollow: those of the study." if data.study else ".")
+        + ("; dashed, hollow: those of the study." if data.is_paper_sweep else ".")
     )
     a, b = data.textures[0]
     alt = f"Load errors in per cent at a/R = {a:g}, b/R = {b:g}: {_firsts(rows)}"

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ridgebayes.checks.report_data import ReportData
-from ridgebayes.report import evidence, inputs, posteriors, predictions, study
+from ridgebayes.report import evidence, inputs, posteriors, predictions
 from ridgebayes.report.blocks import Block, Folded, OwnTexture, Part, Picture, Section, Text
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
@@ -183,14 +183,6 @@ def computation(data: ReportData) -> list[Block]:
     ]
 
 
-def study_section(data: ReportData) -> list[Block]:
-    """Return the claims of the study behind the embedded sweep."""
-    return [
-        *study.claims_section(data),
-        Folded("Smooth cylinder against Hertz", study.smooth_section(data)),
-    ]
-
-
 def appendix(data: ReportData) -> list[Block]:
     """Return words and versions."""
     return [
@@ -207,6 +199,5 @@ _SECTIONS: tuple[tuple[str, str, Callable[[ReportData], list[Block]]], ...] = (
     ("Does the model hold?", "checks", model_checks),
     ("How it was computed", "computation", computation),
     ("Finite-element reference", "reference", reference_section),
-    ("The study this package began with", "study", study_section),
     ("Appendix", "appendix", appendix),
 )

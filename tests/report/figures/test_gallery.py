@@ -29,7 +29,6 @@ NAMES = (
     "held-out",
     "percent-error",
     "slopes",
-    "smooth-cylinder",
     "posterior-checks",
     "prior-bands",
 )
@@ -163,14 +162,6 @@ def test_the_check_itself_sees_overlap_and_clipping():
 def test_one_form_has_no_comparison_figures(bare):
     assert not {"evidence", "prior-sensitivity", "slopes"} & set(bare)
     assert {"bands", "held-out", "corner-modified"} <= set(bare)
-
-
-def test_the_smooth_cylinder_is_drawn_for_the_embedded_sweep_alone(
-    full, bare, odd_gallery, second_gallery
-):
-    assert "smooth-cylinder" in full
-    for gallery in (bare, odd_gallery, second_gallery):
-        assert "smooth-cylinder" not in gallery
 
 
 def test_percent_error_lines_are_the_table(comparison):

@@ -14,7 +14,6 @@ from ridgebayes import drawing
 from ridgebayes._types import FloatArray
 from ridgebayes.checks.predictive_checks import QUANTITIES, PredictiveChecks
 from ridgebayes.checks.report_data import ReportData
-from ridgebayes.checks.study import Study
 from ridgebayes.comparison.bands import AVERAGE
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
@@ -129,18 +128,19 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
         By name, in this order: ``evidence``, ``prior-sensitivity`` where there are two forms;
         ``bands``, and ``bands-first`` with three textures where
         there are more; ``held-out`` where rows were; ``percent-error``, ``slopes``;
-        ``smooth-cylinder`` of the embedded sweep; ``coverage`` where it was counted;
+        ``coverage`` where it was counted;
         ``posterior-checks`` and ``prior-bands`` of the best form; ``corner-<form>``
         of each fit. Of a quick comparison only ``evidence``, ``bands-first`` (or ``bands``) and
         ``held-out``.
     """
-    comparison, shown, study = data.comparison, data.shown, data.study
+    comparison, shown = data.comparison, data.shown
     extras, held_out, errors = data.preset.extras, data.held_out, data.percent_errors
     if len(held_out):
         # A texture that the power law has no K for is a draw from its prior: a bar across the page.
         alone = len(comparison.fits) == 1 and held_out["form"] == AVERAGE
         held_out = held_out[~(held_out["prior_alone"] | alone)]
-    if study is None and len(errors):  # the published coefficients are those of another table
+    # The published coefficients are those of the embedded sweep.
+    if not data.is_paper_sweep and len(errors):
         errors = errors[errors["coefficients"] == "calibrated"]
     # Of Classic the slope is not all: its intercept differs.
     slopes = data.slopes[data.slopes["form"] != "classic"] if len(data.slopes) else data.slopes
@@ -155,7 +155,6 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
         "held-out": len(held_out) and partial(predictions.plot_held_out, held_out),
         "percent-error": extras and len(errors) and partial(forms.plot_percent_errors, errors),
         "slopes": extras and len(slopes) and partial(forms.plot_slopes, slopes),
-        "smooth-cylinder": extras and study and partial(forms.plot_smooth_cylinder, _curves(study)),
         "coverage": extras
         and len(comparison.coverage)
         and partial(drawing.coverage.plot_coverage, comparison.coverage),
@@ -170,7 +169,7 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     }
     for name in data.ranked if extras else ():
         fit = comparison.fits[name]
-        recipes[f"corner-{name}"] = partial(corner_of, fit, published=study is not None)
+        recipes[f"corner-{name}"] = partial(corner_of, fit, published=data.is_paper_sweep)
     return {name: recipe for name, recipe in recipes.items() if recipe}
 
 
@@ -191,12 +190,6 @@ def _of(bands: pd.DataFrame, textures: Sequence[Texture]) -> pd.DataFrame:
     """Return the bands of some textures."""
     pairs = pd.MultiIndex.from_frame(bands[["a_over_R", "b_over_R"]])
     return bands[pairs.isin(list(textures))]
-
-
-def _curves(study: Study) -> pd.DataFrame:
-    names = ("name", "p_over_E", "count", "hertz")
-    blocks = [pd.DataFrame({name: getattr(one, name) for name in names}) for one in study.curves]
-    return pd.concat(blocks, ignore_index=True)
 
 
 def quantities_of(checks: PredictiveChecks) -> dict[str, tuple[FloatArray, FloatArray, float]]:
