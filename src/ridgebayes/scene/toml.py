@@ -32,7 +32,7 @@ from ridgebayes._types import NEO_HOOKEAN, Json
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.scene import fields
-from ridgebayes.scene.units import Body, Dimension, to_si
+from ridgebayes.scene.units import Body, Dimension, is_uncertain, to_si
 
 DEFAULT_LOAD = 0.02  # p/E of the study
 # A texture's keys in a file, and the fields of a `Texture` that they become.
@@ -84,7 +84,9 @@ def _uncertain(
     dimension: Dimension | None, raw: object, info: ValidationInfo, may_be_zero: bool = True
 ) -> _Measure | None:
     """Return the measure of a distribution; None if there is none."""
-    if isinstance(raw, int | float | list | dict) or (isinstance(raw, str) and "(" not in raw):
+    if isinstance(raw, int | float | list | dict):
+        return None
+    if isinstance(raw, str) and not is_uncertain(raw):
         return None
     # Here, not above: it loads scipy, which a scene that is certain does without.
     from ridgebayes.scene.uncertain import read_source
