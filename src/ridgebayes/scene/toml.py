@@ -84,12 +84,10 @@ def _uncertain(
     dimension: Dimension | None, raw: object, info: ValidationInfo, may_be_zero: bool = True
 ) -> _Measure | None:
     """Return the measure of a distribution; None if there is none."""
-    if isinstance(raw, int | float | list | dict):
+    is_text = isinstance(raw, str)
+    if isinstance(raw, int | float | list | dict) or (is_text and not is_uncertain(str(raw))):
         return None
-    if isinstance(raw, str) and not is_uncertain(raw):
-        return None
-    # Here, not above: it loads scipy, which a scene that is certain does without.
-    from ridgebayes.scene.uncertain import read_source
+    from ridgebayes.scene.uncertain import read_source  # loads scipy: not for certain scenes
 
     try:
         found = read_source(dimension, raw, (info.context or {}).get("folder", Path()))
