@@ -90,13 +90,16 @@ class Predict:
         Loads p/E: one such as 0.01, LO:HI:N evenly spaced, or log:LO:HI:N log-spaced.
     load : str, optional
         Loads with units, in place of --p-over-E: a pressure on the projected area
-        ('1.2 kPa'), a force per length ('20 N/m') or a force ('5 N'), or LO:HI:N of them.
+        ('1.2 kPa'), a force per length ('20 N/m') or a force ('5 N'), or LO:HI:N of them. A
+        single one may have an error ('20 N/m ± 3 %').
     scene : Path, optional
         Scene file that gives textures, Poisson's ratio, radius, modulus and highest load.
     R : str, optional
-        Radius, such as '8 mm'.
+        Radius, such as '8 mm' or '8 mm ± 5 %'.
     E : str, optional
-        Young's modulus, such as '60 kPa'.
+        Young's modulus, such as '60 kPa' or '60 kPa ± 20 %' (or +-).
+    thickness : str, optional
+        Length of the body along the ridges, such as '20 mm'. Needed for forces.
     nu : float, optional
         Poisson's ratio. That of --scene, or else 0.5, if not given.
     kind : str, optional
@@ -118,6 +121,7 @@ class Predict:
     scene: Path | None = None
     R: str | None = None
     E: str | None = None
+    thickness: str | None = None
     nu: float | None = None
     kind: str = "simulation"
     form: str = "average"

@@ -10,7 +10,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.scene.units import Body
+from ridgebayes.scene.units import NO_UNITS, Body
 
 _LOADS = "one load, LO:HI:N or log:LO:HI:N with 0 < LO <= HI and N >= 1, such as 0.001:0.02:50"
 
@@ -95,6 +95,12 @@ def parse_numbers(text: str, option: str) -> tuple[float, ...]:
 
 def parse_texture(text: str, body: Body | None = None) -> tuple[float, float]:
     """Return the ridge and groove width of A,B over the radius, of a body also with units."""
+    units = [_has_unit(part) for part in text.split(",")]
+    if any(units) and not all(units):
+        raise InputError(
+            f"--texture {text!r}: expected both widths with a unit, or both without (shares of the "
+            "radius)"
+        )
     try:
         a, b = (_width(part, body) for part in text.split(","))
     except InputError as error:
@@ -109,8 +115,11 @@ def parse_texture(text: str, body: Body | None = None) -> tuple[float, float]:
 
 
 def _width(text: str, body: Body | None) -> float:
-    has_unit = re.search(r"\d.*[^\W\d_eE]", text) is not None
-    return body.over_radius(text) if body is not None and has_unit else float(text)
+    return (body or NO_UNITS).over_radius(text) if _has_unit(text) else float(text)
+
+
+def _has_unit(text: str) -> bool:
+    return re.search(r"\d.*[^\W\d_eE]", text) is not None
 
 
 def parse_loads(

@@ -20,16 +20,18 @@ from ridgebayes.commands.parsing import (
 )
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.terminal import Answer
-from ridgebayes.comparison.bands import bands_table
+from ridgebayes.comparison.bands import bands_table, scene_bands
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.contact.scaling import Texture, reduced_load
+from ridgebayes.contact import scaling
+from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.predict.extrapolation import NAMES, CalibratedRange
+from ridgebayes.predict.of_scene import NO_UNIT, load_unit
 from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import count
-from ridgebayes.scene.scene import Scene
-from ridgebayes.scene.units import Body, number_and_unit
+from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.scene.units import Body, is_uncertain, load_to_si, number_and_unit, to_si
 from ridgebayes.table.files import check_name, write_frame
 
 _MOST_DRAWN = 200  # the count up to which transitions are drawn where they are
@@ -48,6 +50,9 @@ def command(asked: options.Predict) -> Answer:
     if asked.kind not in (*KINDS, "both"):
         raise InputError(f"--kind {asked.kind!r}: expected curve, simulation or both")
     kinds = KINDS if asked.kind == "both" else (asked.kind,)
+    uncertain = _uncertain_scene(asked)
+    if uncertain is not None:
+        return _of_scene(asked, uncertain, kinds)
     textures, loads, nu, unit = _where(asked)
     run, form = read_run(asked.folder), parse_form(asked.form)
     what: dict[str, Any] = {
@@ -66,14 +71,121 @@ def command(asked: options.Predict) -> Answer:
     return _answer(bands, files, unit)
 
 
+def _uncertain_scene(asked: options.Predict) -> Scene | None:
+    """Return the scene of the command line where something of it is not certain, or off centre."""
+    typed = {"--R": asked.R, "--E": asked.E, "--thickness": asked.thickness}
+    if asked.scene is not None:
+        if any(value is not None for value in typed.values()):
+            raise InputError(
+                "--scene, and --R or --E or --thickness: expected one of them, got both"
+            )
+        scene = Scene.from_toml(asked.scene)
+        if scene.uncertain is None and all(one.offset == 0 for one in scene.textures):
+            return None
+        for option, given in (("--texture", asked.texture), ("--nu", asked.nu)):
+            if given:
+                raise InputError(
+                    f"--scene and {option}: expected the scene's own where it has distributions or "
+                    "an offset, got both"
+                )
+        return scene
+    if not any(is_uncertain(text) for text in (asked.load, *typed.values()) if text):
+        return None
+    if not asked.texture:
+        raise InputError("no textures; expected --texture A,B or --scene")
+    return _typed_scene(asked)
+
+
+def _typed_scene(asked: options.Predict) -> Scene:
+    """Return the scene of values with errors as they were typed."""
+    shares = any(all(map(_is_number, text.split(","))) for text in asked.texture or ())
+    if shares and asked.R is not None and is_uncertain(asked.R):
+        raise InputError(
+            f"--R {asked.R!r}: expected textures with units beside an uncertain radius, such "
+            "as --texture '0.3 mm,0.25 mm'"
+        )
+    radius = asked.R or "1 m"  # a pressure, on shares of the radius, needs none
+    body = {"radius": radius, "youngs_modulus": asked.E, "poissons_ratio": asked.nu}
+    load: dict[str, str] = {"length": asked.thickness} if asked.thickness else {}
+    if asked.load is not None:
+        highest = asked.load.split(":")[-2:][0]
+        if is_uncertain(highest) and ":" in asked.load:
+            raise InputError(f"--load {asked.load!r}: expected one load where it has an error")
+        sizes = [one for one in re.split(r"[(),±]|\+/?-", highest) if _is_load(one)]
+        if not sizes:
+            load_to_si(highest)
+        kind = load_to_si(sizes[0])[1]
+        if kind != "pressure" and asked.R is None:
+            raise InputError(f"--load {asked.load!r}: needs the radius; expected --R")
+        load[{"pressure": "max", "line load": "line", "force": "force"}[kind]] = highest
+    textures, exact = [], []
+    for text in asked.texture or ():
+        parts = [part.strip() for part in text.split(",")]
+        if all(map(_is_number, parts)):
+            a, b = parse_texture(text)
+            exact.append(Texture(a_over_R=a, b_over_R=b))
+            size = float(to_si(radius, "length"))
+            parts = [f"{width * size!r} m" for width in (a, b)]
+        elif len(parts) != 2:
+            parse_texture(text)
+        textures.append(dict(zip(("ridge_width", "groove_width"), parts, strict=True)))
+    data = {"body": {k: v for k, v in body.items() if v is not None}, "texture": textures}
+    scene = Scene.from_dict({**data, "load": load} if load else data)
+    return scene.model_copy(update={"textures": tuple(exact)}) if exact else scene
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return float(text) is not None
+    except ValueError:
+        return False
+
+
+def _is_load(text: str) -> bool:
+    try:
+        return load_to_si(text.strip()) is not None
+    except InputError:
+        return False
+
+
+def _of_scene(asked: options.Predict, scene: Scene, kinds: Sequence[str]) -> Answer:
+    """Answer for a scene whose distributions are drawn together with the posterior."""
+    if asked.p_over_E is not None and asked.load is not None:
+        raise InputError("--p-over-E and --load: expected one of them, got both")
+    where: dict[str, Any] = {"prob": asked.prob, "kinds": kinds}
+    if asked.p_over_E is not None:
+        where["p_over_E"] = parse_loads(asked.p_over_E)
+    elif asked.load is not None and not is_uncertain(asked.load):
+        own = load_unit(scene)
+        if own == NO_UNIT:
+            raise InputError(f"--load {asked.load!r}: needs a load with a unit in --scene")
+        size = scene.body.p_over_E(f"1 {own}")
+        where["load"] = parse_loads(
+            asked.load, "--load", lambda text: scene.body.p_over_E(text) / size
+        )
+    elif asked.load is None and asked.scene is None:
+        raise InputError("no loads; expected --p-over-E, --load or --scene")
+    elif asked.load is not None and asked.scene is not None:
+        raise InputError("--load with an error: expected it in the scene, as load.max")
+    run, form = read_run(asked.folder), parse_form(asked.form)
+    bands = scene_bands(run, scene, form, **where)
+    write_frame(bands, asked.out)
+    unit = None
+    if bands["load_unit"].iloc[0] != NO_UNIT:
+        first = bands.iloc[0]
+        unit = float(first["load"] / first["p_over_E"]), str(first["load_unit"])
+    if asked.plot is not None:
+        _draw(bands, run, form, asked.plot, unit)
+    files = [file for file in (asked.out, asked.plot) if file is not None]
+    return _answer(bands, files, unit)
+
+
 def _where(
     asked: options.Predict,
-) -> tuple[Sequence[Texture], FloatArray, float, tuple[float, str] | None]:
+) -> tuple[Sequence[scaling.Texture], FloatArray, float, tuple[float, str] | None]:
     """Return textures, their loads, Poisson's ratio and the loads' unit: as typed, or a scene's."""
     if asked.scene is None:
-        scene, body = None, Body.of(asked.R, asked.E)
-    elif asked.R is not None or asked.E is not None:
-        raise InputError("--scene, and --R or --E: expected one of them, got both")
+        scene, body = None, Body.of(asked.R, asked.E, asked.thickness)
     else:
         scene = Scene.from_toml(asked.scene)
         body = scene.body
@@ -114,7 +226,7 @@ def _unit(load: str, body: Body) -> tuple[float, str] | None:
 
 
 def with_transitions(
-    run: Comparison, form: str, bands: pd.DataFrame, textures: Sequence[Texture]
+    run: Comparison, form: str, bands: pd.DataFrame, textures: Sequence[scaling.Texture]
 ) -> FloatArray:
     """Return the loads of a table of bands, and those on both sides of where it changes.
 

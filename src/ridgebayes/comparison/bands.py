@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray
 from ridgebayes.comparison.comparison import Comparison
@@ -16,10 +17,12 @@ from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.predict import KINDS, NEGLIGIBLE, predict_load, predict_q
+from ridgebayes.predict.of_scene import NEGLIGIBLE, q_of_scene
+from ridgebayes.predict.predict import KINDS, predict_load, predict_q
 from ridgebayes.predict.predictive_cdf import N_LOAD_DRAWS
 from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 from ridgebayes.runtime.pool import map_ordered
+from ridgebayes.scene.scene import Scene
 from ridgebayes.table.table import ContactTable
 
 AVERAGE = "average"
@@ -79,15 +82,10 @@ def bands_table(
     InputError
         If a form was not fitted, or `prob` is not between 0 and 1.
     """
-    if not 0 < prob < 1:
-        raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
     if nu is not None:
         reduced_load(1.0, nu)  # refuses a Poisson's ratio by its own value, not as an array
     wanted = [*comparison.fits, AVERAGE] if forms is None else list(forms)
-    for name in wanted:
-        if name not in (*comparison.fits, AVERAGE):
-            fitted = ", ".join([*comparison.fits, AVERAGE])
-            raise InputError(f"form {name!r}: not in this run; expected one of {fitted}")
+    _check(comparison, wanted, prob)
     chosen = comparison.table.textures if textures is None else tuple(textures)
     a, b = np.array(chosen).T[:, :, None]
     own = _nu_of_textures(comparison) if nu is None else {}
@@ -120,6 +118,48 @@ def bands_table(
             q = mix_q(each, [weight for _, weight in parts])
             blocks.append(_of_form(name, parts, q.to_dataframe(prob)))
     known.clear()  # as large as the frame, which is held twice while it is put together
+    return _joined(blocks)
+
+
+def scene_bands(
+    comparison: Comparison,
+    scene: Scene,
+    form: str,
+    *,
+    load: ArrayLike | None = None,
+    p_over_E: ArrayLike | None = None,
+    prob: float = 0.9,
+    kinds: Sequence[str] = KINDS,
+) -> pd.DataFrame:
+    """Return bands on Q of a scene, its distributions drawn together with the posterior.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Fits and model probabilities.
+    scene : Scene
+        With a texture or several.
+    form : str
+        Name of a fitted form, or ``average``.
+    load, p_over_E : array_like of float, shape (n_load,), optional
+        As of `Predictive.predict`.
+    prob : float, optional
+        Probability inside the band.
+    kinds : sequence of str, optional
+        ``curve``, ``simulation`` or both.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns of `bands_table`, and load, load_unit, offset_pitches. Widths, Poisson's ratio,
+        offset and p_over_E are medians.
+    """
+    _check(comparison, [form], prob)
+    parts = _mixtures(comparison, [form])[form]
+    blocks = []
+    for kind in kinds:
+        q = q_of_scene(parts, scene, load=load, p_over_E=p_over_E, kind=kind)
+        blocks.append(_of_form(form, parts, q.to_dataframe(prob)))
     return _joined(blocks)
 
 
@@ -166,6 +206,16 @@ def loads_table(
             blocks.append(_of_form(name, parts, load.to_dataframe(prob)))
             blocks[-1]["p_over_E_observed"] = frame["p_over_E"].to_numpy()
     return pd.concat(blocks, ignore_index=True)
+
+
+def _check(comparison: Comparison, forms: Sequence[str], prob: float) -> None:
+    """Refuse forms that were not fitted, and what is no probability."""
+    if not 0 < prob < 1:
+        raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
+    for name in forms:
+        if name not in (*comparison.fits, AVERAGE):
+            fitted = ", ".join([*comparison.fits, AVERAGE])
+            raise InputError(f"form {name!r}: not in this run; expected one of {fitted}")
 
 
 def predicted_rows(table: ContactTable) -> pd.DataFrame:

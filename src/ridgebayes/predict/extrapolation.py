@@ -16,8 +16,8 @@ from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
 
-NAMES = ("Q", "load", "a/pitch", "a/R", "b/R", "texture")
-Q, LOAD, RATIO, RIDGE, GROOVE, TEXTURE = (1 << bit for bit in range(len(NAMES)))
+NAMES = ("Q", "load", "a/pitch", "a/R", "b/R", "texture", "offset")
+Q, LOAD, RATIO, RIDGE, GROOVE, TEXTURE, OFFSET = (1 << bit for bit in range(len(NAMES)))
 _MARGIN = 1.5  # widths may leave their calibrated range by this factor
 _SLACK = 1e-12  # of a value that is a calibrated one but for rounding
 _NAMES = np.array(

@@ -53,6 +53,8 @@ class PredictiveSampler:
         Posterior.
     seen : Spread
         Of `textures_of` all bodies, that keeps `MOST_TEXTURES`.
+    kind : str, optional
+        ``simulation``, or ``curve`` for the form's own loads.
 
     Raises
     ------
@@ -66,13 +68,14 @@ class PredictiveSampler:
     interpolated by a polynomial through 9 of them. Offsets are those of the nearest of these.
     """
 
-    def __init__(self, fit: Posterior, seen: Spread) -> None:
+    def __init__(self, fit: Posterior, seen: Spread, kind: str = "simulation") -> None:
+        self._kind = kind
         self._fit, self._stride = fit, -(-len(fit.draws) // n_draws(fit))
         self._range, self._seen = CalibratedRange.of(fit), seen
         self._axis: Axis | None = None
         if seen.distinct is not None:
             self._textures = [(a, b) for a, b, _ in seen.distinct.tolist()]
-            self._loads = PosteriorLoads.of(fit, n_draws(fit), "simulation")
+            self._loads = PosteriorLoads.of(fit, n_draws(fit), kind)
         else:
             self._axis = Axis.over(seen.low[2], seen.high[2], _N_RATIO)
             self._textures = [(x, 1 - x) for x in self._axis.nodes.tolist()]
@@ -101,20 +104,12 @@ class PredictiveSampler:
         if self._loads.df is not None:
             score = special.stdtrit(self._loads.df[which], u)
         a, b, ratio = textures.T
-        # Which texture, or for the scatter of the offsets the nearest of those between.
-        near = (
-            self._seen.place(textures)
-            if self._axis is None
-            else np.abs(ratio[:, None] - self._axis.nodes).argmin(axis=1)
-        )
+        near = self._near(textures)
         with np.errstate(divide="ignore"):
             y = np.log(reduced_load(p, nu[:, None]))
         if self._axis is not None:
             y = y - 2 * np.log(a + b)[:, None]
-        last = np.full(len(p), np.inf)
-        if self._loads.df is not None:
-            # Tails leave some to any count. As `predict`: up to contact over the whole width.
-            last = 2 + 2 * np.floor(np.maximum(1 - b / 2, 0) / (a + b))
+        last = self._last(textures)
         Q, alive, block = np.full(p.shape, 2), np.ones(p.shape, dtype=bool), 0
         while alive.any():
             if 2 * _Q_BLOCK * block > _LARGEST_Q:
@@ -127,6 +122,64 @@ class PredictiveSampler:
         flags = self._range.load_flags(p, nu[:, None]) | self._range.count_flags(Q)
         flags |= self._range.texture_flags(a, b)[:, None]
         return PredictiveDraws(Q, which * self._stride, flags)
+
+    @property
+    def n_draw(self) -> int:
+        """How many draws of the posterior there are."""
+        return len(self._loads.theta)
+
+    def df(self, which: IntArray) -> FloatArray | None:
+        """Return degrees of freedom of the errors of some draws; None where these are normal."""
+        return None if self._loads.df is None else self._loads.df[which]
+
+    def log_loads(
+        self, textures: FloatArray, nu: FloatArray, which: IntArray, ids: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return location and scale of log p/E at which bodies reach counts 4 + 2 ids.
+
+        Parameters
+        ----------
+        textures : ndarray of float, shape (m, 3)
+            What `textures_of` returns of them.
+        nu : ndarray of float, shape (m,)
+            Poisson's ratios.
+        which : ndarray of int, shape (m,)
+            Draw of the posterior of each.
+        ids : ndarray of int, shape (n,)
+            Numbers of counts.
+
+        Returns
+        -------
+        tuple of ndarray of float, shape (m, n)
+            The location is infinite beyond the last count that a body can have.
+        """
+        found = np.empty((2, len(nu), len(ids)))
+        near, last = self._near(textures), self._last(textures)
+        for block in np.unique(ids // _Q_BLOCK).tolist():
+            columns = self._log_loads(textures[:, 2], near, which, block)
+            for j in np.flatnonzero(ids // _Q_BLOCK == block):
+                found[:, :, j] = columns[ids[j] % _Q_BLOCK]
+        shift = -np.log(reduced_load(1.0, nu))
+        if self._axis is not None:
+            shift = shift + 2 * np.log(textures[:, 0] + textures[:, 1])
+        location = np.where(4 + 2 * ids <= last[:, None], found[0] + shift[:, None], np.inf)
+        return location, found[1]
+
+    def _near(self, textures: FloatArray) -> IntArray:
+        """Return which texture each is, or the nearest of those between which it lies."""
+        if self._axis is None:
+            return self._seen.place(textures)
+        return np.asarray(np.abs(textures[:, 2, None] - self._axis.nodes).argmin(axis=1))
+
+    def _last(self, textures: FloatArray) -> FloatArray:
+        """Return the last count: under Student errors that of contact over the whole width.
+
+        Tails leave some probability to any count.
+        """
+        if self._loads.df is None:
+            return np.full(len(textures), np.inf)
+        a, b, _ = textures.T
+        return np.asarray(2 + 2 * np.floor(np.maximum(1 - b / 2, 0) / (a + b)))
 
     def _log_loads(
         self, ratio: FloatArray, near: IntArray, which: IntArray, block: int
@@ -147,5 +200,5 @@ class PredictiveSampler:
 
     def _at(self, texture: Texture, Q: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         own = np.log(self._loads.load(texture, Q, 0.5))
-        location, scale = self._loads.log_load(texture, Q, 0.5, "simulation")
+        location, scale = self._loads.log_load(texture, Q, 0.5, self._kind)
         return own, location, np.array(scale)

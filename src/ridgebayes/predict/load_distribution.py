@@ -291,10 +291,11 @@ class LoadDistribution(Predicted):
 
     def _columns(self, prob: float) -> dict[str, np.ndarray]:
         lower, upper = self.interval(prob)
+        name = "load" if "load_unit" in self._places else "p_over_E"  # of a scene: in its unit
         return {
-            "p_over_E_median": self.median(),
-            "p_over_E_lower": lower,
-            "p_over_E_upper": upper,
+            f"{name}_median": self.median(),
+            f"{name}_lower": lower,
+            f"{name}_upper": upper,
             "prob": np.asarray(prob),
             "extrapolation": self.extrapolation,
             "extrapolation_of": self.extrapolation_of,

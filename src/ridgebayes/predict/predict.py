@@ -22,6 +22,7 @@ from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, n
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.load_draws import LoadDraws
+from ridgebayes.predict.of_scene import NEGLIGIBLE, load_of_scene, q_of_scene
 from ridgebayes.predict.predictive_cdf import (
     N_LOAD_DRAWS,
     Average,
@@ -31,9 +32,9 @@ from ridgebayes.predict.predictive_cdf import (
     of_share,
 )
 from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
+from ridgebayes.scene.scene import Scene
 
 KINDS = ("curve", "simulation")
-NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
 _STORED = 2**19  # draws times places up to which a load distribution keeps them: 8 MB
 _HELD = 2**23  # numbers of smooth offsets' matrices that are held at once: 64 MB
 _LARGEST_Q = 20_000
@@ -51,23 +52,28 @@ class Predictive(ABC):
 
     def predict(
         self,
-        a_over_R: ArrayLike,
-        b_over_R: ArrayLike,
-        p_over_E: ArrayLike,
+        a_over_R: ArrayLike | Scene,
+        b_over_R: ArrayLike | None = None,
+        p_over_E: ArrayLike | None = None,
         *,
         nu: ArrayLike = 0.5,
         kind: str = "simulation",
+        load: ArrayLike | None = None,
     ) -> QDistribution:
         """Return the posterior predictive distribution of Q, averaged by the models' weights.
 
         Parameters
         ----------
         a_over_R, b_over_R, p_over_E : array_like of float, broadcastable, dimensionless
-            Ridge width, groove width and load; the result has their broadcast shape.
+            Ridge width, groove width and load; the result has their broadcast shape. Or a `Scene`
+            in place of both widths, whose distributions are drawn together with the posterior.
         nu : array_like of float, broadcastable, dimensionless
-            Poisson's ratio.
+            Poisson's ratio; of a scene its own.
         kind : str, optional
             ``simulation`` with the error model, ``curve`` for the form's own count.
+        load : array_like of float or str, optional
+            Of a scene, loads in its own unit, or texts such as ``1.2 kPa``, in place of
+            `p_over_E`. The scene's load with its distribution if neither is given.
 
         Returns
         -------
@@ -103,7 +109,24 @@ class Predictive(ABC):
         >>> q = fit.predict(0.022, 0.02, [0.002, 0.009])
         >>> q.median().tolist()
         [4, 8]
+
+        A body whose modulus is known to 20 %:
+
+        >>> body = {"radius": "8 mm", "youngs_modulus": "60 kPa ± 20 %"}
+        >>> texture = {"ridge_width": "0.3 mm", "groove_width": "0.25 mm"}
+        >>> data = {"body": body, "texture": texture, "load": {"line": "8 N/m"}}
+        >>> scene = rb.Scene.from_dict(data)
+        >>> [int(bound) for bound in fit.predict(scene).interval(0.9)]
+        [4, 6]
+        >>> fit.predict(scene, load=["4 N/m", "16 N/m"]).median().tolist()
+        [4, 8]
         """
+        _check_kind(kind)
+        if isinstance(a_over_R, Scene):
+            _refuse_beside_scene(b_over_R=b_over_R, nu=None if np.all(nu == 0.5) else nu)
+            return q_of_scene(self.averaged, a_over_R, load=load, p_over_E=p_over_E, kind=kind)
+        if load is not None or b_over_R is None or p_over_E is None:
+            raise InputError("predict: expected a_over_R, b_over_R and p_over_E, or a Scene")
         parts, weights = zip(*self.averaged, strict=True)
         each = zip(parts, shares(weights).tolist(), strict=True)
         predicted = partial(predict_q, nu=nu, kind=kind)
@@ -112,9 +135,9 @@ class Predictive(ABC):
 
     def predict_load(
         self,
-        a_over_R: ArrayLike,
-        b_over_R: ArrayLike,
-        Q: ArrayLike,
+        a_over_R: ArrayLike | Scene,
+        b_over_R: ArrayLike | None = None,
+        Q: ArrayLike | None = None,
         *,
         nu: ArrayLike = 0.5,
         kind: str = "simulation",
@@ -124,7 +147,7 @@ class Predictive(ABC):
         Parameters
         ----------
         a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
-            Ridge and groove width.
+            Ridge and groove width. Or a `Scene` in place of both.
         Q : array_like of int, broadcastable, dimensionless
             Even counts of at least 4.
         nu : array_like of float, broadcastable, dimensionless
@@ -135,7 +158,7 @@ class Predictive(ABC):
         Returns
         -------
         LoadDistribution
-            Of p/E, of the broadcast shape.
+            Of p/E, of the broadcast shape; of a scene in the unit of its load.
 
         Raises
         ------
@@ -162,6 +185,12 @@ class Predictive(ABC):
         >>> bool(low < load.median() < high)
         True
         """
+        _check_kind(kind)
+        if isinstance(a_over_R, Scene) and Q is not None:
+            _refuse_beside_scene(b_over_R=b_over_R, nu=None if np.all(nu == 0.5) else nu)
+            return load_of_scene(self.averaged, a_over_R, Q, kind=kind)
+        if isinstance(a_over_R, Scene) or b_over_R is None or Q is None:
+            raise InputError("predict_load: expected a_over_R, b_over_R and Q, or a Scene and Q")
         parts, weights = zip(*self.averaged, strict=True)
         each = zip(parts, shares(weights).tolist(), strict=True)
         predicted = partial(predict_load, nu=nu, kind=kind)
@@ -358,6 +387,12 @@ def _broadcast(
     shape = common_shape(**columns)
     reduced_load(1.0, nu)  # refuses a Poisson's ratio outside its range
     return {name: np.broadcast_to(column, shape) for name, column in columns.items()}
+
+
+def _refuse_beside_scene(**values: ArrayLike | None) -> None:
+    """Refuse what a scene has itself."""
+    for name in [name for name, value in values.items() if value is not None]:
+        raise InputError(f"{name}: expected none beside a Scene, got {values[name]!r}")
 
 
 def _check_kind(kind: str) -> None:

@@ -93,7 +93,9 @@ def _next(
     }
     if scene.uncertain is not None:
         drawn = scene.uncertain.draw(n, random) if given is None else given
-        values |= scene.uncertain.derive(drawn)
+        derived = scene.uncertain.derive(drawn)
+        # A ratio of values that are certain stays the exact one: it names a calibrated texture.
+        values |= {k: v for k, v in derived.items() if k not in values or np.ndim(v)}
     if isinstance(values["offset"], str):
         values["offset"] = random("scene", "offset").uniform(-0.5, 0.5, n)
     found = {name: np.array(np.broadcast_to(value, n), float) for name, value in values.items()}

@@ -105,6 +105,8 @@ class Scene(fields.Record):
     >>> unsure = Scene.from_dict({"texture": width})
     >>> unsure.uncertain_names, unsure.at_medians().uncertain_names
     (('texture.ridge_width',), ())
+    >>> [one.textures[0].a_over_R for one in Scene.of([(0.03, 0.01), (0.02, 0.01)]).apart]
+    [0.03, 0.02]
     """
 
     textures: Annotated[tuple[Texture, ...], Field(min_length=1)]
@@ -293,6 +295,15 @@ class Scene(fields.Record):
             Certain of everything.
         """
         return self.model_copy(update={"uncertain": None})
+
+    @property
+    def apart(self) -> tuple["Scene", ...]:
+        """A scene for each of the textures, of the same body and load."""
+        found = []
+        for number, texture in enumerate(self.textures, start=1):
+            uncertain = self.uncertain and self.uncertain.of_texture(number)
+            found.append(self.model_copy(update={"textures": (texture,), "uncertain": uncertain}))
+        return tuple(found)
 
     def to_toml(self, path: str | os.PathLike[str]) -> None:
         """Write the scene without units: `Scene.from_toml` reads an equal one.

@@ -32,7 +32,7 @@ from ridgebayes._types import NEO_HOOKEAN, Json
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.scene import fields
-from ridgebayes.scene.units import Body, Dimension, to_si
+from ridgebayes.scene.units import Body, Dimension, is_uncertain, to_si
 
 DEFAULT_LOAD = 0.02  # p/E of the study
 # A texture's keys in a file, and the fields of a `Texture` that they become.
@@ -84,10 +84,10 @@ def _uncertain(
     dimension: Dimension | None, raw: object, info: ValidationInfo, may_be_zero: bool = True
 ) -> _Measure | None:
     """Return the measure of a distribution; None if there is none."""
-    if isinstance(raw, int | float | list | dict) or (isinstance(raw, str) and "(" not in raw):
+    is_text = isinstance(raw, str)
+    if isinstance(raw, int | float | list | dict) or (is_text and not is_uncertain(str(raw))):
         return None
-    # Here, not above: it loads scipy, which a scene that is certain does without.
-    from ridgebayes.scene.uncertain import read_source
+    from ridgebayes.scene.uncertain import read_source  # loads scipy: not for certain scenes
 
     try:
         found = read_source(dimension, raw, (info.context or {}).get("folder", Path()))

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.distributions.grammar import parse_distribution
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import Streams, stream, streams
-from ridgebayes.scene.units import Dimension, to_si
+from ridgebayes.scene.units import Dimension, to_si, with_error
 
 _NO_MASS = 1e-12  # a probability that draws never meet
 _N_FOR_MEDIAN = 1_001
@@ -44,9 +44,10 @@ class Source:
             If it is a text with brackets that is no distribution, or an array of no numbers.
         """
         if isinstance(raw, str):
-            if "(" not in raw:
+            text = with_error(raw)
+            if "(" not in text:
                 return None
-            return cls(parse_distribution(raw, number=number, folder=folder))
+            return cls(parse_distribution(text, number=number, folder=folder))
         if isinstance(raw, Distribution) or callable(raw) or hasattr(raw, "ppf"):
             return cls(raw)
         if isinstance(raw, np.ndarray):
@@ -173,7 +174,7 @@ class Uncertain:
 
     sources: Mapping[str, Source]
     texts: Mapping[str, str]
-    derive: Callable[[Mapping[str, FloatArray]], dict[str, FloatArray]]
+    derive: Callable[..., dict[str, FloatArray]]
     joint: Sequence["Joint"] = ()
 
     @classmethod
@@ -205,6 +206,11 @@ class Uncertain:
             raise InputError(f"joint: expected each place once, got {', '.join(seen)}")
         texts |= {name: "joint draws" for one in found if one.draws is not None for name in one.of}
         return cls(sources, texts, partial(_derived, certain, has_units), found)
+
+    def of_texture(self, number: int) -> "Uncertain":
+        """Return what is not certain of the scene with its texture of this number alone, from 1."""
+        derive = partial(self.derive, texture=f"texture[{number}]")
+        return replace(self, derive=derive)
 
     def draw(self, n: int, random: Streams) -> dict[str, FloatArray]:
         """Return the next n draws of the values that are not certain, by place."""
@@ -312,7 +318,9 @@ class Joint:
         return found
 
 
-def _derived(certain: Json, has_units: bool, drawn: Mapping[str, FloatArray]) -> Json:
+def _derived(
+    certain: Json, has_units: bool, drawn: Mapping[str, FloatArray], texture: str = "texture[1]"
+) -> Json:
     """Return values of a scene over R and E from those of a file, of numbers and of arrays.
 
     Parameters
@@ -323,9 +331,11 @@ def _derived(certain: Json, has_units: bool, drawn: Mapping[str, FloatArray]) ->
         Whether radius and modulus are in SI units.
     drawn : mapping of str to ndarray of float
         Draws by place.
+    texture : str
+        Its texture, where there are several.
     """
     at = {**certain, **drawn}
-    texture = "texture" if "texture.ridge_width" in at else "texture[1]"
+    texture = "texture" if "texture.ridge_width" in at else texture
     radius, modulus = at.get("body.radius", 1.0), at.get("body.youngs_modulus")
     values = {"nu": at["body.poissons_ratio"], "offset": at[f"{texture}.offset"]}
     values["depth"] = at.get(f"{texture}.groove_depth", math.inf) / radius

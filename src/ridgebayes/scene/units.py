@@ -25,6 +25,8 @@ _NUMBER = r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)"
 _POWER = r"[^\W\d]+(?:(?:\*\*|\^)-?[0-9])?"
 _QUANTITY = re.compile(rf"\s*{_NUMBER}\s*({_POWER}(?:\s*[*/\s]\s*{_POWER})*)\s*")
 
+_PLUS_MINUS = re.compile(r"±|\+/?-(?=\s*[\d.])")
+
 _SHOWN = 200  # characters of a text that messages show
 
 
@@ -108,6 +110,55 @@ def number_and_unit(text: str) -> tuple[float, str]:
     return float(match[1]), match[2]
 
 
+def with_error(text: str) -> str:
+    """Return the distribution that a value with an error stands for; other text as it is.
+
+    The error is one standard deviation, of the value's logarithm: it keeps the value above 0.
+
+    Raises
+    ------
+    InputError
+        If the value or its error is no number with a unit, or is not above 0.
+
+    Examples
+    --------
+    >>> with_error("60 kPa ± 20 %"), with_error("8 mm +- 0.4 mm"), with_error("60 kPa")
+    ('lognormal(60 kPa, 20 %)', 'lognormal(8 mm, 5 %)', '60 kPa')
+    """
+    parts = _PLUS_MINUS.split(text)
+    if len(parts) == 1:
+        return text
+    value, error = (parts[0].strip(), parts[1].strip()) if len(parts) == 2 else ("", "")
+    if re.fullmatch(rf"\s*{_NUMBER}\s*%\s*", error):
+        return f"lognormal({value}, {error})"
+    try:
+        (size, kind), (own, own_kind) = _size(error), _size(value)
+        ratio = float(size / own) if kind == own_kind else 0.0
+    except (InputError, ValueError, ZeroDivisionError):
+        ratio = 0.0
+    if not ratio > 0:
+        raise InputError(
+            f"{text!r}: expected a value and its error, both > 0, in per cent or in a unit of the "
+            "same kind, such as '60 kPa ± 20 %'"
+        )
+    return f"lognormal({value}, {100 * ratio:.12g} %)"
+
+
+def is_uncertain(text: str) -> bool:
+    """Return whether a text is a distribution, or a value with an error."""
+    return "(" in text or _PLUS_MINUS.search(text) is not None
+
+
+def _size(text: str) -> tuple[Fraction, str]:
+    """Return a quantity of a body in its SI unit and its kind, or a plain number of none."""
+    if re.fullmatch(rf"\s*{_NUMBER}\s*", text):
+        return Fraction(text), ""
+    try:
+        return to_si(text, "length"), "length"
+    except InputError:
+        return load_to_si(text)
+
+
 def with_point(text: str) -> str:
     """Return text with decimal points for decimal commas.
 
@@ -155,9 +206,13 @@ class Body:
     load: str = ""
 
     @classmethod
-    def of(cls, radius: str | None, modulus: str | None) -> "Body":
+    def of(cls, radius: str | None, modulus: str | None, length: str | None = None) -> "Body":
         """Return a body of values with units; InputError if one is none, or not above 0."""
-        return cls(_positive("--R", radius, "length"), _positive("--E", modulus, "pressure"))
+        return cls(
+            _positive("--R", radius, "length"),
+            _positive("--E", modulus, "pressure"),
+            _positive("--thickness", length, "length"),
+        )
 
     def over_radius(self, text: str) -> float:
         """Return a length with a unit over the radius; InputError if that cannot be."""
@@ -171,13 +226,22 @@ class Body:
         value, dimension = load_to_si(text)
         return float(value / self._unit(text, dimension))
 
+    @property
+    def load_unit(self) -> tuple[str, Dimension] | None:
+        """The unit of `load` and what it measures; None where it has none."""
+        parts = re.split(r"[(),±]|\+/?-(?=\s*[\d.])| on ", self.load)
+        quantity = next((one for one in parts if _QUANTITY.fullmatch(one)), None)
+        if quantity is None:
+            return None
+        return number_and_unit(quantity)[1], load_to_si(quantity)[1]
+
     def _unit(self, text: str, dimension: Dimension) -> Fraction:
         """Return the load of a kind at which p = E: 2 R E for a line load, for p is over 2 R."""
         parts = {"Young's modulus (--E)": self.modulus}
         if dimension != "pressure":
             parts["the radius (--R)"] = self.radius
         if dimension == "force":
-            parts["the body's length (load.length of --scene)"] = self.length
+            parts["the body's length (--thickness, or load.length of --scene)"] = self.length
         lacking = [name for name, value in parts.items() if value is None]
         if lacking:
             raise InputError(f"{text!r}: needs {' and '.join(lacking)}, or a --scene with units")
