@@ -96,6 +96,19 @@ def test_predict__of_several_textures_has_them_first(fit):
     assert fit.predict_load(scene.apart[1], Q=8).shape == ()
 
 
+def test_plots__of_a_scene_have_loads_in_its_unit(fit):
+    scene = scene_of(load={"max": "1.2 kPa"})
+    bands = fit.predict(scene, load=["0.3 kPa", "0.6 kPa", "1.2 kPa"]).plot()
+    assert bands.get_xlabel().startswith("load (kPa)")
+    assert bands.get_xlim()[1] == pytest.approx(1.2, rel=1e-12)  # rounding
+    one = fit.predict_load(scene, Q=8)
+    curve = one.plot()
+    assert curve.get_xlabel() == "load (kPa)"
+    assert curve.get_xlim()[0] < one.median() < curve.get_xlim()[1]
+    several = fit.predict_load(scene, Q=[4, 6, 8]).plot()
+    assert several.get_ylabel().startswith("load (kPa)")
+
+
 def test_predict__off_centre_is_flagged(fit):
     scene = scene_of(texture={**TEXTURE, "offset": 0.25}, load={"max": "0.3 kPa"})
     found = fit.predict(scene)

@@ -17,6 +17,7 @@ from ridgebayes.drawing.style import (
     colour_of,
     draw_intervals,
     look_of,
+    plain,
     rows_by_texture,
     title_of,
 )
@@ -29,6 +30,21 @@ _LOAD, _COUNT = "load $p/E$", "edges in contact $Q$"
 def axes_or_new(ax: Axes | None) -> Axes:
     """Return axes, of a new figure where none are given."""
     return pyplot.subplots(layout="constrained")[1] if ax is None else ax
+
+
+def _as_ratios(frame: pd.DataFrame) -> tuple[pd.DataFrame, str]:
+    """Return a scene's loads under the names of ratios, and the label of a load axis."""
+    if "load_unit" not in frame:
+        return frame, _LOAD
+    loads = [name for name in map(str, frame) if name == "load" or name.startswith("load_")]
+    renamed = {name: name.replace("load", "p_over_E", 1) for name in loads if name != "load_unit"}
+    frame = frame.drop(columns=[name for name in renamed.values() if name in frame])
+    return frame.rename(columns=renamed), load_label(str(frame["load_unit"].iloc[0]))
+
+
+def load_label(unit: str | None) -> str:
+    """Return the label of a load axis; of ratios p/E without a unit."""
+    return f"load ({plain(unit)})" if unit else _LOAD
 
 
 def draw_curves(curves: dict[str, tuple[FloatArray, FloatArray]], n: int, ax: Axes | None) -> Axes:
@@ -60,6 +76,7 @@ def draw_bands(bands: pd.DataFrame, ax: Axes | None) -> Axes:
         Where.
     """
     axes = axes_or_new(ax)
+    bands, label = _as_ratios(bands)
     by_texture = rows_by_texture(bands)
     shown = list(by_texture.items())[:MOST_TEXTURES]
     for i, (texture, rows) in enumerate(shown):
@@ -70,7 +87,7 @@ def draw_bands(bands: pd.DataFrame, ax: Axes | None) -> Axes:
         if len(rows) == 1:  # a step of no length
             line.set_marker(".")
     axes.set_xlim(0.0, float(bands["p_over_E"].max()))
-    axes.set(xlabel=f"{_LOAD} (square-root scale)", ylabel=f"{_COUNT}, {_band_title(bands)}")
+    axes.set(xlabel=f"{label} (square-root scale)", ylabel=f"{_COUNT}, {_band_title(bands)}")
     _told(axes, len(shown), len(by_texture))
     return axes
 
@@ -84,11 +101,13 @@ def draw_probabilities(q: IntArray, pmf: FloatArray, ax: Axes | None) -> Axes:
     return axes
 
 
-def draw_distribution(p: FloatArray, cdf: FloatArray, ax: Axes | None) -> Axes:
-    """Draw the distribution function of a load."""
+def draw_distribution(
+    p: FloatArray, cdf: FloatArray, ax: Axes | None, unit: str | None = None
+) -> Axes:
+    """Draw the distribution function of a load in a unit, or of p/E."""
     axes = axes_or_new(ax)
     axes.plot(p, cdf, color=COLOURS["modified"])
-    axes.set(xlabel=_LOAD, ylabel="probability that the count is reached", ylim=(0, 1))
+    axes.set(xlabel=load_label(unit), ylabel="probability that the count is reached", ylim=(0, 1))
     return axes
 
 
@@ -103,13 +122,14 @@ def draw_loads(loads: pd.DataFrame, ax: Axes | None) -> Axes:
         Where.
     """
     axes = axes_or_new(ax)
+    loads, label = _as_ratios(loads)
     by_texture = rows_by_texture(loads)
     shown = list(by_texture.items())[:MOST_TEXTURES]
     for i, (texture, rows) in enumerate(shown):
         look = {"color": _COLOURS[i % len(_COLOURS)], "label": _texture_label(texture)}
         place = rows["Q"] + 1.2 * ((i + 0.5) / len(shown) - 0.5)
         draw_intervals(axes, place, rows, marker="o", markersize=4, capsize=2.5, **look)
-    axes.set(xlabel=_COUNT, ylabel=f"{_LOAD}, {_band_title(loads)}", yscale="log")
+    axes.set(xlabel=_COUNT, ylabel=f"{label}, {_band_title(loads)}", yscale="log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[2, 4, 10]))
     _told(axes, len(shown), len(by_texture))
     return axes

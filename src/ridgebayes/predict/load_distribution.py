@@ -308,9 +308,12 @@ class LoadDistribution(Predicted):
 
     def _drawn(self, ax: "Axes | None") -> "Axes":
         if not self.shape or "Q" not in self._places:
-            one = self._some(self._numbers.ravel()[:1])
-            p = np.linspace(float(one.quantile(1e-3)[0]), float(one.quantile(0.999)[0]), 200)
-            return drawing.records.draw_distribution(p, one.cdf(p), ax)
+            first = self._some(self._numbers.ravel()[:1])
+            ends = first.quantile(1e-3), first.quantile(0.999)
+            p = np.linspace(float(ends[0][0]), float(ends[1][0]), 200)
+            units = np.ravel(self._places.get("load_unit", ()))
+            unit = str(units[0]) if len(units) else None
+            return drawing.records.draw_distribution(p, first.cdf(p), ax, unit)
         return drawing.records.draw_loads(self.to_dataframe(), ax)
 
     @cached_property
