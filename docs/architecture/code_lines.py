@@ -19,7 +19,7 @@ BUDGETS = {
     "runtime": 855,
     "distributions": 488,
     "drawing": 1_058,
-    "contact": 3_383,
+    "contact": 3_385,
     "table": 631,
     "scene": 1_292,
     "simulate": 510,

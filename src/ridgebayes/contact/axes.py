@@ -8,6 +8,8 @@ from scipy.interpolate import make_interp_spline
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 
+_ROUNDING = 1e-12  # relative, of ratios of widths that are drawn
+
 
 class Spread:
     """Which rows there are: each of them if they are few, and the range of each column.
@@ -40,8 +42,8 @@ class Spread:
         self.low = np.minimum(self.low, rows.min(axis=0))
         self.high = np.maximum(self.high, rows.max(axis=0))
         if few:
-            known = rows[:0] if self.distinct is None else self.distinct
-            distinct = np.unique(np.concatenate([known, rows]), axis=0)
+            before = rows[:0] if self.distinct is None else self.distinct
+            distinct = np.unique(np.concatenate([before, rows]), axis=0)
             self.distinct = distinct if len(distinct) <= self._most else None
 
     def place(self, rows: FloatArray) -> IntArray:
@@ -79,6 +81,8 @@ class Axis:
     >>> axis = Axis.over(1.0, 3.0, 5)
     >>> (axis.weights(np.array([1.0, 1.3, 3.0])) @ axis.nodes**3).round(12).tolist()
     [1.0, 2.197, 27.0]
+    >>> Axis.over(0.1 + 0.2, 0.3, 5).n, Axis.over(0.3, 0.1 + 0.2, 5).n  # equal to rounding
+    (1, 1)
     """
 
     low: float
@@ -88,8 +92,9 @@ class Axis:
 
     @classmethod
     def over(cls, low: float, high: float, n: int, *, degree: int = 3) -> "Axis":
-        """Return the axis over a range, of one node if that is a single value."""
-        return cls(float(low), float(high), n if high > low else 1, degree)
+        """Return the axis over a range, of one node if its ends are equal to rounding."""
+        is_range = high > low and not np.isclose(high, low, rtol=_ROUNDING, atol=0.0)
+        return cls(float(low), float(high), n if is_range else 1, degree)
 
     @property
     def nodes(self) -> FloatArray:

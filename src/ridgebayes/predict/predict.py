@@ -118,7 +118,7 @@ class Predictive(ABC):
         >>> scene = rb.Scene.from_dict(data)
         >>> [int(bound) for bound in fit.predict(scene).interval(0.9)]
         [4, 6]
-        >>> fit.predict(scene, load=["4 N/m", "16 N/m"]).median().tolist()
+        >>> fit.predict(scene, load=["4 N/m", "28 N/m"]).median().tolist()
         [4, 8]
         """
         _check_kind(kind)
