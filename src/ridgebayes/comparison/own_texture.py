@@ -18,6 +18,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution
+from ridgebayes.predict.load_draws import LoadDraws
 from ridgebayes.predict.predict import Predictive
 from ridgebayes.predict.predictive_cdf import PosteriorLoads
 from ridgebayes.predict.q_distribution import heavy_parts
@@ -134,11 +135,13 @@ def _log_quantiles(
     return value
 
 
-def _cdf(found: LoadDistribution, y: FloatArray, i: int) -> FloatArray:
-    """Return the distribution functions at one a/pitch, so that its draws are worked out once."""
-    some = found._some(np.arange(y.shape[1]) + i * y.shape[1])
-    share: FloatArray = some.cdf(np.exp(y[i]).T).T
-    return share
+def _cdf(loads: LoadDistribution, y: FloatArray, i: int) -> FloatArray:
+    """Return the distribution functions at one a/pitch, whose draws are worked out once."""
+    n = y.shape[1]
+    here = loads._some(np.arange(n) + i * n)
+    log_mean, sd = here._all_columns
+    draws = LoadDraws.stored(log_mean, sd, here.weight, here.df)
+    return np.stack([draws.cdf(column, log_mean, sd) for column in y[i].T], axis=-1)
 
 
 def _inverse(y: FloatArray, share: FloatArray, prob: FloatArray) -> FloatArray:
