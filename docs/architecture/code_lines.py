@@ -28,7 +28,7 @@ BUDGETS = {
     "inference": 2_630,
     "predict": 1_346,
     "evidence": 605,
-    "comparison": 1_176,
+    "comparison": 1_179,
     "checks": 1_126,
     "friction": 918,
     "texture_design": 1_281,
