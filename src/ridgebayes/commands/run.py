@@ -1,7 +1,6 @@
 """`ridgebayes run`, the main job: calibrate, weigh the evidence, predict, report."""
 
 import io
-from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -111,15 +110,6 @@ def run_job(
         executor_for(n_worker, scheduler) as executor,
     ):
         local = None if scheduler else executor  # a cluster's files and fonts may be others
-        second: Callable[[], tuple[Comparison, Gallery | None]] | None = None
-        if reference_inputs is not None:
-            # Beside the first comparison, so that no worker is idle while one of them walks.
-            below = partial / REFERENCE
-            below.mkdir(exist_ok=True)
-            beside = None if executor is None else thread
-            second = submit_or_defer(
-                beside, _second, reference_inputs, below, request.seed, executor, local
-            )
         comparison = _compared(inputs, progress, partial, executor)
         if extras:
             comparison = _add_left_out(comparison, inputs, progress, executor)
@@ -129,9 +119,11 @@ def run_job(
         # The few figures of a quick run are drawn here, and workers need no library for them.
         drawing = local if extras or local is None else thread
         galleries = [_write(comparison, partial, progress, local, drawing)]
-        if second is not None:
+        if reference_inputs is not None:
+            below = partial / REFERENCE
+            below.mkdir(exist_ok=True)
             with progress.stage("finite-element comparison"):
-                reference, gallery = second()
+                reference, gallery = _second(reference_inputs, below, request.seed, executor, local)
                 galleries.append(gallery)
         with progress.stage("figures and report"):
             typed = command_line("run", request.options, request.seed)
