@@ -17,7 +17,7 @@ IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 Rng: TypeAlias = np.random.Generator | int
 Json: TypeAlias = dict[str, Any]
-# Of a body: shares of its shear modulus, and exponents (`contact.cylinder.material.Material`).
+# Terms of a body: shares of its shear modulus, exponents (`contact.cylinder.material.Material`).
 Ogden: TypeAlias = tuple[tuple[float, float], ...]
 NEO_HOOKEAN: Ogden = ((1.0, 2.0),)
 

@@ -39,9 +39,9 @@ class ComputationError(RidgebayesError, RuntimeError):
 
 
 class OutputError(RidgebayesError, OSError):
-    """What was computed cannot be written: a full disk, a folder that is gone. Commands exit 1.
+    """Results cannot be written: a full disk, a missing folder. Commands exit 1.
 
-    No `ComputationError`: where one form that fails leaves the others, a full disk ends all.
+    Not a `ComputationError`: a failed form leaves the others, a full disk ends the run.
     """
 
 

@@ -50,7 +50,7 @@ class Fit(Posterior, Predictive, Tabular):
     Parameters
     ----------
     model : Model
-        What was sampled: data, form, error model, priors.
+        Sampled model: data, form, error model, priors.
     chains : Chains
         Draws: normal scores of the parameters, then of the offsets that rows share.
     summary : pandas.DataFrame
@@ -60,11 +60,11 @@ class Fit(Posterior, Predictive, Tabular):
     seed : int
         Seed of the run.
     sampler : str, optional
-        What drew it: ``importance``, or ``emcee``.
+        Sampler of the draws: ``importance`` or ``emcee``.
     evidence : LogEvidence, optional
         Evidence by the same draws; a fit read from a file has none.
     log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
-        Of each row at `draws`, where it was worked out for scores.
+        Log-likelihood of each row at `draws`, where scores needed it.
     error_model_weights : dict of str to float, optional
         Posterior probability of each error model that predictions are averaged over.
     others : dict of str to Posterior, optional
@@ -110,7 +110,7 @@ class Fit(Posterior, Predictive, Tabular):
         Parameters
         ----------
         posterior : Posterior
-            What was sampled, or read from a file.
+            Posterior, sampled or read from a file.
         weights : mapping of str to float, optional
             Probability of each error model to average over; of this one alone if not given.
         posteriors : mapping of str to Posterior, optional
@@ -119,7 +119,7 @@ class Fit(Posterior, Predictive, Tabular):
         Returns
         -------
         Fit
-            Of the same draws.
+            Fit with the same draws.
         """
         own = {f.name: getattr(posterior, f.name) for f in fields(Posterior) if f.init}
         printed = posterior.noise.name

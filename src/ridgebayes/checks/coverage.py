@@ -24,9 +24,9 @@ from ridgebayes.table.table import ContactTable
 PROBS = (0.5, 0.8, 0.9, 0.95, 0.99)
 COVERAGE_COLUMNS = ["form", "noise", "prob", "n", "covered", "share", "share_se", "mean_width"]
 COVERAGE_COLUMNS += ["share_extrapolated", "n_texture", "n_unconverged", "n_failed", "failed"]
-# Of a fold: its predicted rows and whether its fit converged, or why it failed.
+# Result of a fold: its predicted rows and whether its fit converged, or why it failed.
 _Result = tuple[pd.DataFrame, bool] | str
-# Of each predicted row and probability.
+# Columns of the frame with a row for each predicted row and probability.
 _ROW_COLUMNS = {"fold": int, "prob": float, "texture": int}
 _ROW_COLUMNS |= {"covered": bool, "width": float, "extrapolation": bool}
 _NO_ROWS = pd.DataFrame(columns=list(_ROW_COLUMNS)).astype(_ROW_COLUMNS)
@@ -45,7 +45,7 @@ def coverage(
 ) -> pd.DataFrame:
     """Leave each texture out in turn, predict its transitions, and count those inside the bands.
 
-    Of more than 24 textures a tenth is left out at a time.
+    With more than 24 textures, a tenth of them is left out at a time.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def coverage(
     rng : int or numpy.random.Generator, optional
         Seed; each fold has a stream of its own name.
     executor : concurrent.futures.Executor, optional
-        What folds are computed on; one after another if not given. The result is the same.
+        Executor of the folds; one after another if not given. The result is the same.
     progress : callable, optional
         Called with the name of each form and error model, returns a context manager around it.
     priors : mapping of str to mapping of str to Distribution, optional

@@ -101,12 +101,12 @@ def cross_validate(
     noise : str or Noise, optional
         Error model.
     leave : str, optional
-        What a fold leaves out: ``texture``, ``step`` (all rows of a count Q), ``series`` or
-        ``row``.
+        Rows that a fold leaves out: ``texture``, ``step`` (all rows of a count Q), ``series``
+        or ``row``.
     rng : int or numpy.random.Generator, optional
         Seed; each fold has a stream of its own name.
     executor : concurrent.futures.Executor, optional
-        What folds are computed on; one after another if not given. The result is the same.
+        Executor of the folds; one after another if not given. The result is the same.
     effort : Effort, optional
         Draws of each posterior.
     priors : mapping of str to mapping of str to Distribution, optional
@@ -127,7 +127,7 @@ def cross_validate(
     -----
     *Accuracy.* Nothing is approximated but by Monte Carlo; see `inference.left_out`.
     *Cost.* Some hundredths of a CPU second per fold by weights, up to a second per fold that is
-    drawn anew.
+    drawn again.
 
     Examples
     --------
@@ -185,8 +185,8 @@ def left_out_scores(
     noise : str or Noise, optional
         Error model of all.
     leaves : sequence of str, optional
-        What is left out in turn, see `cross_validate`. One of which the table has a single one has
-        no scores.
+        Kinds of rows to leave out in turn, see `cross_validate`. A kind has no scores where the
+        table has a single fold of it.
     rng, executor, effort, priors : optional
         As for `cross_validate`.
 

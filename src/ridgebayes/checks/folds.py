@@ -1,6 +1,6 @@
 """Rows left out in turn: what a fold leaves out, its posterior given the rest, its predictions.
 
-Of very many textures, counts or rows a fold leaves out a tenth, drawn at random.
+Folds of very many textures, counts or rows leave out a tenth each, drawn at random.
 """
 
 from dataclasses import dataclass
@@ -167,7 +167,7 @@ def row_crps(fit: Posterior, data: Observations, rng: np.random.Generator) -> Fl
     data : Observations
         Rows that were not fitted.
     rng : numpy.random.Generator
-        Of the draws.
+        Generator of the draws.
 
     Returns
     -------
@@ -216,7 +216,7 @@ def crps_of_draws(draws: FloatArray, observed: FloatArray) -> FloatArray:
     draws : ndarray of float, shape (n_draw, n)
         Draws of each prediction.
     observed : ndarray of float, shape (n,)
-        What came.
+        Observed values.
 
     Returns
     -------
@@ -225,7 +225,7 @@ def crps_of_draws(draws: FloatArray, observed: FloatArray) -> FloatArray:
 
     Notes
     -----
-    *Cost.* That of sorting.
+    *Cost.* A sort of the draws.
 
     References
     ----------

@@ -22,7 +22,7 @@ _PLACE = ["a_over_R", "b_over_R", "depth_over_R", "corner_over_R", "offset", "nu
 _FOUND = ["effect", "number", "estimate", "simulated", "true_change", "honest"]
 CHECK_COLUMNS = ["scene", *_PLACE, "relative", *_FOUND]
 TOO_LARGE = 10.0  # times the truth: an estimate that is more says nothing
-# Of what is under a hundredth of the wanted accuracy the exact size does not matter.
+# Changes under a hundredth of the wanted accuracy need no exact estimate.
 _NEGLIGIBLE = 0.01
 _TOLERANCE = 1e-6
 _FIELDS = {"groove floor": "depth", "corner radius": "corner", "offset": "offset"}
@@ -82,7 +82,7 @@ def check_plans(
     Parameters
     ----------
     scenes : list of Scene
-        Of one texture each.
+        Scenes of one texture each.
     progress : callable, optional
         Called with a line of text for each scene.
 

@@ -1,6 +1,6 @@
-r"""How far each posterior hangs on its prior and on its rows: both raised to powers near one.
+r"""How far each posterior depends on its prior and on its rows: both raised to powers near one.
 
-With the prior's or the likelihood's power alpha in place of 1, the draws at hand get the weights
+With the prior's or the likelihood's power alpha in place of 1, the posterior's draws get weights
 ``density^(alpha - 1)``. How far a parameter's distribution moves, per doubling of alpha, is its
 sensitivity. No model is fitted again.
 """

@@ -1,6 +1,6 @@
 """Would the fitted model make rows like these? Replicated data against the observed ones.
 
-Residuals are of log loads from the form's own curve. What is looked at are the ways in which
+Residuals are of log loads from the form's own curve. The checks look at the ways in which
 residuals of contact loads are known to go wrong: a far row, a drift with the count, textures or
 steps that are off as a whole, neighbours along a curve that err alike.
 """

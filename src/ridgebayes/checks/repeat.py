@@ -44,17 +44,17 @@ class Repeat:
 
 
 def repeat_posterior(posterior: Posterior) -> Repeat:
-    """Draw from a posterior again, modes searched for anew, with twice its kept draws.
+    """Draw from a posterior again, with a new search for modes and twice its kept draws.
 
     Parameters
     ----------
     posterior : Posterior
-        What is checked.
+        Posterior to check.
 
     Returns
     -------
     Repeat
-        How far the means moved. `failed` tells of weights with too heavy a tail.
+        Largest move of a mean. `failed` says what is wrong, such as too heavy a tail of weights.
 
     Notes
     -----

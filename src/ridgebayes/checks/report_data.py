@@ -37,7 +37,7 @@ _BEYOND = 1.6  # how far beyond a texture's own highest load its panel goes
 
 @dataclass(frozen=True)
 class Consequence:
-    """What the choice of a form changes in predictions at fitted textures, up to their loads.
+    """Effect of the choice of a form on predictions at fitted textures, up to their loads.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class ReportData:
     Parameters
     ----------
     comparison : Comparison
-        What is reported.
+        Comparison to report.
     preset : Preset
         The accuracy that was asked for.
     best : str or None
@@ -78,7 +78,7 @@ class ReportData:
     problems : tuple of str
         Fits that failed or did not converge.
     cautions : tuple of str
-        What to bear in mind.
+        Cautions about the results.
     factors, sensitivity : pandas.DataFrame
         ln Bayes factors of each form against the best, by method and by prior scale.
     predicting : Predicting or None
@@ -90,11 +90,11 @@ class ReportData:
     bands : pandas.DataFrame
         Bands on Q of the shown form, texture by texture.
     consequence : Consequence
-        What the choice of a form changes in them.
+        Effect of the choice of a form on these bands.
     held_out : pandas.DataFrame
         Held-out loads beside their bands, see `held_out_loads`.
     textures : tuple of (float, float)
-        Those of the percent errors.
+        Textures of the percent errors, a/R and b/R.
     percent_errors, slopes : pandas.DataFrame
         See `ridgebayes.checks.load_errors`; slopes are empty where there is no trend to show.
     least_squares : dict of str to LeastSquares

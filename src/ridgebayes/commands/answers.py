@@ -1,4 +1,4 @@
-"""What `run`, `compare` and `fit` answer at their end: the verdict, and each form in numbers."""
+"""Answers of `run`, `compare` and `fit` at their end: the verdict, and each form in numbers."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
     """Return the verdict, forms by probability, and their coefficients."""
     verdict, shares, parts = done.verdict, done.probabilities, [_rows_text(done, out, then)]
     if verdict is not None:
-        # What imports all that draws: a fit, which has no verdict, need not wait for it.
+        # This imports all drawing modules: a fit, which has no verdict, need not wait for them.
         words = import_module("ridgebayes.report.first_screen")
         why = f" Why: {words.why(verdict)}." if verdict.grade == "undecided" else ""
         grade = f"Grade: {verdict.grade}.{why}"

@@ -3,9 +3,9 @@
 Exit code 0 is done, 1 a computation that failed or did not converge (what was finished is written),
 2 bad input or usage (nothing written).
 
-What a command does is the function `command` of the module of its name: it returns an `Answer`, and
-that is told here. It is loaded when the command is called: until then nothing heavy is, so that
-help is quick.
+A command is the function `command` of the module of its name: it returns an `Answer`, which is
+printed here. The module is loaded when the command is called: until then nothing heavy is loaded,
+so that help is quick.
 """
 
 import os
@@ -42,7 +42,7 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "export-deck": ("export_deck", table_options.ExportDeck),
     "report": ("report", options.Report),
 }
-# What workers of a run import at the same time as this process; of a quick one they do not draw.
+# Modules that workers of a run import while this process does; in a quick run they do not draw.
 _OF_A_RUN = (
     "ridgebayes.commands.run",
     "h5netcdf",
@@ -127,7 +127,7 @@ def _done(name: str, module: str, asked: Any, output: Output) -> int:
     try:
         terminal.tell(name, answer, code, error, output)
     except OSError as failed:
-        # Nobody takes what is told: nothing is left to be written when Python ends.
+        # The output has no reader: nothing is left to be written when Python ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(failed, BrokenPipeError):  # `| head` has seen what it wants
             return code
@@ -149,7 +149,7 @@ def main() -> None:
     if "--json" not in words:
         app()
         return
-    try:  # wrong usage, too, is told as an object
+    try:  # wrong usage, too, is reported as an object
         code = app(standalone_mode=False)
     except _UsageError as error:
         terminal = import_module("ridgebayes.commands.terminal")

@@ -35,7 +35,7 @@ def compare_job(
     folder : Path
         Run folder to make.
     request : FitRequest
-        What is fitted.
+        Table and forms to fit, with their options.
     scores : bool, optional
         Whether forms are also compared by Bayes factors and scores, as `ridgebayes compare` does;
         `ridgebayes fit` writes posteriors and evidences alone.

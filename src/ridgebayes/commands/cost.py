@@ -29,14 +29,14 @@ _Row = dict[str, float | int | str]
 
 @dataclass(frozen=True)
 class CostRequest:
-    """What is measured.
+    """Inputs of a measurement of costs.
 
     Parameters
     ----------
     table : ContactTable
-        What forms are calibrated on, and Hybrid's posterior is of.
+        Table that forms and Hybrid's posterior are fitted to.
     given_texture : (float, float), optional
-        Whose loads are computed; the middle one of the table if not given.
+        Texture whose loads are computed; the middle one of the table if not given.
     p_max : float, optional
         Highest load p/E.
     elements : bool, optional
@@ -56,12 +56,12 @@ class CostRequest:
 
     @property
     def texture(self) -> tuple[float, float]:
-        """The one whose loads are computed."""
+        """Texture whose loads are computed."""
         textures = self.table.calibration.textures
         return self.given_texture or textures[len(textures) // 2]
 
 
-# What is measured, each by a worker if there are any.
+# Tasks to measure, each by a worker if there are any.
 _TASKS: dict[str, Callable[[CostRequest], list[Setting]]] = {
     "loads": lambda q: load_settings(q.table, q.texture, q.p_max, elements=q.elements),
     "posteriors": lambda q: posterior_settings(q.table, Hybrid(), seed=q.seed),
@@ -98,12 +98,12 @@ def cost_job(
     folder : Path
         Folder to make: ``cost.csv``, ``cost.html``, and a figure for each task.
     request : CostRequest
-        What is measured.
+        Inputs of the measurement.
     force : bool, optional
         Whether a folder of this command may be replaced.
     workers, scheduler : optional
-        As for `runtime.pool.executor_for`: who measures loads and posteriors.
-        What is measured side by side takes longer than alone.
+        As for `runtime.pool.executor_for`: workers that measure loads and
+        posteriors. Tasks measured side by side take longer than alone.
 
     Returns
     -------

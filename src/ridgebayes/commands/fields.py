@@ -1,4 +1,4 @@
-"""What finite elements found of each texture, as files: fields, contact tables, figures."""
+"""Finite-element results of each texture, as files: fields, contact tables, figures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,10 +30,10 @@ def generate_fields(
     scene : Scene
         Textures and loads.
     folder : Path
-        Folder to make. Of each texture and offset that finite elements simulate, states at its
-        transitions: ``fields-*.xdmf`` with its ``.h5``, a time series whose time is p/E;
+        Folder to make. For each texture and offset that finite elements simulate, it holds states
+        at the transitions: ``fields-*.xdmf`` with its ``.h5``, a time series whose time is p/E;
         ``contact-*.csv``, the segments of the rigid side in contact; ``deformed-*`` as PNG and
-        SVG, the last transition. And ``loads.csv``, the table.
+        SVG, the last transition. It also holds ``loads.csv``, the table.
     force : bool, optional
         Whether an existing folder of this kind may be replaced.
     **solving

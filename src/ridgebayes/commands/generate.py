@@ -102,9 +102,9 @@ def sweep_job(
     Returns
     -------
     table : ContactTable
-        What was written; the same whoever computed it, and in however many goes.
+        Table as written; the same for any number of workers and of interruptions.
     left_out : list of str
-        What exceeds the scene's accuracy and is not simulated.
+        Lines about effects that exceed the scene's accuracy and are not simulated.
 
     Raises
     ------
@@ -113,9 +113,9 @@ def sweep_job(
         to be resumed nor dropped, or if another process writes the same table. Nothing is left
         behind then, but with `resume` what is finished.
     ComputationError
-        If workers die. What is finished stays in the journal.
+        If workers die. Finished textures stay in the journal.
     OutputError
-        If the disk is full. What is finished stays in the journal.
+        If the disk is full. Finished textures stay in the journal.
     """
     check_name(out)
     who = executor_for(workers, scheduler)

@@ -1,6 +1,6 @@
-"""The options of commands that fit, and of those that work on a finished run: a record each.
+"""Options of commands that fit and of commands on a finished run: a record each.
 
-What a record's docstring says of a field is the option's help; what it leaves out stands in
+A record's docstring gives the help of its options; fields that it leaves out are described in
 `shared_options`. Nothing heavy is loaded here, so that help is quick.
 """
 
@@ -12,7 +12,7 @@ from ridgebayes.commands.shared_options import DEFAULT_OUT, Argument, Natural, P
 
 @dataclass(frozen=True, kw_only=True)
 class Fitting:
-    """What commands that fit may all be told."""
+    """Options of all commands that fit."""
 
     noise: str = "auto"
     out: Path = DEFAULT_OUT
@@ -101,7 +101,7 @@ class Predict:
     thickness : str, optional
         Length of the body along the ridges, such as '20 mm'. Needed for forces.
     nu : float, optional
-        Poisson's ratio. That of --scene, or else 0.5, if not given.
+        Poisson's ratio. The value of --scene, or else 0.5, if not given.
     kind : str, optional
         simulation (the band of a further simulation or measurement, errors included), curve
         (the band of the form alone) or both.

@@ -1,4 +1,4 @@
-"""Figures and reports of a run folder: begun by workers, written when the run is done."""
+"""Figures and reports of a run folder: started by workers, written when the run is done."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -29,15 +29,15 @@ def write_pages(
     Parameters
     ----------
     comparison : Comparison
-        What to report.
+        Comparison to report.
     folder : Path
-        Where to.
+        Folder to write to.
     reference : Comparison or None
         Second comparison, whose own pages go into a folder of their own if that is there.
     begun : sequence of Gallery or None, optional
-        Of each, what workers draw already; None where nothing is begun.
+        Figures of each comparison that workers draw already; None where none are started.
     command : str, optional
-        What was typed, see `command_line`.
+        Command line as typed, see `command_line`.
     """
     first, second = (*begun, None, None)[:2]
     gallery = first or Gallery(report_data(comparison))

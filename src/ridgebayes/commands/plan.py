@@ -57,7 +57,7 @@ def command(asked: options.Plan) -> Answer:
         try:
             failed = _draw(scene, plans, asked.figures)
             files += files_in(asked.figures)
-        except OSError as error:  # the plan is told all the same
+        except OSError as error:  # the plan is reported all the same
             named = isinstance(error, RidgebayesError)  # which says the file itself
             problem = str(error) if named else f"{error.filename}: {error.strerror}"
     return Answer(
@@ -92,9 +92,9 @@ def scene_text(scene: Scene, one: Plan) -> list[str | pd.DataFrame]:
     Parameters
     ----------
     scene : Scene
-        With the load.
+        Scene with the load.
     one : Plan
-        Of one of its textures.
+        Plan of one of its textures.
     """
     texture = one.texture
     lines = [f"a/R = {texture.a_over_R:g}, b/R = {texture.b_over_R:g}: {_expected(scene, one)}"]

@@ -32,7 +32,7 @@ def draw_plan(scene: Scene, one: Plan, folder: Path) -> list[str]:
     Returns
     -------
     list of str
-        Why there is none, of each figure that could not be made.
+        Reason for each figure that could not be made.
     """
     texture, p_max = one.texture, scene.highest_load(one.texture)
     sharp = Profile(texture.a_over_R, texture.b_over_R)
@@ -47,7 +47,7 @@ def draw_plan(scene: Scene, one: Plan, folder: Path) -> list[str]:
         label = f"{name}-{plan_label(texture)}"
         try:
             figure = make()
-        # Of what a solver cannot do there is no figure; of a full disk, below, there is an error.
+        # A solver that fails leaves out the figure; a full disk, below, is an error.
         except (RidgebayesError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
             failed.append(f"{label}: no figure: {one_line_message(error)}")
         else:

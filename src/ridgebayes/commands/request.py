@@ -1,4 +1,4 @@
-"""What `run`, `compare` and `fit` are asked for."""
+"""Requests to `run`, `compare` and `fit`, as typed and as objects."""
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -30,7 +30,7 @@ EMBEDDED = "embedded sweep"
 
 @dataclass(frozen=True)
 class FitRequest:
-    """What is to be fitted, as it is typed.
+    """Table and forms to fit, with their options, as typed.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class FitRequest:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What run.json says of it."""
+        """Options as run.json lists them."""
         return {
             "table": str(self.table) if self.table else None,
             "forms": list(self.forms),
@@ -129,7 +129,7 @@ class FitRequest:
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What is to be fitted, as objects: see `FitRequest`."""
+    """Table and forms to fit, with their options, as objects: see `FitRequest`."""
 
     table: ContactTable
     forms: Sequence[Form]

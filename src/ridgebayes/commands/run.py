@@ -67,10 +67,10 @@ def run_job(
     folder : Path
         Run folder to make.
     request : FitRequest
-        What is fitted. Without a table the finite-element reference rows are compared as well, with
-        every form. With accuracy quick only error models of normal tails are weighed, no textures
-        are left out, no finite elements compared, nothing is walked, only figures of the answer are
-        drawn, and 1,024 draws of each form's posterior kept.
+        Table and forms to fit, with their options. Without a table the finite-element reference
+        rows are compared as well, with every form. With accuracy quick only error models of normal
+        tails are weighed, no textures are left out, no finite elements compared, nothing is walked,
+        only figures of the answer are drawn, and 1,024 draws of each form's posterior kept.
     force : bool, optional
         Whether an existing run folder may be replaced.
     resume : bool, optional
@@ -84,8 +84,8 @@ def run_job(
     Returns
     -------
     Comparison
-        Of the table. Where a fit failed or did not converge, `complete` is False and the folder
-        holds all that was finished.
+        Comparison on the table. Where a fit failed or did not converge, `complete` is False and
+        the folder holds all that was finished.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def run_job(
 def _second(
     inputs: Inputs, folder: Path, seed: int, executor: Executor | None, local: Executor | None
 ) -> tuple[Comparison, Gallery | None]:
-    """Make the second comparison and its files; its stages stand in its own run.json."""
+    """Make the second comparison and its files; its stages are in its own run.json."""
     with Progress(0, io.StringIO()) as progress:
         comparison = _compared(inputs, progress, folder, executor)
         begun = _write(comparison, folder, progress, local, local)
@@ -186,7 +186,7 @@ def _compared(
 def _thinned(comparison: Comparison) -> Comparison:
     """Keep the draws that files keep: they go to every task, and summaries are there already.
 
-    Of a form that the rows rule out, whose bands are in no average, an eighth.
+    A form that the rows rule out, whose bands are in no average, keeps an eighth.
     """
     n = Preset.named(comparison.accuracy).n_kept
     fits, shares = {}, comparison.probabilities
@@ -204,7 +204,7 @@ def _write(
     executor: Executor | None,
     drawing: Executor | None,
 ) -> Gallery | None:
-    """Write a comparison and its predictions; return its figures, which are begun meanwhile."""
+    """Write a comparison and its predictions; return its figures, whose drawing has started."""
     data, begun = submit_or_defer(executor, _shown, comparison), None
     loads = [submit_or_defer(executor, loads_table, comparison, kinds=[kind]) for kind in KINDS]
     with progress.stage("bands"):

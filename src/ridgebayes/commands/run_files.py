@@ -43,7 +43,7 @@ _TABLES = {
     "coverage": ("coverage.csv", COVERAGE_COLUMNS),
     "cost": ("costs.csv", SHORT_COLUMNS),
 }
-# What other commands write, by the file that tells of it.
+# Commands that write other folders, by a file that identifies each.
 _OTHER_FOLDERS = {
     "coverage.json": "coverage",
     "cost.csv": "cost",

@@ -115,7 +115,7 @@ def _fill(path: Path, resume: bool | None) -> Iterator[Path]:
 
 
 def _publish(partial: Path, path: Path) -> None:
-    """Give a folder that is done its final name, in place of one that has it."""
+    """Give a finished folder its final name, in place of an older folder of that name."""
     for chains in partial.rglob(CHAINS):
         chains.unlink()
     old = path.with_name(f".{path.name}.old")

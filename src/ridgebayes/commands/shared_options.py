@@ -70,7 +70,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class Output:
-    """What every command may be told of its output.
+    """Options of every command for its output.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""The options of commands on scenes and tables: a record each.
+"""Options of commands on scenes and tables: a record each.
 
-What a record's docstring says of a field is the option's help; what it leaves out stands in
+A record's docstring gives the help of its options; fields that it leaves out are described in
 `shared_options`. Nothing heavy is loaded here, so that help is quick.
 """
 
@@ -154,7 +154,7 @@ class Import:
     skip_empty : bool, optional
         Leave out rows without a load.
     count_is : str, optional
-        What is counted: edges (proximal), ridges, segments or per-side.
+        Counted quantity: edges (proximal), ridges, segments or per-side.
     closed_is : str, optional
         Comma-separated codes of a status that mean contact, such as 2,3.
     texture : str, optional
@@ -172,10 +172,10 @@ class Import:
     deck : Path, optional
         Input deck of the run. The .inp file of the same name if not given.
     surface : str, optional
-        Node set of the body's rim. That of the deck's *NODE PRINT of U if not given.
+        Node set of the body's rim. The set of the deck's *NODE PRINT of U if not given.
     reaction : str, optional
-        Node set whose reaction is the load. That of the deck's *NODE PRINT of RF if not
-        given.
+        Node set whose reaction is the load. The set of the deck's *NODE PRINT of RF if
+        not given.
     symmetry : str, optional
         Which part of the body is meshed: half or full.
     top : float, optional

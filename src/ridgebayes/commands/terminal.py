@@ -1,4 +1,4 @@
-"""What a command says at its end: a short table for people, one JSON object for programs."""
+"""Output of a command at its end: a short table for people, one JSON object for programs."""
 
 import json
 import math
@@ -20,7 +20,7 @@ _MOST_NAMES = 16  # files and folders that one line lists
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command found.
+    """Result of a command, to be printed.
 
     Parameters
     ----------
@@ -29,15 +29,15 @@ class Answer:
     result : object, optional
         The same for programs.
     files : sequence of Path, optional
-        What was written.
+        Written files.
     details : sequence of str or pandas.DataFrame, optional
-        What is shown with --verbose alone.
+        Sentences and tables shown with --verbose alone.
     warnings : sequence of str, optional
-        What to bear in mind; on standard error.
+        Warnings to print on standard error.
     told : sequence of str, optional
         Warnings that were printed before the work.
     problem : str, optional
-        What failed or did not converge: the program ends with exit code 1.
+        Failures to compute or to converge: the program ends with exit code 1.
     """
 
     parts: Sequence[str | pd.DataFrame] = ()
@@ -55,15 +55,15 @@ def tell(command: str | None, answer: Answer, code: int, error: str, output: Out
     Parameters
     ----------
     command : str or None
-        Its name, where that is known.
+        Name of the command, where it is known.
     answer : Answer
-        What it found.
+        Result of the command.
     code : int
         Exit code.
     error : str
-        What went wrong; empty if nothing did.
+        Error message; empty if there is none.
     output : Output
-        How much is told, and to whom.
+        Options for the amount and format of the output.
     """
     sentences = [part for part in answer.parts if isinstance(part, str)]
     if output.as_json:
@@ -79,7 +79,7 @@ def tell(command: str | None, answer: Answer, code: int, error: str, output: Out
     elif not output.quiet:
         for part in (*answer.parts, *(answer.details if output.verbose else ())):
             print(part if isinstance(part, str) else _table_text(part))
-        # One file that a sentence names already is not told again.
+        # One file that a sentence names already is not listed again.
         named = any(str(file) in text for file in answer.files[:1] for text in sentences)
         if answer.files and not (named and len(answer.files) == 1):
             print(f"Written: {_names(answer.files)}")

@@ -40,7 +40,7 @@ class Events:
     W : ndarray of float, shape (n,)
         Loads.
     ok : ndarray of bool, shape (n,)
-        Whether all conditions hold. Elsewhere the load has to be found otherwise.
+        Whether all conditions hold. Other loads need another method.
     """
 
     W: FloatArray
@@ -64,7 +64,7 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
     Returns
     -------
     Events
-        As many as the most unknowns allow; none where rounding leaves no definite matrix.
+        Events, as many as the most unknowns allow; none where rounding leaves no definite matrix.
 
     Notes
     -----
@@ -198,7 +198,7 @@ class _Rounds:
         return contacts
 
     def _holds(self, contacts: RidgeContacts, event: IntArray, arrived: BoolArray) -> BoolArray:
-        """Return of events that have arrived whether pressures are resolved, and none a tension."""
+        """Return whether pressures of arrived events are resolved, and none is a tension."""
         some = arrived[event]
         ends = contacts.ends[:, some]
         here = RidgeContacts(
@@ -251,7 +251,7 @@ def _joined(parts: list[Events]) -> Events:
 
 
 def _far(contacts: RidgeContacts) -> BoolArray:
-    """Return of contacts whether ends are so far from where they belong that a step errs."""
+    """Return whether ends of contacts are so far from their final places that a step errs."""
     far: BoolArray = np.abs(contacts.steps).max(axis=0) > _STEADY * contacts.share
     return far
 
@@ -277,7 +277,7 @@ def _nearest(
         for _ in range(2):
             waves = chebvander(t, m - 1)
             rise = (slope * waves[:, :-1]).sum(axis=1) - np.maximum(-flat - t, 0.0) / radius
-            # That of the corner alone where the surface's own would make less of it.
+            # The corner's curvature alone where the surface's is negative.
             by = np.maximum((bend * waves[:, :-2]).sum(axis=1), 0.0) + 1 / radius
             t = np.clip(t - rise / by, -1.0, -flat)
     return t, np.maximum(-flat - t, 0.0) ** 2 / (2 * radius) if radius > 0 else np.zeros_like(t)

@@ -93,7 +93,7 @@ class ContactSet:
         return moved
 
     def _stepped(self, found: PressureSolution, i: int, segment: RigidSegment, side: int) -> float:
-        """Return where an end is after its step; equations of docs/derivations/contact.md."""
+        """Return the place of an end after its step; equations of docs/derivations/contact.md."""
         sign, limits = 2 * side - 1, (segment.start, segment.stop)
         end, limit = self._ends[segment][side], limits[side]
         room = abs(limit - end)

@@ -184,7 +184,7 @@ def solve_contact(
     m = n_coefficients or coefficients_for(profile, rel_tol, half_width)
     hertz = math.sqrt(2 * W)
     if ridges is None and (first := hertz / profile.pitch) * m > 2 * MOST_UNKNOWNS:
-        # What Hertz's contact covers alone is too much: not even listed, there may be millions.
+        # Ridges under Hertz's contact alone are too many: not even listed, there may be millions.
         return too_many(profile, first * m)
     within = profile.segments(1.3 * hertz + 3 * profile.pitch)
     if ridges is not None:
@@ -295,7 +295,7 @@ def smallest_pressure(found: PressureSolution) -> float:
     ends = (end / width for end in found.singular)
     pressure = np.column_stack([found.pressure_at_points(), *ends])
     mean = found.coefficients[:, 0] / width
-    # The pressure of a contact that has just begun is rounding.
+    # Pressures of contacts that have only just started are rounding errors.
     counts = found.forces * found.intervals.weight > BEGUN * found.load
     return float((pressure.min(axis=1) / mean)[counts].min(initial=np.inf))
 

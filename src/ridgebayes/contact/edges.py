@@ -21,13 +21,13 @@ class EdgeForces:
     Parameters
     ----------
     ridge : ndarray of int, shape (n_edge,)
-        Number of the ridge; of a touched floor that of the ridge to its left.
+        Number of the ridge; for a touched floor, number of the ridge to its left.
     is_floor : ndarray of bool, shape (n_edge,)
         Whether it is the contact of a groove's floor.
     side : ndarray of int, shape (n_edge,)
         -1 is the left end, 1 the right one.
     x : ndarray of float, shape (n_edge,)
-        Where contact ends, from the body's axis, over R.
+        Position of the end of contact, from the body's axis, over R.
     K, G : ndarray of float, shape (n_edge,)
         Over E sqrt(R) and E R; 0 where the end is free, or the corner round.
     lateral : float

@@ -69,15 +69,15 @@ class PressureSolution:
     Parameters
     ----------
     intervals : Intervals
-        Where.
+        Intervals in contact.
     coefficients : ndarray of float, shape (n, m)
-        a_n of each interval; of one that straddles the centre those of odd order are zero.
+        a_n of each interval; odd orders are zero for an interval that straddles the centre.
     approach : float
-        By which the body has come down, relative to its surface at a distance R, over R.
+        Distance by which the body has come down, relative to its surface at a distance R, over R.
     last : ndarray of float, shape (n,)
-        What the other intervals add to the last coefficient.
+        Contribution of the other intervals to the last coefficient.
     kinks : Kinks
-        Of the rigid surface. Orders beyond m are theirs alone: -n h_n/pi.
+        Kinks of the rigid surface. Orders beyond m come from them alone: -n h_n/pi.
     by_load : tuple of (ndarray of float, shape (n, m), float)
         Coefficients and approach over the load, at these intervals: where free ends are found they
         add nothing to first order.
@@ -150,7 +150,7 @@ class PressureSolution:
         return np.concatenate([np.einsum("xin,in->x", each, series) for each in felt])
 
     def _of_kinks(self, x: FloatArray) -> FloatArray:
-        """Return what kinks add to the recession at x (n_point,), by all orders."""
+        """Return the kinks' contribution to the recession at x (n_point,), by all orders."""
         centre, half_width = self.intervals.centre, self.intervals.half_width
         mean = self.kinks.few[:, 0]
         added = np.zeros(len(x))
@@ -194,7 +194,7 @@ def solve_pressure(
     Parameters
     ----------
     intervals : Intervals
-        Where they touch.
+        Intervals where the surfaces touch.
     height : ndarray of float, shape (n, n_height)
         Chebyshev coefficients, on each interval, of the depth of the rigid surface below the
         ridges' tops, without what is beyond kinks.

@@ -63,12 +63,12 @@ def reaching_loads(
     Returns
     -------
     TransitionLoads
-        What is touched from the smallest load on is no event. Of a mirrored profile each event is
-        a pair of ridges.
+        Ridges that are touched from the smallest load on are no event. Each event of a mirrored
+        profile is a pair of ridges.
 
     Notes
     -----
-    *Cost.* That of `all_events`; where its conditions do not hold, as over floors that are touched,
+    *Cost.* As for `all_events`; where its conditions do not hold, as over floors that are touched,
     about ten solves of `solve_contact` for each event, twice as many beside the centre.
     """
     if profile.corner < rel_tol * profile.a:  # loads change by less than the corner over a
@@ -92,7 +92,7 @@ def reaching_loads(
                 found = too_many(profile, n * coefficients_for(profile, rel_tol, half_width))
             elif found is None:
                 found = _smallest(profile, W_max, rel_tol)
-            # Of pairs the roots of loads rise nearly evenly: from there on.
+            # Roots of the loads of pairs rise nearly evenly: the search starts from the next one.
             rise = 2 * math.sqrt(loads[-1]) - math.sqrt(loads[-2]) if len(loads) > 1 else 0.0
             begin = min(rise**2, W_max) if profile.mirrored and rise else max([found.W, *loads])
             # To the right, and where the profile is no mirror image also to the left.

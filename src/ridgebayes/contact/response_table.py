@@ -272,7 +272,7 @@ class _Shape:
         return solve_contact(self._profile, float(self._events[0][0]) * _FROM, rel_tol=_TOL).Q
 
     def values(self, Q: int) -> PchipInterpolator:
-        """Return what `_measured` does as a function of the root of a place in the interval."""
+        """Return `_measured` as a function of the root of a place in the interval."""
         if Q not in self._kept:
             low, high = self.interval(Q)
             # More below the first change of the count, where loads go over decades.
@@ -324,13 +324,13 @@ class _Shape:
 
 
 def _free_ends(found: ContactSolution) -> tuple[bool, ...]:
-    """Return of each end whether it lies on its segment's flat part."""
+    """Return whether each end lies on its segment's flat part."""
     flats = ((segment.flat, ends) for segment, ends in found.covered.items())
     return tuple(x for flat, (a, b) in flats for x in (a > flat[0], b < flat[1]))
 
 
 def _measured(found: ContactSolution, Q: int) -> FloatArray:
-    """Return what `ContactValues` has from its length on, as one array, shape (5 + 4 Q,)."""
+    """Return the fields of `ContactValues` from its length on, as one array, shape (5 + 4 Q,)."""
     if found.status != "ok" or found.Q != Q:
         one = found.profile
         raise ComputationError(

@@ -1,4 +1,4 @@
-r"""What the ridges of a row do to each other, through moments of their pressures.
+r"""Interaction of the ridges of a row, through moments of their pressures.
 
 Wherever contact on a ridge ends, its pressure acts on others through its moments alone
 (`ridge_contacts`): the matrix between ridges is the same at all loads. Ridges stand in the order in
@@ -39,11 +39,11 @@ class RidgeRow:
     profile : Profile
         The rigid side.
     numbers : ndarray of int, shape (n + 2,)
-        Of ridges.
+        Numbers of the ridges.
     half_width : float
-        Of what contact may cover of a ridge.
+        Half-width of the part of a ridge that contact may cover.
     unit : float
-        Of length.
+        Unit of length.
     by_distance : ndarray of float, shape (2 n_distance + 1, m, m)
         Projections on a ridge of the potentials of another's moments, from n_distance pitches to
         its left to as many to its right.
@@ -61,7 +61,7 @@ class RidgeRow:
 
     @classmethod
     def of(cls, profile: Profile, n: int, m: int, half_width: float) -> "RidgeRow":
-        """Return that of n ridges, m moments each, of which contact may cover a half-width.
+        """Return the row of n ridges, m moments each, of which contact may cover a half-width.
 
         Raises
         ------
@@ -88,7 +88,7 @@ class RidgeRow:
         return replace(row, factor=factor)
 
     def first(self, n: int) -> "RidgeRow":
-        """Return that of the first n ridges alone."""
+        """Return the row of the first n ridges alone."""
         size = n * (len(self.factor) // self.n)
         factor = np.asfortranarray(self.factor[:size, :size])
         return replace(self, numbers=self.numbers[: n + _AHEAD], factor=factor)
@@ -124,7 +124,7 @@ class RidgeRow:
 
     @property
     def shift(self) -> float:
-        """What the unit of length adds to the potential of a force of pi."""
+        """Contribution of the unit of length to the potential of a force of pi."""
         return -math.pi * math.log(self.half_width / self.unit)
 
     @cached_property
@@ -176,7 +176,7 @@ class RidgeRow:
         return value
 
     def _scales(self, m: int) -> tuple[FloatArray, FloatArray]:
-        """Return what rows and columns of the factor's matrix are divided by, (n m,) each."""
+        """Return the divisors of rows and columns of the factor's matrix, (n m,) each."""
         root = np.repeat(np.sqrt(self.weight), m)
         scale = np.sqrt(np.tile(self.energies[:m], self.n))
         return scale / root, scale * root
@@ -285,7 +285,7 @@ class RidgeRow:
 
 
 def felt(potentials: FloatArray, moments: FloatArray) -> FloatArray:
-    """Return what each event's moments, (n, m, n_event), make at its own place."""
+    """Return the potential of each event's moments, (n, m, n_event), at its own place."""
     value: FloatArray = np.einsum("knm,nmk->k", potentials, moments)
     return value
 

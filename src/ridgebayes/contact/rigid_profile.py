@@ -66,11 +66,12 @@ class Profile:
     a, b : float
         Ridge and groove width.
     depth : float
-        Of the grooves' floors; infinite where they are never touched.
+        Depth of the grooves' floors; infinite where they are never touched.
     corner : float
         Radius of the ridges' top corners, at most half a ridge; 0 is sharp.
     offset : float
-        Of the body's centre from a groove's centre, in pitches, -0.5 to 0.5; 0.5 is over a ridge.
+        Offset of the body's centre from a groove's centre, in pitches, -0.5 to 0.5; 0.5 is over a
+        ridge.
 
     Raises
     ------
@@ -129,7 +130,7 @@ class Profile:
     def segments(self, reach: float) -> list[RigidSegment]:
         """Return every segment that begins within `reach` of the centre, from left to right.
 
-        Of a mirrored profile those of the right half, and the one that straddles the centre.
+        Mirrored profiles: segments of the right half, and the segment that straddles the centre.
         """
         n = math.ceil(reach / self.pitch) + 1
         found = []
@@ -162,7 +163,7 @@ class Kinks:
 
     @classmethod
     def none(cls, n: int) -> "Kinks":
-        """Return those of n intervals that have none."""
+        """Return the kinks of n intervals without any."""
         return cls(np.zeros(n), np.zeros((2, n)))
 
     def series(self, n_order: int) -> FloatArray:
@@ -276,9 +277,9 @@ def falls(
     Parameters
     ----------
     beyond : ndarray of float, shape (2, n)
-        How far the left and right end lie beyond the flat's end.
+        Distance of the left and right end beyond the flat's end.
     half_width, radius : ndarray of float, shape (n,)
-        Of the intervals and of the corners; 0 is sharp.
+        Half-widths of the intervals and radii of the corners; radius 0 is sharp.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What enters the loads of every texture alike: its two widths, and Poisson's ratio."""
+"""Quantities that enter the loads of every texture alike: its two widths, and Poisson's ratio."""
 
 import numpy as np
 from numpy.typing import ArrayLike

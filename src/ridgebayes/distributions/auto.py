@@ -28,7 +28,7 @@ class AutoLogNormal(LogNormal):
 
 
 def at_place(prior: Distribution, median: float) -> Distribution:
-    """Return what a distribution is where ``auto`` stands for a median.
+    """Return a distribution with ``auto`` replaced by a median.
 
     Parameters
     ----------

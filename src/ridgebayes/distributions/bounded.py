@@ -78,7 +78,7 @@ class Truncated(Distribution):
     Parameters
     ----------
     base : Distribution
-        What is cut off; not itself truncated.
+        Distribution to truncate; not itself truncated.
     low, high : float, unit of the parameter
         Bounds; -inf or inf for none.
 

@@ -164,7 +164,7 @@ class Distribution(ABC):
         Returns
         -------
         Distribution
-            Of the same kind.
+            Distribution of the same kind.
 
         Raises
         ------
@@ -388,7 +388,7 @@ class Gamma(Distribution):
         Returns
         -------
         Gamma
-            Of the same shape.
+            Distribution of the same shape.
         """
         return replace(self, rate=self.rate / factor)
 

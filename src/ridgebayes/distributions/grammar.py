@@ -52,12 +52,12 @@ def parse_distribution(
     folder: Path = Path(),
     auto: float | None = None,
 ) -> Distribution:
-    """Return the distribution that a text stands for.
+    """Return the distribution that a text describes.
 
     Parameters
     ----------
     text : object
-        What a file holds.
+        Value as the file holds it.
     where : str, optional
         Place that errors name.
     number : callable, optional
@@ -65,7 +65,7 @@ def parse_distribution(
     folder : Path, optional
         Folder that files of samples are relative to.
     auto : float, optional
-        What ``auto`` stands for as a median.
+        Median that replaces ``auto``.
 
     Raises
     ------

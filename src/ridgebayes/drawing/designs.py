@@ -37,7 +37,7 @@ def draw_designs(
     best : (float, float)
         Recommended texture, or the nearest to the goals.
     label : str
-        What the colour shows: ``margin``, or what `probability` holds.
+        Quantity that the colour shows: ``margin``, or the one in column ``probability``.
     is_met : bool
         Whether it meets the goals.
     """

@@ -1,5 +1,5 @@
 # ruff: noqa: RUF001  (Greek is meant: readers see it)
-"""What all figures share: colours and names of the forms, text from outside, bytes out."""
+"""Parts that all figures share: colours and names of the forms, text from outside, bytes out."""
 
 import io
 from collections.abc import Iterator
@@ -100,7 +100,7 @@ def panel_grid(
     row_height, margin : float, inches
         Height of a row, and of all that is not a panel.
     labels : tuple of str, optional
-        Of the lowest panels' horizontal axes and of the first panels' vertical ones.
+        Labels of the lowest panels' horizontal axes and of the first panels' vertical axes.
     **shared
         `sharex` and `sharey` of matplotlib.
 
@@ -253,7 +253,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def lay_out(figure: Figure) -> None:
-    """Make room for the labels, once: every drawing would do it anew."""
+    """Make room for the labels, once: otherwise every drawing would repeat it."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)

@@ -4,8 +4,8 @@ A run is a contact history (`history`), and one module a format makes it: `calcu
 `abaqus_rpt`, `febio`, `ansys`, `mesh_series` (over `mesh_files`). `history.table_of` makes loads of
 any, by `rim` and `transitions`. Tables of any columns are read by `columns`, over `delimited`,
 `spreadsheet` and `parquet`; what words mean stands in `words.toml`. `read` recognises a file and
-calls them; `deck_text` writes decks. It knows tables and scenes, and nothing of models. What a file
-holds becomes a table, with messages about it:
+calls them; `deck_text` writes decks. The room knows tables and scenes, and nothing of models. A
+file becomes a table, with messages about it:
 
 >>> from pathlib import Path
 >>> from tempfile import TemporaryDirectory

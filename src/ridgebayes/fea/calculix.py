@@ -34,7 +34,7 @@ _FRD_DIGITS = 5e-6  # six are, in a .frd
 
 @dataclass(eq=False)
 class Level:
-    """What was printed at one time.
+    """Blocks printed at one time.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def read_levels(path: Path, surface: str, reaction: str) -> tuple[list[Level], l
     list of Level
         By time; of a time printed again the later one.
     list of str
-        What was not used.
+        Messages about blocks that were not used, and about times printed again.
 
     Raises
     ------

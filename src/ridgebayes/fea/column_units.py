@@ -30,7 +30,7 @@ _STYLES = (
     (re.compile(r"(.*)_([^_]+_per_[^_]+)"), False),  # "load_N_per_mm"
     (re.compile(r"(.*)_([^_]+)"), False),
 )
-# What people write for units that pint knows under another name.
+# Common spellings of units that pint knows under another name.
 _SPELLINGS = (
     *(("²", "^2"), ("³", "^3"), ("·", "*"), ("⁻¹", "^-1"), ("mm2", "mm^2"), ("cm2", "cm^2")),
     *(("m2", "m^2"), ("Zoll", "inch"), ('"', "inch"), ("kpa", "kPa"), ("kp", "kilopond")),
@@ -95,7 +95,7 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
     Parameters
     ----------
     key : str
-        What the column is: one of `DIMENSIONS`, or dimensionless.
+        Quantity in the column: one of `DIMENSIONS`, or a dimensionless quantity.
     header : str
         The file's header.
     explicit : str or None

@@ -60,7 +60,7 @@ def read_columns(
         between cells), a ``.rpt`` of X-Y data, an ``.xlsx`` workbook, or a ``.parquet`` file. Title
         lines above the header and a row of units below it are recognised.
     mapping : mapping of str to str
-        What to which header, in addition to what words of the field say: a column of the contract,
+        Keys to headers, in addition to those recognised by their words: a column of the contract,
         or ``a``, ``b``, ``pitch``, ``R``, ``D``, ``offset`` (lengths), ``E``, ``p``, ``p_lower``
         (pressures; p is the line load over 2 R), ``line``, ``line_lower`` (line loads), ``force``,
         ``force_lower``, or ``load`` (one of these by its unit). The header's unit

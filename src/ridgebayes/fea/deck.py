@@ -75,7 +75,7 @@ class Deck:
         Parameters
         ----------
         E, nu : float
-            What the user says.
+            Young's modulus, in the deck's unit, and Poisson's ratio, as the user gives them.
         path : pathlib.Path
             The deck's, for messages.
 

@@ -44,7 +44,7 @@ class PressedDisk:
     nu, friction : float
         Poisson's and Coulomb's.
     displacements : ndarray of float, shape (n_level,)
-        Of the mid-plane, downwards, rising.
+        Displacements of the mid-plane over R, downwards, in rising order.
     title : tuple of str
         Lines for a reader.
     """
@@ -82,12 +82,12 @@ class PressedDisk:
 
 
 def pressed_disk(scene: Scene, *, edges: float = 12.0) -> PressedDisk:
-    """Make what the deck of a scene holds.
+    """Make the disk that the deck of a scene holds.
 
     Parameters
     ----------
     scene : Scene
-        Of one texture, below whose groove the body is centred.
+        Scene of one texture, with the body centred over a groove.
     edges : float, optional
         Element edges over a ridge's width; at corners they are a third as long.
 
@@ -185,7 +185,7 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
     Parameters
     ----------
     disk : PressedDisk
-        What it holds.
+        Disk to write.
     program : {"calculix", "abaqus"}
         Which reads it.
     penalty : float, optional, E/R

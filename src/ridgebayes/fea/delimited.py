@@ -71,7 +71,7 @@ class Reading:
     empty : tuple of str
         Texts of cells that are empty.
     count_is : str or None
-        What counts are of, one of `ridgebayes.fea.words.COUNTS`.
+        Things counted, one of `ridgebayes.fea.words.COUNTS`.
     brackets, interpolate : bool
         For increments: always intervals, even where gaps tell the load within; or always loads.
     closed_is : tuple of int
@@ -102,7 +102,7 @@ def read_delimited(where: str, content: bytes, how: Reading, problems: FileError
     content : bytes
         All of it: UTF-8, UTF-16 with its mark, or Windows-1252, lines ended in any way.
     how : Reading
-        What the user says.
+        Options that the user gives.
     problems : FileError
         As `TextTable`.
 
@@ -131,17 +131,17 @@ class TextTable(Source):
     rows : iterator of (int, list of str)
         Lines from 1, and their cells.
     separator : str
-        What stands between cells.
+        Separator between cells.
     how : Reading
-        What the user says.
+        Options that the user gives.
     problems : FileError
         Where rows of another length and formulas are noted.
     cell : callable, optional
-        Of a worksheet: words for the cell of a line and a column, both from 1.
+        Returns words for a worksheet's cell in a line and a column, both from 1.
     typed : collection of str, optional
         Cells of a worksheet that are numbers, not text, and so have a point for decimals.
     text : str, optional
-        What the rows were made from: if it is even, pandas reads it.
+        Text of the rows; pandas reads it if all rows have equally many plain cells.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What the columns of a table mean together: ratios, transitions, and messages about them."""
+"""Meaning of the columns of a table together: ratios, transitions, and messages about them."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -39,7 +39,7 @@ class ColumnInterpreter(Quantities):
         Parameters
         ----------
         term : str or None
-            What is counted, as `ridgebayes.fea.mapping.assign` returns it.
+            Things counted, as `ridgebayes.fea.mapping.assign` returns it.
         """
         found = self._curve()
         found["Q"] = self._counts(self._first("Q"), term)

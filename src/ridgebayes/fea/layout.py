@@ -27,7 +27,7 @@ Records = Sequence[tuple[int, Sequence[str]]]
 
 @dataclass(frozen=True)
 class Layout:
-    """What was found above the rows.
+    """Header and other lines found above the rows.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Layout:
     first : int
         Which of the records is the first row.
     messages : tuple of str
-        What was recognised.
+        Messages about the lines that were recognised.
     """
 
     headers: list[str]

@@ -49,7 +49,7 @@ class Line:
 
     @property
     def words(self) -> list[str]:
-        """What stands between blanks."""
+        """Words of the line, between blanks."""
         return self.text.split()
 
     def error(self, message: str) -> InputError:
@@ -172,7 +172,7 @@ class NodeTable:
     rows : dict of int to list of float
         Values by node.
     trailers : dict of str to list of float
-        What was printed below the columns: ``TOTAL``, ``MAXIMUM``, ``MINIMUM``.
+        Values printed below the columns: ``TOTAL``, ``MAXIMUM``, ``MINIMUM``.
     whole : bool
         Whether its end was printed.
     below : bool
@@ -180,7 +180,7 @@ class NodeTable:
     digits : int
         Most digits of a number.
     unit : float
-        Of the last printed digit of displacements, the coarsest of the rows.
+        Worth of the last printed digit of displacements, in the coarsest row.
     """
 
     line: Line
@@ -240,7 +240,7 @@ def _power_of_ten(power: int) -> float:
 
 @dataclass
 class Frame:
-    """What was printed of one increment.
+    """Tables printed for one increment.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def on(pattern: str) -> Callable[[Handler], Handler]:
 
 
 class Printed:
-    """What has been read of a file: frames, and the table that lines belong to.
+    """Contents of a file read so far: frames, and the table that lines belong to.
 
     A line goes to the first method, in the order of the class, that is marked by `on` and whose
     pattern it has; another one is the table's.

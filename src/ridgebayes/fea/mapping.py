@@ -75,7 +75,7 @@ class Use:
 
     @property
     def own_unit(self) -> str:
-        """What the mapping gives as its unit, or else what stands in place of one in the header."""
+        """Unit that the mapping gives, or else the text in the unit's place in the header."""
         return split_header(self.header)[1] if self.unit is None else self.unit
 
     @property
@@ -100,7 +100,7 @@ def assign(
     headers : sequence of str
         The file's.
     mapping : mapping of str to str
-        Keys to headers, with ``;unit`` where the header has none; a header with ``*`` stands for
+        Keys to headers, with ``;unit`` where the header has none; a header with ``*`` means
         one column per Q, and ``Q=*`` for headers such as ``Q=4``. The rest is recognised.
     values : mapping of str to object
         Constants by key.
@@ -112,7 +112,7 @@ def assign(
     list of Use
         Headers that are in none are the user's own.
     str or None
-        What is counted, one of `ridgebayes.fea.words.COUNTS`; empty where words do not say, None
+        Things counted, one of `ridgebayes.fea.words.COUNTS`; empty where words do not say, None
         where the user does, or the header is Q.
 
     Raises
@@ -220,7 +220,7 @@ class _Columns:
         """Add columns of the contract by their names."""
         keys = self._keys()
         for header, *_ in self._free():
-            # What is given in another way: Q by the headers, a load by another column.
+            # Columns given in another way: Q by the headers, a load by another column.
             by_another = header in (*LOADS, *LOWERS) and _rivals(header) & keys
             is_given = header in keys or (header == "Q" and is_wide) or by_another
             if header in NAMES and not is_given:

@@ -35,7 +35,7 @@ _ENCODING = re.compile(r"<\?xml[^>]*encoding\s*=\s*[\"']([^\"']*)")
 
 @dataclass
 class Budget:
-    """What is left of the bytes that a series' numbers may take."""
+    """Bytes left for the numbers of a series."""
 
     left: int = LARGEST
 

@@ -136,7 +136,7 @@ def _of_pvd(path: Path) -> tuple[list[Path], list[float]]:
 
 
 class _States(NamedTuple):
-    """What stands in the files of a series.
+    """States in the files of a series.
 
     Parameters
     ----------

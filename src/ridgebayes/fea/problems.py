@@ -1,4 +1,4 @@
-"""What is wrong with a file and what it does not say: gathered, and told at once."""
+"""Errors and missing facts of a file, gathered and reported together."""
 
 import heapq
 from collections.abc import Collection
@@ -42,17 +42,17 @@ class FileError(InputError):
     where : str
         The file, for messages.
     wrong, needs : list of str
-        What breaks rules, and what the user has to say.
+        Broken rules, and facts that the user has to give.
     options : dict of str to str
-        Options that a second try needs, by name; ``?`` stands for what only the user knows.
+        Options that a second try needs, by name; ``?`` replaces values that only the user knows.
     mapping : dict of str to str
         The same of ``--map``.
     known : dict of str to str
-        What has been recognised, as ``--map`` would say it.
+        Recognised columns, as ``--map`` would name them.
     is_broken : bool
         Whether cells break rules that no option changes.
     messages : list of str
-        What was understood so far.
+        Messages about the reading so far.
     columns : str
         The columns that there are, where one is missing.
     """
@@ -93,7 +93,7 @@ class FileError(InputError):
         self.options |= {**options, **self.options}
 
     def cells(self, bad: "BoolArray | IntArray | pd.Index[int]", header: str, rule: str) -> None:
-        """Note cells by a mask over the file's rows or by their rows; each cell is told once."""
+        """Note cells, by a mask over the file's rows or by rows; each cell is reported once."""
         rows = np.flatnonzero(bad) if bad.dtype == bool else bad
         fresh = [row for row in rows.tolist() if (row, header) not in self._told]
         if fresh:
@@ -101,7 +101,7 @@ class FileError(InputError):
             self._cells.setdefault((header, rule), []).extend(fresh)
 
     def rows(self) -> set[int]:
-        """Return the file's rows of which a cell was told of."""
+        """Return the file's rows with a reported cell."""
         return {row for row, _ in self._told}
 
     def broken_rows(self) -> set[int]:

@@ -53,7 +53,7 @@ _CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
 
 @dataclass(frozen=True)
 class Given(Reading):
-    """What a file does not say and the user does: of each only what its format asks for.
+    """Facts that a file lacks and the user gives; each format takes only some of them.
 
     Parameters
     ----------
@@ -70,13 +70,13 @@ class Given(Reading):
     thickness : str or None
         As R: of the slice, or of the body that forces press on.
     deck : Path or None
-        Of a run.
+        Input deck of a run.
     surface, reaction : str or None
         Node sets.
     field, time : str or None
-        Of a series: name of the displacements, and what its time is.
+        Name of a series' displacements; meaning of its time, "p_over_E" or "line".
     loads : tuple of float
-        Of several ``.vtu``, which have no time: the same for each.
+        Loads of several ``.vtu``, or of a ``.pvd`` whose times are no loads, as `time` says.
     load_se : str or None
         Standard error of every load of a table, in any unit of loads.
     """
@@ -114,7 +114,7 @@ def import_files(
         One, several ``.vtu`` in the order of their loads, or what FEBio or ANSYS printed of a run
         into several.
     given : Given
-        What they do not say.
+        Facts that the files lack.
     program : str or None
         One of `ridgebayes.fea.read.FORMATS`; None looks.
     role : str or None

@@ -28,8 +28,8 @@ class Imported:
     table : ContactTable
         Its rows.
     messages : tuple of str
-        What was understood, a line each: columns, units, textures, rows kept, what was ignored and
-        why.
+        Messages about the reading, a line each: columns, units, textures, rows kept, and parts
+        ignored, with the reason.
     known : mapping of str to str
         Columns of a table file by key, as ``--map`` would name them.
     """

@@ -55,7 +55,7 @@ def transitions_of(
         Columns ``Q``, ``p_over_E``, ``p_over_E_lower`` (NaN without a bracket) and
         ``rel_se`` (0 with a bracket); a row for each corner that was reached.
     list of str
-        What was ignored or looks odd.
+        Messages about increments that were ignored or look odd.
 
     Raises
     ------

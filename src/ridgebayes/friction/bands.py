@@ -31,7 +31,7 @@ SHARE_COLUMNS = ["load", "p_over_E", "kind", "name", "share", "share_se", "total
 
 @dataclass(frozen=True, eq=False)
 class FrictionInputs:
-    """Of joint draws what friction needs, without their edges.
+    """Quantities of joint draws that friction needs, without the edges.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class FrictionInputs:
                     "inputs: interlocking needs sharp corners, and edge_G is NaN (round corners); "
                     "expected a scene without corner_radius, or FrictionModel(kappa=0)"
                 )
-            # Of each side's ridges the edges that face the centre; the mean of both directions.
+            # Edges that face the centre, on ridges of each side; the mean of both directions.
             proximal = side * np.nan_to_num(value["edge_x"]) < 0
             interlocking = 0.5 * np.where(proximal, G, 0.0).sum(axis=2) / (2 * p)
         contact = np.stack([length / (2 * p), half_width, interlocking], axis=2)
@@ -106,10 +106,10 @@ class FrictionBands(Tabular):
         A row a load: load, p_over_E (its mean over draws), mu_mean, mu_sd, mu_median, mu_lower,
         mu_upper, prob, extrapolation (share of draws beyond what was calibrated).
     shares : pandas.DataFrame
-        Rows of each load: load, p_over_E, kind, name, share, share_se, total, total_se. Of kind
-        ``term``: cov(term, mu) over var(mu); these add up to 1. Of kind ``input``: first-order
-        and total Sobol index of independent groups. Of kind ``scene``: first-order index of single
-        quantities of the contact's draws, which overlap where they depend on each other.
+        Rows of each load: load, p_over_E, kind, name, share, share_se, total, total_se. Kind
+        ``term`` has cov(term, mu) over var(mu), which add up to 1. Kind ``input`` has first-order
+        and total Sobol indices of independent groups. Kind ``scene`` has first-order indices of
+        single quantities of the contact's draws, which overlap where they depend on each other.
     mu : ndarray of float, shape (4096, n_load), dimensionless
         Draws.
 

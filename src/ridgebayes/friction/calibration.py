@@ -65,7 +65,7 @@ class FrictionFit(Tabular):
     seed : int
         Seed of the run.
     table_digest : str
-        Of the friction table.
+        Digest of the friction table.
 
     Examples
     --------

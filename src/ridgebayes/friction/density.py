@@ -135,5 +135,5 @@ class FrictionDensity:
 
     @property
     def target(self) -> PlainTarget:
-        """What importance sampling and walks need to know."""
+        """Target of importance sampling and walks."""
         return PlainTarget("friction model", self.model.unknown, self.log_density)

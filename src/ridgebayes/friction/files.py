@@ -83,7 +83,7 @@ def _write_parquet(parts: Iterable[xr.Dataset], path: Path) -> None:
                 schema = table.schema.with_metadata((table.schema.metadata or {}) | about)
                 writer = open_files.enter_context(parquet.ParquetWriter(path, schema))
             held.append(table.cast(writer.schema))
-            # What the file tells of each of its groups stays in memory until the end.
+            # The writer keeps metadata of each row group in memory until the end.
             if sum(each.num_rows for each in held) >= _GROUP:
                 writer.write_table(pa.concat_tables(held))
                 held = []

@@ -86,7 +86,7 @@ def friction_inputs(
     source : Fit or Comparison
         Posterior; draws are divided among its forms and error models by their weights.
     scene : Scene or path
-        Of one texture. Its values may be distributions.
+        Scene of one texture. Its values may be distributions.
     loads : int or array_like of float, shape (n_load,), dimensionless
         Loads p/E, or their number: equal steps up to the largest load of each draw's scene.
     n : int, optional
@@ -260,7 +260,7 @@ class InputDraws:
         if self._edges:
             out["edge_side"] = np.zeros((*p.shape, n_edge), dtype=np.int8)
         factor = np.broadcast_to(load_factor(0.0) * (1 - nu**2)[:, None], p.shape)
-        # What the body does under p a half-plane does under this load.
+        # A half-plane under this load behaves as the body does under p.
         half_plane = two_scale.half_plane_load(p, nu[:, None], self._ogden)
         is_large = np.isfinite(half_plane)
         W = factor * np.where(is_large, half_plane, p)

@@ -26,7 +26,7 @@ MAX_PREDICTIVE_SIZE, _MAX_FACTOR_SIZE = 4_000_000, 200_000_000
 
 SAMPLE = ("chain", "draw")
 _EACH_ROW, _EACH_TEXTURE = ("row",), ("texture",)
-_PARAMETERS = {  # `PARAMETER` stands for each of c, c1, c2, sigma, tau_texture, ...
+_PARAMETERS = {  # `PARAMETER` means each of c, c1, c2, sigma, tau_texture, ...
     "PARAMETER": (SAMPLE, "each parameter but K"),
     "K": ((*SAMPLE, "texture"), "slopes of the power law"),
 }

@@ -1,4 +1,4 @@
-"""What lies beyond the calibrated range: flags, one bit for each quantity, and their names.
+"""Extrapolation beyond the calibrated range: flags, one bit for each quantity, and their names.
 
 >>> import numpy as np
 >>> names_of(np.array([0, LOAD, Q | RIDGE])).tolist()
@@ -33,7 +33,7 @@ Flags = np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
 
 @dataclass(frozen=True)
 class CalibratedRange:
-    """What a posterior was calibrated on.
+    """Range of the rows that a posterior was calibrated on.
 
     Parameters
     ----------

@@ -29,15 +29,15 @@ _UNKNOWN, _ROUGH = np.full((2, _N), [[np.nan], [np.inf]])  # in place of a serie
 class Interpolant:
     """A function's values to ten times a tolerance, from its values at few places.
 
-    What was tabulated is kept for later calls. A rough function is evaluated itself, with at most
-    one more value for each of its own at every halving.
+    Tabulated cells are kept for later calls. A rough function is evaluated directly, with at most
+    one additional evaluation for each argument at every halving.
 
     Parameters
     ----------
     function : callable
         From ndarray of float, shape (n,), to the same; of size 1.
     tolerance : float
-        Of the last three coefficients of each cell.
+        Bound on the last three coefficients of each cell.
     """
 
     def __init__(self, function: Callable[[FloatArray], FloatArray], tolerance: float) -> None:

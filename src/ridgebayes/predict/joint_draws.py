@@ -29,9 +29,9 @@ class PredictiveDraws:
     Q : ndarray of int, shape (m, L)
         Even counts; of one body they never fall as the load rises.
     draw_index : ndarray of int, shape (m,)
-        Which of the posterior's `draws` each used.
+        Row of the posterior's `draws` that each sample used.
     flags : ndarray of uint8, shape (m, L)
-        What lies beyond the calibrated range.
+        Quantities beyond the calibrated range.
     """
 
     Q: IntArray

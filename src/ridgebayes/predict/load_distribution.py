@@ -117,12 +117,12 @@ class LoadDistribution(Predicted):
         highest : ndarray of float, shape (...), dimensionless
             Load p/E above which a median is an extrapolation.
         where : mapping of str to ndarray, shape (...), optional
-            What tables show of each place: kind_of_band, a_over_R, b_over_R, nu, Q.
+            Columns of tables, for each place: kind_of_band, a_over_R, b_over_R, nu, Q.
 
         Returns
         -------
         LoadDistribution
-            Of the shape of `place`.
+            Distribution with the shape of `place`.
         """
         self = cls.__new__(cls)
         self._draws, self._place, self._flags, self._highest = draws, place, flags, highest
@@ -280,7 +280,7 @@ class LoadDistribution(Predicted):
         Returns
         -------
         LoadDistribution
-            Of the same shape.
+            Widened distribution of the same shape.
         """
         draws = self._draws.placed(self._place.ravel()).widened(np.ravel(rel_se))
         return self.of(draws, self._numbers, self._flags, self._highest, self._places)
@@ -311,8 +311,7 @@ class LoadDistribution(Predicted):
             first = self._some(self._numbers.ravel()[:1])
             ends = first.quantile(1e-3), first.quantile(0.999)
             p = np.linspace(float(ends[0][0]), float(ends[1][0]), 200)
-            units = np.ravel(self._places.get("load_unit", ()))
-            unit = str(units[0]) if len(units) else None
+            unit = next(map(str, np.ravel(self._places.get("load_unit", ()))), None)
             return drawing.records.draw_distribution(p, first.cdf(p), ax, unit)
         return drawing.records.draw_loads(self.to_dataframe(), ax)
 
@@ -373,7 +372,7 @@ def mix_loads(parts: Iterable[LoadDistribution], weights: Sequence[float]) -> Lo
     Parameters
     ----------
     parts : iterable of LoadDistribution
-        Of one shape.
+        Distributions of one shape.
     weights : sequence of float
         Non-negative; normalised here. Parts under 1e-9 are left out.
 

@@ -63,12 +63,12 @@ def q_of_scene(
     load, p_over_E : array_like of float, shape (...), optional
         Loads in the scene's unit, or texts with units; or p/E. The scene's own if not given.
     kind : str, optional
-        As there.
+        As in `Predictive.predict`.
 
     Returns
     -------
     QDistribution
-        Of the shape of the loads.
+        Distribution with the shape of the loads.
     """
     if load is not None and p_over_E is not None:
         raise InputError("load and p_over_E: expected one of them, got both")
@@ -102,11 +102,11 @@ def load_of_scene(
     averaged : sequence of (Posterior, float)
         Posteriors and their weights.
     scene : Scene
-        Of one texture.
+        Scene with one texture.
     count : array_like of int, shape (...), dimensionless
         Even counts of at least 4.
     kind : str, optional
-        As there.
+        As in `Predictive.predict_load`.
 
     Returns
     -------
@@ -172,7 +172,7 @@ class SceneLoads:
     Parameters
     ----------
     scene : Scene
-        Of one texture.
+        Scene with one texture.
     draws : LoadDraws
         A column for each of the counts 4, 6, 8, ...: loads over `unit`.
     bodies : SceneDraws
@@ -182,7 +182,7 @@ class SceneLoads:
     factor : ndarray of float, shape (n_draw,)
         Load at which p = E of each body, in `unit`.
     ranges : sequence of CalibratedRange
-        Of the posteriors that weigh enough.
+        Calibrated ranges of the posteriors with enough weight.
     """
 
     scene: Scene

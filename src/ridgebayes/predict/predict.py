@@ -3,8 +3,8 @@
 Probabilities are averages of conditional probabilities over the posterior's draws: P(Q >= n) is the
 mean over draws of P(load(n) <= p | draw), which is a distribution function under the error model
 (kind ``simulation``: what a further simulation or measurement would show) and a step for the form's
-own prediction (kind ``curve``). A texture and a step that were calibrated on keep the offsets that
-their rows tell of; others widen the distribution by what is not known of theirs.
+own prediction (kind ``curve``). Calibrated textures and steps keep the offsets that their rows
+imply; the unknown offsets of others widen the distribution.
 """
 
 from abc import ABC, abstractmethod
@@ -43,7 +43,7 @@ _MANY = 4 + 2 * _BLOCK * 16  # the first count before which it is asked whether 
 
 
 class Predictive(ABC):
-    """What predicts: an average over posteriors, which `averaged` names with their weights."""
+    """Base of predictors: averages over posteriors, which `averaged` lists with their weights."""
 
     @property
     @abstractmethod
@@ -72,7 +72,7 @@ class Predictive(ABC):
         kind : str, optional
             ``simulation`` with the error model, ``curve`` for the form's own count.
         load : array_like of float or str, optional
-            Of a scene, loads in its own unit, or texts such as ``1.2 kPa``, in place of
+            Loads of a scene in its own unit, or texts such as ``1.2 kPa``, in place of
             `p_over_E`. The scene's load with its distribution if neither is given.
 
         Returns
@@ -158,7 +158,7 @@ class Predictive(ABC):
         Returns
         -------
         LoadDistribution
-            Of p/E, of the broadcast shape; of a scene in the unit of its load.
+            Distribution of p/E, or of a scene's load in its unit, with the broadcast shape.
 
         Raises
         ------
@@ -215,14 +215,14 @@ def predict_q(
     fit : Posterior
         Posterior.
     a_over_R, b_over_R, p_over_E, nu, kind
-        As there.
+        As in `Predictive.predict`.
     share : float, optional
-        Of an average that it is for, the weight of this posterior: it has so many of the draws.
+        Weight of this posterior in an average; it takes this share of the draws.
 
     Returns
     -------
     QDistribution
-        Of the broadcast shape.
+        Distribution with the broadcast shape.
     """
     _check_kind(kind)
     places = _broadcast(*widths(a_over_R, b_over_R), nu, p_over_E=loads(p_over_E))
@@ -277,14 +277,14 @@ def predict_load(
     fit : Posterior
         Posterior.
     a_over_R, b_over_R, Q, nu, kind
-        As there.
+        As in `Predictive.predict_load`.
     share : float, optional
         As of `predict_q`.
 
     Returns
     -------
     LoadDistribution
-        Of the broadcast shape.
+        Distribution with the broadcast shape.
     """
     _check_kind(kind)
     n = of_share(N_LOAD_DRAWS, share)
@@ -312,9 +312,9 @@ def predict_load(
 
 
 def _in_parts(fit: Posterior, kind: str, n: int) -> list[FloatArray]:
-    """Return about n draws in parts, by their coordinates; none where offsets are not asked for.
+    """Return about n draws in parts, by their coordinates; no parts where offsets are not needed.
 
-    What rows tell of many shared offsets is matrices for each draw, which are held at once.
+    Smooth offsets take a matrix for each draw; the matrices of one part are held at once.
     """
     n_place = fit.model.offsets.n_smooth
     if not n_place or kind == "curve":

@@ -1,4 +1,4 @@
-"""What distributions of Q and of loads do alike: quantiles, draws, a table and a picture."""
+"""Methods that distributions of Q and of loads share: quantiles, draws, a table and a picture."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ class Predicted(Tabular):
     @property
     @abstractmethod
     def _where(self) -> Mapping[str, Any]:
-        """What tables show of each place: arrays that broadcast to `shape`, by column."""
+        """Columns of tables for each place: arrays that broadcast to `shape`, by name."""
 
     @abstractmethod
     def _quantile(self, prob: FloatArray) -> np.ndarray:

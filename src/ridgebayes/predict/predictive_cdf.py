@@ -37,7 +37,7 @@ class PosteriorLoads:
     theta : ndarray of float, shape (n_draw, n_parameter)
         Parameters.
     offsets : SharedOffsets or None
-        Of the same draws.
+        Shared offsets of the same draws.
     """
 
     fit: Posterior

@@ -78,7 +78,7 @@ class QDistribution(Predicted):
     >>> q.shape, q.rvs(5, random_state=1).shape, q.plot().get_xlabel()
     ((), (5,), 'edges in contact $Q$')
 
-    Of a fit there is one for each texture and load, with what lies beyond the calibrated:
+    A fit predicts a distribution for each texture and load, and flags extrapolation:
 
     >>> import ridgebayes as rb
     >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
@@ -272,7 +272,7 @@ def mix_q(parts: Iterable[QDistribution], weights: Sequence[float]) -> QDistribu
     Parameters
     ----------
     parts : iterable of QDistribution
-        Of one shape and kind. None is kept, so that a generator of many takes the memory of few.
+        Distributions of one shape and kind. None is kept: a generator of many takes little memory.
     weights : sequence of float
         Non-negative; normalised here.
 

@@ -95,7 +95,7 @@ def render_report(
     Parameters
     ----------
     comparison : Comparison
-        What to report.
+        Comparison to report.
     suffix : str, optional
         ``.html`` or ``.md``.
     reference : Comparison, optional
@@ -118,13 +118,13 @@ def write_reports(
     Parameters
     ----------
     gallery : Gallery
-        What to report, with its figures.
+        Comparison to report, with its figures.
     folder : Path
-        Where to.
+        Folder to write to.
     reference : Gallery, optional
         Second comparison, whose own figures are in the folder's ``reference-fe``.
     command : str, optional
-        What was typed.
+        Command line as typed.
     """
     pages = _rendered(gallery, reference, list(_TEMPLATES), command=command, in_folder=True)
     for suffix, page in zip(_TEMPLATES, pages, strict=True):

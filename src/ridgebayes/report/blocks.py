@@ -1,4 +1,4 @@
-"""What a report is made of: sections of paragraphs, tables, figures. The templates only lay out."""
+"""Blocks of a report: sections of paragraphs, tables, figures. The templates only lay them out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

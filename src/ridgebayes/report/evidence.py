@@ -346,7 +346,7 @@ def _unscaled(data: ReportData) -> list[Block]:
 
 
 def prior_table(data: ReportData) -> Table:
-    """Return every parameter's prior and why it is that; of many K the first stands for all."""
+    """Return the prior of every parameter and its reason; the first K represents all K."""
     found: dict[tuple[str, str], dict[str, tuple[str, str]]] = {}
     for form, fit in data.comparison.fits.items():
         for posterior in fit.posteriors.values():

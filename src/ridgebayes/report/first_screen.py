@@ -28,21 +28,21 @@ _ALIKE = 1e-9  # of prior probabilities that are equal but for rounding
 
 @dataclass(frozen=True)
 class FirstScreen:
-    """What the first screen says.
+    """Content of the first screen.
 
     Parameters
     ----------
     question, headline : str
-        What was asked, and the graded answer.
+        Question of the comparison, and the graded answer.
     sentences : tuple of str
-        What was compared on which data; how sure the answer is, and what would change it; what it
-        means for predictions. Then what a second comparison says, if there is one.
+        Compared forms and data; how sure the answer is, and what would change it; what it
+        means for predictions. Then the result of a second comparison, if there is one.
     cautions : tuple of str
-        What to bear in mind.
+        Limits that the reader has to bear in mind.
     problems : tuple of str
         Fits that failed or did not converge; a report with any is marked in red.
     advice : str
-        What to do about them.
+        Remedy for the problems.
     picture : Picture
         Q against load with bands.
     made_by : str
@@ -128,7 +128,7 @@ def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
     Parameters
     ----------
     verdict : Verdict
-        What a comparison found.
+        Verdict of a comparison.
     probabilities : mapping of str to float
         Posterior probabilities of the forms at equal prior odds. An undecided verdict names all
         forms whose ln Bayes factor is within 2 of the best.
@@ -189,7 +189,7 @@ def why(verdict: Verdict) -> str:
     Parameters
     ----------
     verdict : Verdict
-        What a comparison found.
+        Verdict of a comparison.
     """
     reason, _, weakest = verdict.why.partition(" (")
     for name in (verdict.form, verdict.over):

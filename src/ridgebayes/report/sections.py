@@ -21,7 +21,7 @@ def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
     Parameters
     ----------
     gallery : Gallery
-        What to report, with its figures.
+        Comparison to report, with its figures.
     reference : Gallery or None
         Second comparison, on finite-element rows.
 
@@ -65,7 +65,7 @@ def own_texture(data: ReportData) -> list[Block]:
     found = data.own_texture
     if found.table is None:
         return [Text(f"This page cannot predict textures of your own: {found.why}.", "note")]
-    # First a body such as a fingertip's, with widths and a load amid the calibrated ones.
+    # Initial values: a body such as a fingertip, with widths and a load in the calibrated ranges.
     known = found.table["calibrated"]
     ridge, groove = (float(np.sqrt(np.prod(known[name]))) for name in ("a_over_R", "b_over_R"))
     radius, modulus = 8, 60

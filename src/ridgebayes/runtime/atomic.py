@@ -113,8 +113,8 @@ def exclusive_lock(path: Path) -> Iterator[None]:
 
     Notes
     -----
-    The system releases the lock when a process ends, however it ended: the file that a killed
-    process leaves behind blocks nobody. On file systems without locks nothing is kept apart.
+    The system releases the lock when a process ends, however it ended: the file that remains
+    of a killed process blocks no other process. File systems without locks exclude none.
 
     Examples
     --------

@@ -29,7 +29,7 @@ def cluster(address: str) -> Iterator["ClusterExecutor"]:
     Yields
     ------
     ClusterExecutor
-        An executor. What was submitted and is not done when the block is left is dropped.
+        Executor; tasks that are not done at the end of the block are dropped.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def cluster(address: str) -> Iterator["ClusterExecutor"]:
     except (OSError, ValueError) as error:
         raise InputError(
             f"--scheduler {address}: no Dask scheduler answers ({error}); "
-            "expected tcp://HOST:PORT of one that runs"
+            "expected tcp://HOST:PORT of a running scheduler"
         ) from None
     # A scheduler that ends is one error of the task that waits for it; Dask would log many.
     logs = [logging.getLogger(name) for name in ("distributed.client", "distributed.core")]
@@ -80,7 +80,7 @@ class ClusterExecutor(Executor):
 
     @property
     def n_worker(self) -> int:
-        """Threads of all workers, counted anew every few seconds: clusters grow and shrink."""
+        """Threads of all workers, counted again every few seconds: clusters grow and shrink."""
         if time.monotonic() > self._counted + _COUNT_S:
             self._n_worker = sum(self._client.nthreads().values())
             self._counted = time.monotonic()

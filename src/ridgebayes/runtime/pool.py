@@ -39,10 +39,10 @@ _PACKAGE = __name__.partition(".")[0]
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _starting = threading.Lock()
 _TRIES = 3  # a task that has killed as many workers would kill the next
-# Tasks under way for each worker: one at work, the others at hand when that is done.
+# Tasks under way for each worker: one in progress, the others queued so that it never idles.
 _PER_WORKER = 4
-# All threads allocate from one place (-8 is M_ARENA_MAX): each unpickles results of workers, and
-# would keep what it frees. What the largest step took goes back to the system.
+# All threads allocate from one arena (-8 is M_ARENA_MAX): each unpickles results of workers, and
+# would keep the memory it frees. Freed memory of the largest step goes back to the system.
 ONE_ARENA, RETURN_FREED = ("mallopt", -8, 1), ("malloc_trim", 0)
 _LONG_S = 0.1  # of a task that may have taken much memory
 _UNKNOWN = 1_000  # tasks under way on an executor that does not say how many workers it has
@@ -175,8 +175,8 @@ def workers(n: int) -> Iterator[WorkerPool]:
     Yields
     ------
     WorkerPool
-        An executor; what is not begun when the block is left is dropped, and if it is left by an
-        error also what is under way. Workers never outlive their parent.
+        Executor. The end of the block drops tasks that have not started, and an error also drops
+        tasks under way. Workers never outlive their parent.
     """
     pool = WorkerPool(n)
     try:
@@ -201,7 +201,7 @@ def executor_for(
     Returns
     -------
     context manager
-        Of an executor, or of None where this process computes by itself: neither given, or one
+        Context of an executor, or of None where this process computes: neither given, or one
         process.
 
     Raises
@@ -232,11 +232,11 @@ def map_ordered(
     Parameters
     ----------
     function : callable
-        Of one task; picklable if there is an executor.
+        Function of one task; picklable if there is an executor.
     tasks : iterable
         Taken as they are needed: no more than four for each worker are under way at a time.
     executor : concurrent.futures.Executor or None
-        What computes; None is this process, one task after the other.
+        Executor of the tasks; None is this process, one task after the other.
     name : callable, optional
         Gives a task's name to errors; "task 3" if not given.
     done : callable, optional
@@ -318,7 +318,7 @@ def submit_or_defer(
     Parameters
     ----------
     executor : concurrent.futures.Executor or None
-        What computes; None is this process, when the result is asked for.
+        Executor of the call; None is this process, when the result is requested.
     function : callable
         With its arguments picklable if there is an executor.
     *args, **kwargs

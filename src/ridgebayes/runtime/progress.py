@@ -1,4 +1,4 @@
-"""What a long command says while it works, and how long each stage took."""
+"""Progress of a long command, and the duration of each stage."""
 
 import os
 import sys
@@ -12,8 +12,8 @@ from typing import Any, TextIO
 
 from ridgebayes.runtime.text import duration
 
-# How much is told: -1 nothing, 0 stages, 1 also how far each is where there is no terminal. Set for
-# the time of one command, so that what works need not hand it on.
+# Detail of progress: -1 none, 0 stages, 1 also progress within each without a terminal. Set for
+# the duration of one command, so that functions need not pass it on.
 VERBOSITY: ContextVar[int] = ContextVar("VERBOSITY", default=0)
 _CURRENT: ContextVar["Progress | Relay | None"] = ContextVar("_CURRENT", default=None)
 HEARD_EVERY_S = 1.0  # from a worker
@@ -22,16 +22,16 @@ _EVERY_S = {0: 30.0, 1: 2.0}  # a line on a stage that takes long, where there i
 
 @dataclass
 class Progress:
-    """Times stages and tells of them: a bar on a terminal, plain lines anywhere else.
+    """Times stages and reports them: a bar on a terminal, plain lines anywhere else.
 
     Parameters
     ----------
     n_stage : int
         Stages to come, for the bar.
     out : text file
-        Where to tell; standard error, so that it never mixes with output.
+        Stream of the reports; standard error, so that it never mixes with output.
     name : str
-        What is counted where there are no stages.
+        Name of the counted work outside of stages.
     began : float, optional
         `time.perf_counter` at which the program began: what it did until now is the first stage.
 
@@ -91,7 +91,7 @@ class Progress:
         Parameters
         ----------
         name : str
-            What is told of it.
+            Name of the stage in reports.
 
         Yields
         ------
@@ -100,7 +100,7 @@ class Progress:
         """
         if self._bar is not None:
             self._bar.update(self._task, description=name)
-        # Of this thread alone: several may have stages of their own at the same time.
+        # CPU time of this thread alone: several threads may have stages at the same time.
         wall, cpu, elsewhere = time.perf_counter(), time.thread_time(), [0.0]
         self.name, self._began, self._told = name, wall, wall
         try:

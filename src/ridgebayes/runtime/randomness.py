@@ -61,7 +61,7 @@ def stream(seed: int, *labels: str) -> np.random.Generator:
     seed : int
         Non-negative seed of the run.
     *labels : str
-        What the numbers are for.
+        Purpose of the random numbers.
 
     Returns
     -------

@@ -121,11 +121,11 @@ def refusing(
     Parameters
     ----------
     where : str
-        What messages begin with.
+        Beginning of the messages.
     *kinds : type of Exception
-        What the library raises; none for any: some let out exceptions of many kinds.
+        Exceptions of the library; none for any: some libraries raise exceptions of many kinds.
     rule : str, optional
-        What messages end with.
+        End of the messages.
     most : int, optional
         Characters of the library's words.
     """
@@ -147,9 +147,9 @@ def extra(module: str, name: str, needed: str) -> Any:
     module : str
         The module.
     name : str
-        Of the extra that installs it.
+        Name of the extra that installs it.
     needed : str
-        What the message begins with, such as ``t.parquet: Parquet needs pyarrow``.
+        Beginning of the message, such as ``t.parquet: Parquet needs pyarrow``.
 
     Raises
     ------
@@ -276,7 +276,7 @@ def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: 
         raise InputError(f"{where}: filters {filters}; expected gzip with shuffle and checksums")
     most = size + 4 * len(before)
 
-    # What is raised inside of HDF5's own loop comes out of it as another error.
+    # An exception inside HDF5's own loop becomes another error, so the checks run after it.
     chunks: list[Any] = []
     data.id.chunk_iter(chunks.append)
     for chunk in chunks:

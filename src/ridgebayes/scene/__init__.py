@@ -1,4 +1,4 @@
-"""What is simulated: scenes with their TOML files and units, and the effects a scene calls for.
+"""Scenes to simulate, their TOML files and units, and the effects that a scene calls for.
 
 Knows the mechanics (`contact`) and the bounds of tables; no solver's settings, no statistics. Its
 record is `Scene`; `estimates.plan` says which effects its transition loads depend on:

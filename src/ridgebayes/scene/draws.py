@@ -43,7 +43,7 @@ def draw_scene(
     Parameters
     ----------
     scene : Scene
-        Of one texture.
+        Scene of one texture.
     n : int
         Draws.
     seed : int

@@ -33,13 +33,13 @@ class Effect:
     name : str
         Such as ``corner radius``.
     number : float
-        The dimensionless number that it hangs on; NaN where a scene does not give it.
+        Dimensionless number that the effect depends on; NaN where a scene does not give it.
     estimate : float
         Largest relative change of a transition load when it is neglected; NaN where unknown.
     simulated : bool
         Whether loads take it into account.
     reason : str
-        Why, with the number's definition.
+        Reason, with the number's definition.
     cost_s : float
         CPU seconds that simulating it takes or would take; NaN where nothing here can.
     """
@@ -54,21 +54,21 @@ class Effect:
 
 @dataclass(frozen=True, repr=False)
 class Plan(Tabular):
-    """What is simulated of one texture.
+    """Effects that are simulated or neglected for one texture.
 
     Parameters
     ----------
     texture : Texture
-        With its widths over R.
+        Texture with its widths over R.
     effects : tuple of Effect
-        Everything considered.
+        All effects considered.
     profile : Profile or None
         The rigid side with the effects that are simulated; None where even the ridges are
         neglected.
     relative : float
         Accuracy wanted.
     solver : {"half-plane", "two-scale", "cylinder-fe"}
-        What computes loads to that accuracy at the least cost.
+        Solver that computes loads to that accuracy at the least cost.
 
     Examples
     --------
@@ -156,14 +156,14 @@ def beyond_reach(scene: Scene, solver: str = "auto") -> str:
     Parameters
     ----------
     scene : Scene
-        With its loads.
+        Scene with its loads.
     solver : str, optional
         As for `ridgebayes.generate`.
 
     Returns
     -------
     str
-        Of what cannot be computed by finite elements or at small strain: a warning.
+        Warning about loads beyond finite elements and small strain; empty if there is none.
 
     Raises
     ------

@@ -131,7 +131,7 @@ class _Base:
         if not W.size:
             raise _too_narrow(texture, loads.status[0])
         W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
-        # The first ridges stand for all of very many: the others are smoother still.
+        # The first ridges represent all of very many: the others are smoother still.
         top = min(max(W_max, float(W[-1])), 1.2 * float(W[-1]) + sharp.pitch**2)
         last = solve_contact(sharp, top, rel_tol=_ROUGH)
         return cls(scene, texture, sharp, W, last, max(W_max, float(W[-1])))

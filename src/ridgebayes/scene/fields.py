@@ -1,4 +1,4 @@
-"""The rules that scene files and the records of a scene share, and how what breaks them is told."""
+"""Rules that scene files and the records of a scene share, and messages about broken rules."""
 
 import math
 import re
@@ -20,7 +20,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import one_line_message, shown_value
 from ridgebayes.scene.units import with_point
 
-# What is no TOML but was meant as a quantity: a decimal comma, or a unit without quotes.
+# A line that is no TOML but was meant as a quantity: a decimal comma, or a unit without quotes.
 _QUANTITY_LINE = re.compile(
     r"\s*([\w.]+\s*=\s*)([+-]?[0-9][0-9.,]*)[ \t]*([^\s\"'#\[\],][^\"'#]*)?(#.*)?"
 )
@@ -83,11 +83,11 @@ def findings(
     Parameters
     ----------
     error : pydantic.ValidationError
-        What validation found.
+        Error that validation raised.
     where : str
         File or record name.
     hint : callable, optional
-        Of the place of an unknown key, what was meant.
+        Function from the place of an unknown key to a hint at the key that was meant.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def findings(
         if found["type"] == "missing" and any(
             list(place[:-1]) == table and text == asked for place, text in meant.items()
         ):
-            continue  # told once, as the unknown key that it was written as
+            continue  # reported once, as the unknown key that it was written as
         key = ""
         for part in found["loc"]:
             key += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if key else ''}{part}"

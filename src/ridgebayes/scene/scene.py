@@ -28,7 +28,7 @@ class Texture(fields.Record):
     corner_radius_over_R : float, scalar, dimensionless
         0 is a sharp corner.
     offset : float or "uniform", scalar, pitches
-        Where the body's centre lies from a groove's centre; ``"uniform"`` is anywhere.
+        Position of the body's centre from a groove's centre; ``"uniform"`` is anywhere.
     role : {"calibration", "held-out"}
         Whether rows of it are fitted, or predicted and compared.
     max_p_over_E : float or None, scalar, dimensionless

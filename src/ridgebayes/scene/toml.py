@@ -51,7 +51,7 @@ _TEXTURE_KEYS = {
 class _Measure:
     """A number in SI units, or the plain number of a file without units; and what was written.
 
-    Of a distribution the median, and where draws come from.
+    The value of a distribution is its median; the source is where its draws come from.
     """
 
     value: Fraction
@@ -220,7 +220,7 @@ def read_scene_file(path: Path) -> Json:
 
 
 def scene_values(data: Json) -> Json:
-    """Return what `read_scene_file` does, of a file's tables; errors name ``scene``."""
+    """Return the values of `read_scene_file` from a file's tables; errors name ``scene``."""
     return _values(_validated(data, "scene", Path()), "scene")
 
 
@@ -329,7 +329,7 @@ def _plain(scene: _SceneFile) -> Json:
 
 
 def _body(scene: _SceneFile) -> Body:
-    """Return what a scene gives with units; medians of what is uncertain."""
+    """Return the values of a scene with units; medians of uncertain values."""
     body, load = scene.body, scene.load
     if body.radius is None or not body.radius.has_unit:
         return Body()

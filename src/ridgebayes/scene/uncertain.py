@@ -36,7 +36,7 @@ class Source:
 
     @classmethod
     def of(cls, raw: object, number: Callable[[str], float], folder: Path) -> "Source | None":
-        """Return the source that a value of a scene stands for; None if it is a plain value.
+        """Return the source of a value of a scene; None if it is a plain value.
 
         Raises
         ------
@@ -157,17 +157,17 @@ def read_source(
 
 @dataclass(frozen=True, eq=False)
 class Uncertain:
-    """What a scene is not certain of.
+    """Values of a scene that are not certain.
 
     Parameters
     ----------
     sources : mapping of str to Source
-        By place in a scene file, such as ``body.radius``.
+        Sources by place in a scene file, such as ``body.radius``.
     texts : mapping of str to str
-        What was written there.
+        Text as written at each place.
     derive : callable
-        Turns values by place, arrays or numbers, into those of the scene, by the names of
-        `scene.draws.SceneDraws`.
+        Function that turns values by place, arrays or numbers, into values of the scene, by the
+        names of `scene.draws.SceneDraws`.
     joint : sequence of Joint
         Places that are drawn together.
     """
@@ -181,7 +181,7 @@ class Uncertain:
     def of(
         cls, certain: Json, measures: Mapping[str, Any], joint: Sequence[Mapping[str, Any]]
     ) -> "Uncertain":
-        """Return what a scene file is not certain of.
+        """Return the uncertain values of a scene file.
 
         Parameters
         ----------
@@ -208,7 +208,7 @@ class Uncertain:
         return cls(sources, texts, partial(_derived, certain, has_units), found)
 
     def of_texture(self, number: int) -> "Uncertain":
-        """Return what is not certain of the scene with its texture of this number alone, from 1."""
+        """Return the uncertain values of the scene with only its texture of this number, from 1."""
         derive = partial(self.derive, texture=f"texture[{number}]")
         return replace(self, derive=derive)
 
@@ -250,9 +250,9 @@ class Joint:
     Parameters
     ----------
     of : tuple of str
-        Their places.
+        Places of the values.
     correlation : ndarray of float, shape (k, k), or None
-        Of normal scores.
+        Correlation of the normal scores.
     draws : object
         Rows (n, k), or a frozen multivariate distribution of scipy.stats; None with correlation.
     """
@@ -332,7 +332,7 @@ def _derived(
     drawn : mapping of str to ndarray of float
         Draws by place.
     texture : str
-        Its texture, where there are several.
+        Place of the texture, where there are several.
     """
     at = {**certain, **drawn}
     texture = "texture" if "texture.ridge_width" in at else texture

@@ -38,7 +38,7 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
     text : str
         A decimal number and a unit.
     dimension : {"length", "pressure", "line load", "force"}
-        What the unit has to measure; the results are in m, Pa, N/m and N.
+        Dimension that the unit has to measure; the results are in m, Pa, N/m and N.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def number_and_unit(text: str) -> tuple[float, str]:
 
 
 def with_error(text: str) -> str:
-    """Return the distribution that a value with an error stands for; other text as it is.
+    """Return the distribution of a value with an error; other text as it is.
 
     The error is one standard deviation, of the value's logarithm: it keeps the value above 0.
 

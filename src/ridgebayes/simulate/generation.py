@@ -202,7 +202,7 @@ def _all_found(
     journal: Journal | None,
     progress: Callable[[str], None] | None,
 ) -> "list[list[Json] | str]":
-    """Return what is found of each task, in order: from the journal, or computed and put there."""
+    """Return the result of each task, in order: from the journal, or computed and put there."""
     all_found: dict[int, list[Json] | str] = {}
     for task in tasks:
         if journal is not None and (kept := journal.find(task.given())) is not None:

@@ -1,4 +1,4 @@
-"""The column contract of a contact table, the check of a header, and what is told of bad cells."""
+"""The column contract of a contact table, the check of a header, and messages on bad cells."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -191,7 +191,7 @@ class RawTable:
 
 
 class Findings:
-    """Cells that break a rule; of each cell only the first rule it breaks is told."""
+    """Cells that break a rule; only the first broken rule of each cell is reported."""
 
     def __init__(self, n_row: int) -> None:
         self.n_row = n_row
@@ -221,7 +221,7 @@ class Findings:
         return bool(self._told)
 
     def complaints(self) -> Iterator[tuple[str, str, IntArray, IntArray | None]]:
-        """Yield column, rule, the rows that break it, and the rows that ``{other}`` stands for."""
+        """Yield column, rule, the rows that break it, and the rows that replace ``{other}``."""
         for rows, column, rule, other in self._told:
             yield column, rule, rows, other
 

@@ -60,7 +60,7 @@ def read_raw(path: Path, contract: Sequence[Column] = COLUMNS) -> RawTable:
         missing or refuses the file.
     """
     suffix = _suffix(path)
-    with suppress(OSError):  # which is told of below
+    with suppress(OSError):  # which `read_bytes` reports
         if path.is_dir():
             raise InputError(f"{path}: is a folder, not a table file")
     content = read_bytes(path)
@@ -92,7 +92,7 @@ def write_frame(frame: pd.DataFrame, path: Path) -> None:
     Parameters
     ----------
     frame : pandas.DataFrame
-        What to write; the index is not.
+        Table to write, without its index.
     path : pathlib.Path
         Ends in ``.csv`` or ``.parquet``; an existing file is replaced.
 
@@ -179,7 +179,7 @@ def read_arrow(content: bytes, where: str) -> Any:
     with refusing(f"{where}: not a readable Parquet file"):
         file = parquet.ParquetFile(io.BytesIO(content))
         width = max(len(file.schema_arrow), 1)
-        # Of each group: the total that a file states may be wrong.
+        # Rows are counted by group: the total that a file states may be wrong.
         groups = range(file.metadata.num_row_groups)
         n_row = sum(file.metadata.row_group(i).num_rows for i in groups)
         if fits := n_row * width <= MOST_CELLS:

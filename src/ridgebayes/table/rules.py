@@ -222,7 +222,7 @@ def check_curves(typed: dict[str, Any], texture: IntArray, found: Findings) -> N
     tell(rises & (p[now] == p[before]), "p_over_E", both)
 
 
-# What a person means by a number; `float` alone would also take "1_000" and non-Latin digits.
+# Numbers as people write them; `float` alone would also take "1_000" and non-Latin digits.
 _NUMBER = re.compile(
     r"\s*[+-]?((\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?|inf|infinity|nan)\s*", re.I | re.A
 )

@@ -74,7 +74,7 @@ class ContactTable(Tabular):
     >>> table.column("Q").tolist(), table.plot().get_xlabel()
     ([4, 6], 'load $p/E$')
 
-    What is fitted, what is held out, what failed, and what was given twice:
+    Fitted rows, held-out rows, failed rows and repeated rows:
 
     >>> import ridgebayes as rb
     >>> sweep = rb.paper_sweep()
@@ -172,7 +172,7 @@ class ContactTable(Tabular):
         Parameters
         ----------
         name : str
-            Of the contract or of the user's own.
+            Name of a column of the contract, or of a column of the user's own.
 
         Returns
         -------

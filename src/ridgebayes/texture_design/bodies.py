@@ -1,4 +1,4 @@
-"""What a design is not certain of but for the forms: widths as made, body and load."""
+"""Uncertain inputs of a design besides the forms: widths as made, body and load."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -42,7 +42,7 @@ class Tolerance:
     def parse(
         cls, text: "str | Tolerance | None", over_radius: Callable[[str], float] = float
     ) -> "Tolerance":
-        """Return the tolerance that a text stands for: ``5 %``, ``worst 5 %`` or a length.
+        """Return the tolerance that a text states: ``5 %``, ``worst 5 %`` or a length.
 
         Parameters
         ----------
@@ -104,16 +104,16 @@ class Tolerance:
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """Draws of what is not certain, each of shape (n,).
+    """Draws of the uncertain inputs, each of shape (n,).
 
     Parameters
     ----------
     tolerance : Tolerance
-        Of the widths.
+        Tolerance of the widths.
     score : ndarray of float, shape (2, n)
         Scores of both widths as made; of no meaning where the tolerance is bounds.
     factor : ndarray of float, shape (2, n)
-        What a width over R is multiplied with: distributions of the scene's widths and radius.
+        Factors on a width over R, from distributions of the scene's widths and radius.
     nu : ndarray of float
         Poisson's ratio.
     units : mapping of str to ndarray of float

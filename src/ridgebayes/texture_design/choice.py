@@ -65,7 +65,7 @@ def chosen(designs: pd.DataFrame, objective: str) -> Json:
             rows = rows[wanted[rows.index]]
     if OBJECTIVES[objective] is _margin:  # of margins that cannot be told apart, the coarsest
         rows, objective = alike(rows), "max-pitch"
-    # Of equals the first, from the largest margin on.
+    # Sorted by margin, because `argmax` takes the first of equal rows.
     rows = rows.sort_values("margin", ascending=False, kind="stable")
     key: FloatArray = OBJECTIVES[objective](rows).to_numpy().round(12)
     return plain(rows, int(np.argmax(key)))

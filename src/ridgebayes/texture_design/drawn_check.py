@@ -67,5 +67,5 @@ def drawn_check(
     for count, load in value.case.below:
         met &= Q[:, loads.index(load)] < count
     share = float(met.mean())
-    # Of none or all the error is that of one more.
+    # If no draw or every draw meets the goal, the error is as if one draw differed.
     return {"n": n, "probability": share, "se": float(np.sqrt(max(share * (1 - share), 1 / n) / n))}

@@ -1,7 +1,7 @@
 """Log loads of each draw of a posterior, at any texture: the scale law, and series in a/pitch.
 
-A body's loads go with the square of the pitch. What is left is a smooth function of a/pitch, which
-is worked out at some nodes and kept as a Chebyshev series for each draw.
+Loads of a body scale with the square of the pitch. The other factor is smooth in a/pitch: it
+is computed at some nodes and kept as a Chebyshev series for each draw.
 """
 
 from collections.abc import Sequence

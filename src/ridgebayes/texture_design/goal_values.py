@@ -1,7 +1,7 @@
 """Values of goals at textures: exact given all that is drawn but the error of a load.
 
 Given coefficients, body and widths, a load is reached with the probability that the error model
-gives. What is averaged is that probability, over the same draws at every texture: the error is
+gives. This probability is averaged over the same draws at every texture: the error is
 smaller than that of counts, and differences between textures are surer than values.
 """
 
@@ -50,13 +50,13 @@ class Part:
     Parameters
     ----------
     loads : DrawnLoads
-        Of the posterior.
+        Loads of the posterior's draws.
     weight : float
-        Of the posterior.
+        Weight of the posterior.
     which : ndarray of int, shape (n,)
         Draws of the posterior.
     bodies : Bodies
-        As many.
+        Bodies, one for each draw.
     """
 
     loads: DrawnLoads
@@ -145,7 +145,7 @@ class GoalValues:
     Parameters
     ----------
     loads : sequence of (DrawnLoads, float)
-        Of posteriors, with their weights, which sum to 1.
+        Loads of each posterior's draws, and its weight; weights sum to 1.
     draw_bodies : callable
         Draws of bodies, from their number.
     n : int

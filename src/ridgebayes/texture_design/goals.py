@@ -134,16 +134,16 @@ class Goal:
 def parse_goals(
     text: str | Sequence[str], loads: Sequence[Load] = (LARGEST,), body: Body = NO_UNITS
 ) -> tuple[Goal, ...]:
-    """Return the goals that a text, or several, stand for.
+    """Return the goals that a text, or several texts, state.
 
     Parameters
     ----------
     text : str or sequence of str
         See the table above.
     loads : sequence of Load, optional
-        Of goals that name none.
+        Loads of goals that name none.
     body : Body, optional
-        What a load with a unit is over.
+        Body that converts loads with units to p/E.
 
     Raises
     ------

@@ -34,7 +34,7 @@ class Design(Tabular):
     Parameters
     ----------
     goals : tuple of Goal
-        What was asked for.
+        Goals as requested.
     objective : str
         By what the recommended one was chosen.
     designs : pandas.DataFrame
@@ -50,7 +50,7 @@ class Design(Tabular):
     shares : pandas.DataFrame
         Sobol indices there, see `texture_design.sensitivity`.
     measure : pandas.DataFrame
-        What knowing one source better would do: exactly, and to half its spread.
+        Effect of knowing one source better: exactly, and to half its spread.
     simulate_next : pandas.DataFrame
         Textures, by how much a simulation would discriminate between the two leading forms.
     options : dict
@@ -105,7 +105,7 @@ class Design(Tabular):
 
     @property
     def shown(self) -> str:
-        """What the map shows: the probability, the sd of Q, or of several goals the margin."""
+        """Quantity on the map: the probability, the sd of Q, or the margin for several goals."""
         if len(self.goals) > 1:
             return "margin"
         return "sd of $Q$" if self.goals[0].is_spread else "probability"

@@ -26,7 +26,7 @@ FORM, NOISE, COEFFICIENTS = "form", "error model", "coefficients"
 SIMULATION = "a simulation of this texture"
 _GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}
 _N = 2**14
-_MOST_SE = 0.1  # of shares that are told
+_MOST_SE = 0.1  # of reported shares
 _N_OUTER, _N_INNER = 128, 256
 _PROB = (0.05, 0.95)
 _SPREADS_LEFT = (0.0, 0.5)  # by a measurement
@@ -42,13 +42,13 @@ class Sources:
     scene : Scene
         The scene.
     tolerance : Tolerance
-        Of the widths.
+        Tolerance of the widths.
     loads : sequence of (DrawnLoads, float)
-        Of posteriors, with their weights.
+        Loads of each posterior's draws, and its weight.
     texture : (float, float)
         The texture.
     value : Value
-        Of the goal there: its case and corner are looked at.
+        Value of the goal at the texture; its case and corner are used.
     """
 
     scene: Scene

@@ -1,4 +1,4 @@
-"""What accuracy costs in time: settings of each method, their error and their run time.
+"""Cost of accuracy in time: settings of each method, their error and their run time.
 
 `measured` times a `Setting`; `loads` and `posteriors` list settings.
 

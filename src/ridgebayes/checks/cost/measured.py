@@ -39,11 +39,11 @@ class Setting:
     Parameters
     ----------
     task, method, setting : str
-        What is computed, how, and with which knob turned how far.
+        Names of the task and of the method, and the value of the option that varies.
     compute : callable
         Returns a dict of quantity to relative or scaled error.
     reference : str
-        What errors are counted from.
+        Name of the result that errors are measured against.
     """
 
     task: str
@@ -83,7 +83,7 @@ def measure(one: Setting, *, repeats: int = 3) -> list[_Row]:
     Parameters
     ----------
     one : Setting
-        What to run.
+        Setting to run.
     repeats : int, optional
         Timed runs where one takes under two seconds (25 where it takes under a hundredth); their
         medians count, and half the range between quartiles of their CPU times is their spread.
@@ -180,7 +180,7 @@ def short_costs(comparison: Comparison, stages: Sequence[dict[str, Any]]) -> pd.
     name = best_form(comparison) or next(iter(comparison.fits))
     fit, own = comparison.fits[name], comparison.own_evidence
     spent = {str(stage["name"]): float(stage["cpu_s"]) for stage in stages}
-    # Of all forms under all error models.
+    # CPU seconds of all forms under all error models.
     drawn = spent.get("evidences", math.nan) + spent.get("posteriors", math.nan)
     walked = spent.get(f"walk {name}", math.nan)
     error = float((fit.summary["mcse_mean"] / fit.summary["sd"]).max())

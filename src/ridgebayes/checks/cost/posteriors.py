@@ -1,4 +1,4 @@
-"""What posteriors and their evidences cost, on a table and one form."""
+"""Settings of posteriors and their evidences, for a table and one form."""
 
 from functools import partial
 

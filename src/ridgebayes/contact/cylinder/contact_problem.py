@@ -32,7 +32,7 @@ class State:
     shear : ndarray of float, shape (n_segment,), over E
         Traction on the body along the segments, in the direction of their breaks.
     rise : float, over R
-        Of the ridges.
+        Rise of the ridges.
     """
 
     u: FloatArray
@@ -117,13 +117,13 @@ class ContactProblem:
         Parameters
         ----------
         state : State
-            Where the body is.
+            Present state of the body.
         before : State
-            Where slip is counted from.
+            State from which slip is counted.
         left_out : ndarray of bool, shape (n_segment,)
             Segments whose gaps are not looked at: infinite.
         ahead : float, optional, over R
-            How far rays look for the body.
+            Distance over which rays look for the body.
         """
         rim = self.rim(state)
         rays = self.faces.rays(np.concatenate([rim[:, 0], rim[-1:, 2]]), state.rise)
@@ -167,8 +167,9 @@ class ContactProblem:
     ) -> sparse.csr_array:
         """Return the derivative of the rigid side's force by the nodes.
 
-        That of pressures is the second derivative of their work, which the body's potential has
-        with a minus. A share below 1, of the part of it that is positive, makes that more convex.
+        The term of the pressures is the second derivative of their work, which enters the body's
+        potential with a minus sign. A share below 1, of the positive part of this term, makes the
+        potential more convex.
         """
         on_hit, on_kink = state.pressure[gaps._segment], state.pressure[gaps._kink_segment]
         if share < 1.0:

@@ -30,7 +30,7 @@ from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 
-# Of an edge: the segment at a sharp corner, where the body's edge cannot follow the turn. Shorter
+# Length of the segment at a sharp corner, in edges: the body's edge cannot follow the turn. Shorter
 # ones hold the body on the corner, longer ones let it sink in; this leaves 0.05 % of a load.
 CORNER = 0.4
 SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
@@ -57,7 +57,7 @@ class Transition:
     Parameters
     ----------
     ridge : int
-        Its number.
+        Number of the ridge.
     Q : int
         Ridges touched from here on.
     p_over_E : float
@@ -132,7 +132,7 @@ class Cylinder:
             faces = ridge_faces(profile, numbers, self._height, sizes.resolution)
         solid = Solid(mesh, material)
         held = np.zeros((solid.n_node, 2), dtype=bool)
-        # Of a whole body the mid-plane may widen, but its middle stays where it is.
+        # The mid-plane of a whole body may widen, but its middle stays in place.
         middle = np.intersect1d(mesh.axis, mesh.mid_plane)
         held[mesh.axis if self.mirrored else middle, 0] = True
         held[mesh.mid_plane, 1] = True
@@ -195,12 +195,13 @@ class Cylinder:
             After so many solves without an equilibrium on the way to one it is given up; one that
             has taken all of Newton's steps counts twice.
         after : Transition, optional
-            Of another mesh: only later ones are wanted, and the way there has no stop at others.
+            Transition on another mesh: only later ones are yielded, and the way to them does not
+            stop at earlier ones.
 
         Raises
         ------
         NotConvergedError
-            Where the next could not be reached, saying at which load and why.
+            If the next ridge could not be reached; the message has the load and the reason.
         """
         profile = self.profile
         if profile is None:
@@ -348,8 +349,8 @@ class _Sizes:
             arc = max(round(_ARC * edges / 24), 2, math.ceil(quarter / (SEGMENT * edge)))
             at_corner = min(quarter / arc / SEGMENT, edge)
         resolution = Resolution(CORNER * edge, arc, SEGMENT * edge, edge)
-        # What lies on a corner under load was nearer the axis before, by some 0.25 to 0.5 p/E of
-        # its distance; a little farther out while the load is small.
+        # Points on a corner under load were nearer the axis before, by some 0.25 to 0.5 p/E of
+        # their distance; a little farther out while the load is small.
         far = spans.ravel()
         around = 1.5 * profile.corner + 3 * at_corner
         outside = 0.1 * np.minimum(far, 1.0) ** 3

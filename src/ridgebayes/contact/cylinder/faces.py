@@ -52,9 +52,9 @@ class Face:
     origin : ndarray of float, shape (2,)
         A point of the straight line, or the centre of the circle.
     angle : float
-        Of a straight face: its normal is (sin, cos) of it.
+        Angle of a straight face, whose normal is (sin, cos) of the angle.
     radius : float
-        Of a round face; 0 of a straight one.
+        Radius of a round face; 0 for a straight face.
     breaks : ndarray of float, shape (n + 1,)
         Ends of segments, rising: distance from the origin along (cos, -sin) of the angle, or
         the normal's angle itself.
@@ -144,14 +144,14 @@ class Faces:
         point : ndarray of float, shape (n, 2), over R
             Points near the faces.
         face : ndarray of int, shape (n,)
-            Which.
+            Number of each point's face.
         rise : float, over R
-            Of the ridges.
+            Rise of the ridges.
 
         Returns
         -------
         tangent, normal : ndarray of float, shape (n, 2)
-            Of each face there.
+            Unit tangents and normals of the faces at the projections.
         per_length : ndarray of float, shape (n,)
             How far the projection moves on the face as the point moves along it.
         """
@@ -172,7 +172,7 @@ class Faces:
         nodes : ndarray of float, shape (n_node, 2), over R
             End points of the rim's edges.
         rise : float, over R
-            Of the ridges.
+            Rise of the ridges.
         """
         x, w = np.polynomial.legendre.leggauss(_GAUSS)
         some: list[tuple[FloatArray, ...]] = []
@@ -236,11 +236,11 @@ def ridge_faces(
     Parameters
     ----------
     profile : Profile
-        The rigid side; of a mirrored one the right half is cut.
+        The rigid side; only the right half of a mirrored profile is cut.
     numbers : range
         Ridges.
     height : float
-        Of their tops.
+        Height of the ridges' tops.
     resolution : Resolution
         Lengths of segments.
 

@@ -24,7 +24,7 @@ _ORDER = 5  # of the solid's quadrature
 def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> None:
     """Write states of what is meshed, at undeformed points, as nine-node quadrilaterals.
 
-    Point data are those of `nodal_fields`. Of a mirrored profile the right half is meshed.
+    Point data are the `nodal_fields`. Only the right half of a mirrored profile is meshed.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def nodal_fields(cylinder: Cylinder, state: State) -> dict[str, FloatArray]:
     cylinder : Cylinder
         The body.
     state : State
-        Its state.
+        State of the body.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def surface_table(cylinder: Cylinder, state: State) -> pd.DataFrame:
     cylinder : Cylinder
         The body.
     state : State
-        Its state.
+        State of the body.
 
     Returns
     -------
@@ -115,7 +115,7 @@ def surface_table(cylinder: Cylinder, state: State) -> pd.DataFrame:
         A row a segment: ``ridge``, its number, missing on floors; ``x``, ``y``,
         its middle, over R; ``length``, over R; ``normal_x``, ``normal_y``, towards the body;
         ``pressure``, on the body along that normal, and ``shear``, on it along (normal_y,
-        -normal_x), over E. Of a mirrored profile the right half.
+        -normal_x), over E. Mirrored profiles have the right half only.
     """
     faces, parts = cylinder.problem.faces, []
     for face in faces.faces:

@@ -1,14 +1,14 @@
 """How far to go along a Newton step.
 
 Where the rim snaps past a corner the potential is far from a parabola: a whole step leads beyond
-the valley, or a small part of the way down. What counts is the slope of the potential along the
-step, which is the residual's work; it has to fall, not to vanish.
+the valley, or a small part of the way down. The search looks at the slope of the potential along
+the step, which is the residual's work; the slope has to fall, not to vanish.
 """
 
 import math
 from collections.abc import Callable
 
-_ENOUGH = 0.5  # of the first slope: a smaller one is the next step's to mend
+_ENOUGH = 0.5  # of the first slope: the next step corrects a smaller one
 _MOST = 8  # slopes, each a seventh of a Newton step's time
 _LEAST, _LARGEST = 0.1, 0.9  # of an interval, where the slope's chord has its zero
 _GROWTH = (1.5, 4.0)
@@ -20,7 +20,7 @@ def best_part(slope: Callable[[float], float]) -> float:
     Parameters
     ----------
     slope : callable
-        Of the potential along the step, at a part of it; infinite where there is none.
+        Slope of the potential along the step, at a part of the step; infinite where undefined.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Stress and stiffness of the body in plane strain: Ogden's at any strain.
 
 The mean stress is a field of its own, p, so that nothing becomes infinite at nu = 0.5; its equation
-is J - 1 - p/K = 0. What is here is the rest: the stress P(F, p) and its
+is J - 1 - p/K = 0. This module has the other equations: the stress P(F, p) and its
 derivative by F, on arrays of deformation gradients, shape (..., 2, 2), in units of E.
 """
 

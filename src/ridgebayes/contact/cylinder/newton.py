@@ -27,8 +27,8 @@ from ridgebayes.contact.cylinder.solid import Assembled, InvertedError
 # step, its size times rounding that of the linear solve.
 _STIFF = 1e4
 _MOST_STEPS = 30
-# Of what contact takes from the stiffness: at 0.9 most states of bodies between two places on a
-# corner are stable, and soft directions keep most of their length, as at 0 they do not.
+# Shares of the part that contact takes from the stiffness: at 0.9 most bodies between two places on
+# a corner are stable, and soft directions keep most of their length; at 0 they do not.
 _SHARES = (1.0, 0.9, 0.0)
 _GAP_TOL = 1e-11  # over R: the first transition moves by 2e-8 of its load
 _FORCE_TOL = 1e-9  # of the load
@@ -56,11 +56,11 @@ class Control:
     Parameters
     ----------
     kind : {"rise", "load", "corner"}
-        What is given.
+        Quantity that is given.
     target : float
         The rise over R, the line load over E R of what is meshed, or the distance of the corner.
     corner : Corner or None
-        Of "corner".
+        Corner of kind "corner".
     """
 
     kind: str
@@ -95,7 +95,7 @@ def solve(
     problem : ContactProblem
         Body and rigid side.
     start : State
-        Where to begin, and what slip is counted from.
+        State to start from, and from which slip is counted.
     control : Control
         The equation for the rise.
     enough : float, optional
@@ -104,7 +104,7 @@ def solve(
     Returns
     -------
     State, int
-        And the number of Newton steps.
+        Equilibrium, and number of Newton steps.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def _changed(
 ) -> FloatArray:
     """Return which segments stick, 0, or slide, with the sign of their shear.
 
-    What sticks begins to slide beyond the friction; what slides against its shear has stopped.
+    Sticking segments slide beyond the friction; segments that slide against their shear stop.
     """
     limit = problem.friction * state.pressure
     excess = np.abs(state.shear) - limit * (1 + _SURE)

@@ -33,7 +33,7 @@ class Assembled:
     condensed : ndarray of float, shape (n_node, 2)
         Force of the condensed pressures: force + condensed + stiffness du = 0 is the linear step.
     stiffness : scipy.sparse.csc_array, shape (2 n_node, 2 n_node)
-        Of displacements alone.
+        Stiffness of the displacements alone.
     """
 
     force: FloatArray
@@ -62,7 +62,7 @@ class Solid:
     mesh : DiskMesh
         The body.
     material : Material
-        What it is made of.
+        Material of the body.
     """
 
     def __init__(self, mesh: DiskMesh, material: Material) -> None:

@@ -58,7 +58,7 @@ class Hits:
     along : ndarray of float, shape (n, 6, 6)
         Derivative of what a force along the rigid side does to the node positions.
     tangent : ndarray of float, shape (n, 2)
-        Of the rigid side.
+        Tangents of the rigid side.
     """
 
     ray: IntArray
@@ -83,14 +83,14 @@ def cast(
     point, normal : ndarray of float, shape (n, 2)
         Rays.
     behind : ndarray of float, shape (n,)
-        How far to look back along each ray.
+        Distance to look back along each ray.
     ahead : float
-        How far to look forward.
+        Distance to look forward.
 
     Returns
     -------
     Hits
-        Of each ray that enters the body within that range, the entry nearest to its point.
+        Entry nearest to its point of each ray that enters the body within that range.
     """
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=-1)
     ray, edge = _near(rim, point, normal, behind, ahead)
@@ -195,7 +195,7 @@ def kink(rim: FloatArray, edge: IntArray, tangent: FloatArray, normal: FloatArra
     edge : ndarray of int, shape (n,)
         The edges that end there.
     tangent, normal : ndarray of float, shape (n, 2)
-        Of the rigid side.
+        Tangents and normals of the rigid side.
 
     Returns
     -------
@@ -226,9 +226,9 @@ def distance(rim: FloatArray, point: FloatArray) -> tuple[float, int, FloatArray
     Returns
     -------
     distance : float
-        To the nearest place of the rim; negative inside the body.
+        Distance to the nearest place of the rim; negative inside the body.
     edge : int
-        Where that is.
+        Edge of the nearest place.
     gradient : ndarray of float, shape (3, 2)
         Derivative of the distance by that edge's node positions.
     """

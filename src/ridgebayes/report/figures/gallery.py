@@ -36,7 +36,7 @@ class Gallery(Mapping[str, "Figure"]):
     Parameters
     ----------
     data : ReportData
-        What to draw.
+        Data to draw.
     executor : concurrent.futures.Executor, optional
         Processes with the same libraries and fonts as this one: those of this machine. They begin
         at once.
@@ -120,7 +120,7 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     Parameters
     ----------
     data : ReportData
-        What to draw.
+        Data to draw.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
         there are more; ``held-out`` where rows were; ``percent-error``, ``slopes``;
         ``coverage`` where it was counted;
         ``posterior-checks`` and ``prior-bands`` of the best form; ``corner-<form>``
-        of each fit. Of a quick comparison only ``evidence``, ``bands-first`` (or ``bands``) and
+        of each fit. Quick comparisons have only ``evidence``, ``bands-first`` (or ``bands``) and
         ``held-out``.
     """
     comparison, shown = data.comparison, data.shown
