@@ -21,7 +21,7 @@ BUDGETS = {
     "drawing": 1_058,
     "contact": 3_385,
     "table": 631,
-    "scene": 1_292,
+    "scene": 1_294,
     "simulate": 510,
     "fea": 4_803,
     "model": 1_604,

@@ -1,6 +1,5 @@
 """`ridgebayes predict`: bands on Q at textures and loads, from a finished run."""
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -31,7 +30,14 @@ from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import count
 from ridgebayes.scene.scene import Scene, Texture
-from ridgebayes.scene.units import Body, is_uncertain, load_to_si, number_and_unit, to_si
+from ridgebayes.scene.units import (
+    Body,
+    first_quantity,
+    is_uncertain,
+    load_to_si,
+    number_and_unit,
+    to_si,
+)
 from ridgebayes.table.files import check_name, write_frame
 
 _MOST_DRAWN = 200  # the count up to which transitions are drawn where they are
@@ -111,10 +117,11 @@ def _typed_scene(asked: options.Predict) -> Scene:
         highest = asked.load.split(":")[-2:][0]
         if is_uncertain(highest) and ":" in asked.load:
             raise InputError(f"--load {asked.load!r}: expected one load where it has an error")
-        sizes = [one for one in re.split(r"[(),±]|\+/?-", highest) if _is_load(one)]
-        if not sizes:
-            load_to_si(highest)
-        kind = load_to_si(sizes[0])[1]
+        quantity = first_quantity(highest) if is_uncertain(highest) else highest
+        try:
+            kind = load_to_si(quantity or highest)[1]
+        except InputError as error:
+            raise InputError(f"--load {error}") from None
         if kind != "pressure" and asked.R is None:
             raise InputError(f"--load {asked.load!r}: needs the radius; expected --R")
         load[{"pressure": "max", "line load": "line", "force": "force"}[kind]] = highest
@@ -138,13 +145,6 @@ def _is_number(text: str) -> bool:
     try:
         return float(text) is not None
     except ValueError:
-        return False
-
-
-def _is_load(text: str) -> bool:
-    try:
-        return load_to_si(text.strip()) is not None
-    except InputError:
         return False
 
 
@@ -217,12 +217,11 @@ def _unit(load: str, body: Body) -> tuple[float, str] | None:
     ``lognormal(5 N, 10 %)``; None where no number and unit stands in it.
     """
     last = load.split(":")[-2:][0]  # a number of loads may stand behind it
-    numbers = [one for one in re.split(r"[(),]| on ", last) if re.match(r"\s*[\d.+]", one)]
-    if not numbers or "empirical(" in load:
+    quantity = first_quantity(last)
+    if quantity is None or "empirical(" in load:
         return None
-    one = numbers[0]
-    number, unit = number_and_unit(one)
-    return number / body.p_over_E(one), unit
+    number, unit = number_and_unit(quantity)
+    return number / body.p_over_E(quantity), unit
 
 
 def with_transitions(

@@ -110,6 +110,18 @@ def number_and_unit(text: str) -> tuple[float, str]:
     return float(match[1]), match[2]
 
 
+def first_quantity(text: str) -> str | None:
+    """Return the first number with a unit in the text of a load; None where there is none.
+
+    Examples
+    --------
+    >>> first_quantity("lognormal(5 N, 10 %)"), first_quantity("5 N ± 0.5 N"), first_quantity("5")
+    ('5 N', '5 N ', None)
+    """
+    parts = re.split(rf"[(),]|{_PLUS_MINUS.pattern}| on ", text)
+    return next((part for part in parts if _QUANTITY.fullmatch(part)), None)
+
+
 def with_error(text: str) -> str:
     """Return the distribution of a value with an error; other text as it is.
 
@@ -229,8 +241,7 @@ class Body:
     @property
     def load_unit(self) -> tuple[str, Dimension] | None:
         """The unit of `load` and what it measures; None where it has none."""
-        parts = re.split(r"[(),±]|\+/?-(?=\s*[\d.])| on ", self.load)
-        quantity = next((one for one in parts if _QUANTITY.fullmatch(one)), None)
+        quantity = first_quantity(self.load)
         if quantity is None:
             return None
         return number_and_unit(quantity)[1], load_to_si(quantity)[1]
