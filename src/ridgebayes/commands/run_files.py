@@ -47,7 +47,6 @@ _TABLES = {
 _OTHER_FOLDERS = {
     "coverage.json": "coverage",
     "cost.csv": "cost",
-    "plan-check.csv": "plan --verify",
     "design.json": "design",
 }
 _ONLY_IF_ANY = ("left_out", "coverage", "cost")
