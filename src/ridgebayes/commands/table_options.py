@@ -77,7 +77,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Cost:
-    """Measure accuracy against run time: loads, and posteriors with their evidences.
+    """Measure error and run time of each accuracy: posteriors, evidences and loads.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Cost:
     elements : bool, optional
         Run finite elements too.
     repeats : int, optional
-        Number of timed runs of each fast setting.
+        Number of timed runs of each accuracy.
     workers : int, optional
         Worker processes. Parallel runs distort timings.
     """

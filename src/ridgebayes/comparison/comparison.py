@@ -64,8 +64,7 @@ class Comparison(Predictive, Tabular):
     accuracy : str
         Name of the accuracy that was asked for, see `ridgebayes.inference.presets`.
     cost : pandas.DataFrame
-        Run times of some methods for the best form, see `checks.cost.measured`; empty if not
-        measured.
+        Errors and run times of each accuracy, see `checks.cost`; empty if not measured.
 
     Examples
     --------
