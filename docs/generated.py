@@ -14,7 +14,7 @@ from pydantic import PlainValidator
 import ridgebayes as rb
 from ridgebayes.checks.cost import COST_COLUMNS
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
-from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
+from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS
 from ridgebayes.commands.cli import app
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.scores import LOO_COLUMNS

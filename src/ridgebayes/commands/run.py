@@ -9,7 +9,7 @@ import pandas as pd
 
 from ridgebayes.checks.cost import accuracy_costs
 from ridgebayes.checks.coverage import coverage
-from ridgebayes.checks.cross_validation import left_out_scores
+from ridgebayes.checks.left_out import left_out_scores
 from ridgebayes.checks.report_data import ReportData, report_data
 from ridgebayes.commands import BEGAN, options
 from ridgebayes.commands.answers import comparison_answer

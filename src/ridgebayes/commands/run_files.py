@@ -12,7 +12,7 @@ import pandas as pd
 
 from ridgebayes.checks.cost import COST_COLUMNS
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
-from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
+from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS
 from ridgebayes.commands.run_folder import PARTIAL, RUN_JSON, write_csv, write_json
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.citations import citations
