@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -11,6 +11,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, Rng
 from ridgebayes.contact import halfplane
+from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.importance import Drawn, importance_sample
 from ridgebayes.inference.presets import PRESETS, REFERENCE
@@ -31,31 +32,11 @@ _Row = tuple[str, str, str, float, float, float, str]
 _T = TypeVar("_T")
 
 
-@dataclass(frozen=True)
-class _Setting:
-    """One preset of one task; holds all that a process of its own needs."""
-
-    task: str
-    preset: str
-    model: Model
-    exact: FloatArray  # moments of very many draws
-    log_evidence: float
-    texture: tuple[float, float]
-    p_max: float
-    repeats: int
-    seed: int
-
-    @property
-    def name(self) -> str:
-        """Name for errors."""
-        return f"{self.task}, {self.preset}"
-
-
 def accuracy_costs(
     table: ContactTable,
     form: Form | None = None,
     *,
-    texture: tuple[float, float] | None = None,
+    texture: Texture | None = None,
     elements: bool = False,
     repeats: int = 1,
     rng: Rng = 0,
@@ -97,48 +78,46 @@ def accuracy_costs(
     >>> bool((costs["error"] < costs["target_error"]).all()), len(costs)
     (True, 9)
     """
-    data, rows = Observations.from_table(table), table.calibration
-    textures = rows.textures
-    texture = texture or textures[len(textures) // 2]
-    p_max = float(rows.frame["p_over_E"].max())
-    model, seed = Model(data, form or Hybrid(), Noise()), seed_of(rng)
+    rows, seed = table.calibration, seed_of(rng)
+    texture = texture or rows.textures[len(rows.textures) // 2]
+    model = Model(Observations.from_table(table), form or Hybrid(), Noise())
     try:
         exact = importance_sample(ModelTarget(model, seed), REFERENCE.effort.doubled, seed + 1)
         best = _moments(model, exact), exact.evidence.value
     except ComputationError:  # the presets fail likewise, and say why
         best = np.array(np.nan), np.nan
-    settings = [
-        _Setting(task, preset, model, *best, texture, p_max, repeats, seed)
-        for task in list(_TASKS)[: 3 if elements else 2]
-        for preset in PRESETS
-    ]
-    measured = map_ordered(_measured, settings, executor, name=lambda setting: setting.name)
+    tasks = {
+        "posterior": partial(_posterior, model, *best, repeats, seed),
+        "half-plane": partial(_half_plane, texture, repeats),
+        "finite elements": partial(_elements, texture, float(rows.frame["p_over_E"].max())),
+    }
+    names = list(tasks)[: 3 if elements else 2]
+    settings = [(name, preset, tasks[name]) for name in names for preset in PRESETS]
+    measured = map_ordered(_measured, settings, executor, name=lambda task: f"{task[0]}, {task[1]}")
     return pd.DataFrame([row for rows in measured for row in rows], columns=list(COST_COLUMNS))
 
 
-def _measured(setting: _Setting) -> list[_Row]:
+def _measured(setting: tuple[str, str, Callable[[str], Iterator[_Row]]]) -> list[_Row]:
     """Return the rows of a preset; the reason where it fails."""
+    task, preset, work = setting
     try:
-        return list(_TASKS[setting.task](setting))
+        return list(work(preset))
     except (InputError, ComputationError) as error:
-        nothing = (np.nan, np.nan, np.nan)
-        return [(setting.task, "", setting.preset, *nothing, str(error))]
+        return [(task, "", preset, np.nan, np.nan, np.nan, str(error))]
 
 
-def _posterior(setting: _Setting) -> Iterator[_Row]:
+def _posterior(
+    model: Model, exact: FloatArray, log_evidence: float, repeats: int, seed: int, name: str
+) -> Iterator[_Row]:
     """Draw a posterior, and compare with many more draws."""
-    preset, model, seed = PRESETS[setting.preset], setting.model, setting.seed
-
-    def draw() -> Drawn:
-        return importance_sample(ModelTarget(model, seed), preset.effort, seed)
-
-    drawn, cpu_s = _timed(draw, setting.repeats)
-    exact = setting.exact
+    preset, method = PRESETS[name], "importance sampling"
+    drawn, cpu_s = _timed(
+        lambda: importance_sample(ModelTarget(model, seed), preset.effort, seed), repeats
+    )
     error = float((np.abs(_moments(model, drawn) - exact) / exact[1]).max())
-    how = ("importance sampling", preset.name)
-    yield "posterior", *how, preset.moment_error, error, cpu_s, "ok"
-    error = abs(drawn.evidence.value - setting.log_evidence)
-    yield "evidence", *how, preset.evidence_error, error, cpu_s, "ok"
+    yield "posterior", method, name, preset.moment_error, error, cpu_s, "ok"
+    error = abs(drawn.evidence.value - log_evidence)
+    yield "evidence", method, name, preset.evidence_error, error, cpu_s, "ok"
 
 
 def _moments(model: Model, drawn: Drawn) -> FloatArray:
@@ -147,33 +126,33 @@ def _moments(model: Model, drawn: Drawn) -> FloatArray:
     return np.stack([theta.mean(axis=0), theta.std(axis=0), *np.quantile(theta, (0.05, 0.95), 0)])
 
 
-def _half_plane(setting: _Setting) -> Iterator[_Row]:
+def _half_plane(texture: Texture, repeats: int, name: str) -> Iterator[_Row]:
     """Solve for loads by the half-plane equation, without the loads kept from earlier calls."""
-    preset, (a, b) = LOAD_PRESETS[setting.preset], setting.texture
+    (a, b), target = texture, LOAD_PRESETS[name].load_error
 
     def loads() -> FloatArray:
         halfplane.forget_loads()
-        return halfplane.transition_loads(a, b, _N_LOAD, rel_tol=preset.load_error).F
+        return halfplane.transition_loads(a, b, _N_LOAD, rel_tol=target).F
 
-    F, cpu_s = _timed(loads, setting.repeats)
+    F, cpu_s = _timed(loads, repeats)
     error = float(np.abs(F / halfplane.solve_strips(2 * b / a, _N_LOAD, 24).F - 1).max())
-    yield "loads", "half-plane", preset.name, preset.load_error, error, cpu_s, "ok"
+    yield "loads", "half-plane", name, target, error, cpu_s, "ok"
 
 
-def _elements(setting: _Setting) -> Iterator[_Row]:
+def _elements(texture: Texture, p_max: float, name: str) -> Iterator[_Row]:
     """Solve for loads by finite elements, and compare with the finest mesh."""
     from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
     from ridgebayes.contact.rigid_profile import Profile
 
-    a, b = setting.texture
+    a, b = texture
     half_plane = halfplane.transition_loads(a, b, _N_LOAD).p_over_E(a + b, nu=0.5)
-    p_max = min(setting.p_max, 1.02 * float(half_plane[-1]))
+    p_max = min(p_max, 1.02 * float(half_plane[-1]))
 
     def loads(edges: int) -> FloatArray:
         _, p_over_E, _ = transition_curve(Cylinder(Profile(a, b), p_max=p_max, edges=edges), p_max)
         return p_over_E[np.isfinite(p_over_E)]
 
-    edges, finest = (LOAD_PRESETS[name].meshes[0] for name in (setting.preset, REFERENCE.name))
+    edges, finest = (LOAD_PRESETS[preset].meshes[0] for preset in (name, REFERENCE.name))
     p_over_E, cpu_s = _timed(lambda: loads(edges), 1)
     error = np.nan
     if edges != finest:
@@ -181,8 +160,7 @@ def _elements(setting: _Setting) -> Iterator[_Row]:
         if not 0 < len(p_over_E) == len(exact):
             raise ComputationError(f"{len(p_over_E)} of {len(exact)} transitions")
         error = float(np.abs(p_over_E / exact - 1).max())
-    target = ELEMENTS_SE[edges]
-    yield "loads", f"finite elements, {edges} edges", setting.preset, target, error, cpu_s, "ok"
+    yield "loads", f"finite elements, {edges} edges", name, ELEMENTS_SE[edges], error, cpu_s, "ok"
 
 
 def _timed(work: Callable[[], _T], repeats: int) -> tuple[_T, float]:
@@ -193,6 +171,3 @@ def _timed(work: Callable[[], _T], repeats: int) -> tuple[_T, float]:
         result = work()
         seconds.append(time.process_time() - began)
     return result, float(np.median(seconds))
-
-
-_TASKS = {"posterior": _posterior, "half-plane": _half_plane, "finite elements": _elements}
