@@ -20,7 +20,7 @@ VENV    ?= .venv
 OUT     ?= ridgebayes-out
 BIN      = $(VENV)/bin
 # The studies that `make studies` runs: make studies STUDIES=verdicts
-STUDIES ?= brackets coverage cylinder friction kills load_coverage new_series sbc verdicts
+STUDIES ?= brackets coverage cylinder friction kills load_coverage new_series plan sbc verdicts
 PYTEST   = $(BIN)/python -m pytest -n auto --dist worksteal
 # One BLAS thread: the matrices are small, and threads only fight over the cores.
 export OMP_NUM_THREADS ?= 1

@@ -12,9 +12,9 @@ import typer
 from pydantic import PlainValidator
 
 import ridgebayes as rb
-from ridgebayes.checks.cost.measured import SHORT_COLUMNS
+from ridgebayes.checks.cost import COST_COLUMNS
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
-from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
+from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS
 from ridgebayes.commands.cli import app
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.scores import LOO_COLUMNS
@@ -198,7 +198,7 @@ def run_columns() -> list[str]:
         "loo.csv": LOO_COLUMNS,
         "left_out.csv": LEFT_OUT_COLUMNS,
         "coverage.csv": COVERAGE_COLUMNS,
-        "costs.csv": SHORT_COLUMNS,
+        "costs.csv": COST_COLUMNS,
     }
     rows = [(f"`{name}`", ", ".join(f"`{one}`" for one in held)) for name, held in files.items()]
     return table(("file", "columns"), rows)

@@ -10,7 +10,7 @@ from scipy import stats
 import ridgebayes as rb
 from ridgebayes.checks import coverage as module
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS, coverage
-from ridgebayes.checks.folds import Fold
+from ridgebayes.checks.left_out import Fold
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.chains import Chains
 from ridgebayes.model.forms import Modified, PowerLaw
@@ -108,28 +108,28 @@ def test_coverage__of_textures_left_out_is_nominal_on_rows_of_the_model_itself(t
 
 def test_coverage__is_of_posteriors_without_the_texture(table, found, monkeypatch):
     seen = []
-    own = Fold.found
+    own = Fold.left_out
 
     def noted(fold):
         rest = own(fold)
         seen.append(set(table.textures) - set(rest.model.data.textures))
         return rest
 
-    monkeypatch.setattr(Fold, "found", noted)
+    monkeypatch.setattr(Fold, "left_out", noted)
     again = coverage(table, [Modified()], ["iid"], rng=1)
     assert seen == [{texture} for texture in table.textures]
     pd.testing.assert_frame_equal(again, found)
 
 
 def test_coverage__names_failed_textures_and_counts_the_rest(monkeypatch):
-    own, few, stages = Fold.found, simulated(3, 4, seed=1), []
+    own, few, stages = Fold.left_out, simulated(3, 4, seed=1), []
 
     def failing(fold):
         if fold.name.startswith("a0.01_"):
             raise ComputationError("no draws")
         return own(fold)
 
-    monkeypatch.setattr(Fold, "found", failing)
+    monkeypatch.setattr(Fold, "left_out", failing)
 
     @contextmanager
     def stage(name):
@@ -157,14 +157,14 @@ def test_coverage__of_textures_of_brackets_alone_is_not_a_number(monkeypatch):
     lower = (frame["p_over_E"] / 2).where(frame["texture"] != first)
     some = rb.ContactTable.from_frame(frame.assign(p_over_E_lower=lower))
 
-    own = Fold.found
+    own = Fold.left_out
 
     def failing(fold):
         if fold.rows.is_exact.any():
             raise ComputationError("no draws")
         return own(fold)
 
-    monkeypatch.setattr(Fold, "found", failing)
+    monkeypatch.setattr(Fold, "left_out", failing)
     shown = coverage(some, [Modified()], ["iid"], probs=[0.9])
     assert shown[["n", "covered", "n_texture", "n_failed"]].iloc[0].tolist() == [0, 0, 0, 1]
     assert shown[["share", "share_se", "mean_width"]].isna().all(axis=None)

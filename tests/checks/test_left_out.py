@@ -1,62 +1,381 @@
-"""Scores of several forms on what is left out: those of each cross-validation, side by side."""
+"""Rows left out: folds, closed forms of scores, failures, and who computes."""
 
+import pickle
+from concurrent.futures import Executor, Future
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
 import pytest
+from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS, cross_validate, left_out_scores
-from ridgebayes.checks.folds import Fold
-from ridgebayes.errors import ComputationError
-from ridgebayes.inference.importance import Effort
+from ridgebayes.checks.left_out import (
+    LEFT_OUT_COLUMNS,
+    Fold,
+    clustered_se,
+    crps_of_draws,
+    folds_of,
+    left_out_scores,
+    row_crps,
+    row_loads,
+)
+from ridgebayes.distributions.distribution import HalfNormal, LogNormal
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference import left_out
+from ridgebayes.inference.chains import Chains
+from ridgebayes.inference.importance import Effort, importance_sample
+from ridgebayes.inference.posterior import posterior_of
+from ridgebayes.inference.target import ModelTarget
+from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.model.prior_files import resolve_priors
+from ridgebayes.predict.predict import predict_load
+from ridgebayes.results import Fit
 
-EFFORT = Effort(n_round=2, n_per_round=384, n_draw=128)
-FORMS = (rb.Modified(), rb.Hybrid())
+IID = Noise()
+QUICK = Effort(n_round=3, n_per_round=384, n_draw=128)
+SIGMA = {"sigma": HalfNormal(0.1)}
+
+
+def fit_at(data, form, noise, theta):
+    """A posterior that is a few given points."""
+    model = Model(data, form, Noise.named(noise))
+    u = model.to_scores(np.asarray(theta, float))[None, None]
+    chains = Chains(u, np.zeros(u.shape[:-1]), np.ones(1), np.ones(u.shape[-1]), ())
+    return Fit(model, chains, pd.DataFrame(), (), 0)
+
+
+def middle(data, c1, c2):
+    """The hybrid's log load of each row, typed out."""
+    a, b = data.a_over_R[data.texture], data.b_over_R[data.texture]
+    return 2 * np.log((data.Q / 2 - 1) / (c1 / (a + b) + c2 / a))
+
+
+@pytest.fixture
+def data(observed):
+    rng = np.random.default_rng(4)
+    texture = np.repeat([0, 1, 2], [4, 3, 4])
+    Q = np.array([4, 6, 8, 10, 4, 6, 8, 4, 6, 8, 12])
+    rows = observed(texture, Q, np.zeros(11), rel_se=rng.choice([0.0, 0.03], 11))
+    load = middle(rows, 1.35, 0.02) + 0.04 * rng.standard_normal(11)
+    return observed(texture, Q, load, rel_se=rows.rel_se)
+
+
+@pytest.fixture
+def few(observed):
+    """Six rows of three textures."""
+    texture = np.array([0, 0, 0, 1, 1, 2])
+    load = [-6.3, -4.8, -4.1, -6.4, -5.1, -6.4]
+    return observed(texture, [4, 6, 8, 4, 6, 4], load, rel_se=[0, 0, 0, 0.2, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("leave", "names", "sizes"),
+    [
+        ("texture", ["a0.012_b0.03", "a0.032_b0.01", "a0.022_b0.02"], [3, 2, 1]),
+        ("step", ["Q = 4", "Q = 6", "Q = 8"], [3, 2, 1]),
+        ("row", [f"row {i}" for i in range(1, 7)], [1] * 6),
+    ],
+)
+def test_folds_of__leave_out_each_row_once(few, leave, names, sizes):
+    folds = folds_of(few, Hybrid(), IID, leave=leave)
+    assert [fold.name for fold in folds] == names
+    assert [int(fold.left.sum()) for fold in folds] == sizes
+    np.testing.assert_array_equal(sum(fold.left.astype(int) for fold in folds), np.ones(6))
+    by = {"texture": few.texture, "step": few.Q, "row": np.arange(6)}[leave]
+    assert all(len(set(by[fold.left])) == 1 for fold in folds)
+
+
+def test_folds_of__refuses_unknown_words_and_a_single_fold(few):
+    with pytest.raises(
+        InputError, match=r"leave: expected one of texture, step, series, row, got 'fold'"
+    ):
+        folds_of(few, Hybrid(), IID, leave="fold")
+    with pytest.raises(InputError, match="expected rows of at least two"):
+        folds_of(few.take(few.texture == 0), Hybrid(), IID)
+
+
+def test_folds_of__leaves_out_a_tenth_at_a_time_of_many_textures(observed):
+    textures = [(0.01 + 0.0001 * i, 0.03) for i in range(51)]
+    texture = np.repeat(np.arange(51), 2)
+    many = observed(texture, np.tile([4, 6], 51), np.tile([-6.3, -4.8], 51), textures=textures)
+    folds = folds_of(many, Hybrid(), IID)
+    assert [fold.name for fold in folds] == [f"group {i} of 10" for i in range(1, 11)]
+    np.testing.assert_array_equal(sum(fold.left.astype(int) for fold in folds), np.ones(102))
+    n_left = [len(set(texture[fold.left])) for fold in folds]
+    assert sum(n_left) == 51  # whole textures
+    assert set(n_left) == {5, 6}
+    # Not one stretch of the table each, and the same ones for each form.
+    assert len(set(np.flatnonzero(folds[0].left[::2]) % 10)) > 1
+    others = folds_of(many, Modified(), IID)
+    assert all((a.left == b.left).all() for a, b in zip(folds, others, strict=True))
+    for leave, keep, n_fold in (("texture", texture < 24, 24), ("row", np.arange(102) < 50, 50)):
+        assert len(folds_of(many.take(keep), Hybrid(), IID, leave=leave)) == n_fold
+
+
+def test_folds_of__leaves_out_whole_series(observed):
+    rows = observed([0, 0, 1, 1], [4, 6, 4, 6], -6.0, series=[0, 1, 0, 1])
+    folds = folds_of(rows, Modified(), IID, leave="series", effort=QUICK)
+    assert [fold.name for fold in folds] == ["a", "b"]
+    assert folds[0].left.tolist() == [True, False, True, False]
+
+
+def test_left_out__is_of_the_rows_that_stay_and_travels(few):
+    fold = folds_of(few, Modified(), IID, seed=3, effort=QUICK)[1]
+    rest = pickle.loads(pickle.dumps(fold)).left_out()
+    assert rest.model.data.textures == (few.textures[0], few.textures[2])
+    assert fold.rows.textures == (few.textures[1],)
+    assert rest.log_score == fold.left_out().log_score
+    everything = replace(fold, left=np.ones(6, dtype=bool))
+    with pytest.raises(ComputationError, match="no row is left to fit"):
+        everything.left_out()
+
+
+def test_folds_of__a_fit_take_its_draws_under_the_error_model_asked_for(few):
+    fit = fit_to(few, Modified(), {}, 7)
+    assert folds_of(few, fit, IID, effort=QUICK)[0].all_rows.evidence == fit.evidence
+    other = folds_of(few, fit, Noise("texture"), effort=QUICK)[0].all_rows
+    assert other.model.noise.name == "texture"
+
+
+def test_folds_of__keep_the_prior_of_every_slope(few):
+    priors = resolve_priors({"power-law": {"K": "lognormal(auto, 5 %)"}}, [PowerLaw()], [IID], few)
+    priors |= {"noise": SIGMA}
+    model = folds_of(few, PowerLaw(), IID, effort=QUICK, priors=priors)[0].left_out().model
+    assert model.parameter_names == ("K[a0.032_b0.01]", "K[a0.022_b0.02]", "sigma")
+    assert model.priors["K[a0.032_b0.01]"].log_sd == 0.05
+    assert model.priors["sigma"] == SIGMA["sigma"]
+
+
+def test_row_loads__adds_the_rows_known_error(few):
+    fit = folds_of(few, Modified(), IID, effort=QUICK)[1].left_out().posterior(1)
+    load = row_loads(fit, few.take(few.texture == 1))
+    bare = predict_load(fit, 0.032, 0.01, np.array([4, 6]))
+    np.testing.assert_array_equal(load.log_mean, bare.log_mean)
+    np.testing.assert_allclose(load.sd**2 - bare.sd**2, [[0.04, 0]] * len(load.sd), atol=1e-12)
+
+
+def test_clustered_se__is_of_whole_folds():
+    total, n = np.array([3.0, 1.0, 8.0, 2.0]), np.full(4, 2.0)
+    # Folds of one size: the textbook's standard error of a sum. Rounding.
+    assert clustered_se(total, n) == pytest.approx(np.sqrt(4 * total.var(ddof=1)), rel=1e-12)
+    # Folds that differ in size alone do not stray.
+    assert clustered_se(np.array([1.5, 4.5]), np.array([1.0, 3.0])) == pytest.approx(0, abs=1e-12)
+    assert np.isnan(clustered_se(total[:1], n[:1]))
+
+
+THETA = np.array([[1.34, 0.018, 0.03, 0.02], [1.30, 0.030, 0.05, 0.06]])
+
+
+def test_row_crps__of_exact_rows_is_that_of_the_dense_marginal(data):
+    left = data.texture == 1
+    fit = fit_at(data.take(~left), Hybrid(), "texture", THETA)
+    own = data.take(left)
+    crps = row_crps(fit, own, np.random.default_rng(1))
+    mean = np.stack([middle(own, c1, c2) for c1, c2 in THETA[:, :2]])
+    sd = np.sqrt((THETA[:, 2] ** 2 + THETA[:, 3] ** 2)[:, None] + own.rel_se**2)
+    # CRPS of a mixture of normals in closed form (Grimit et al. 2006), pair by pair.
+    pairs, spread = mean[:, None] - mean[None], np.sqrt(sd[:, None] ** 2 + sd[None] ** 2)
+    expected = _gap(own.log_load - mean, sd).mean(axis=0)
+    expected -= 0.5 * _gap(pairs, spread).mean(axis=(0, 1))
+    # Monte Carlo: five standard errors, sd / sqrt(10,240) at most each.
+    np.testing.assert_allclose(crps, expected, atol=5 * sd.max() / 100)
+
+
+def _gap(mean, sd):
+    """E |N(mean, sd^2)|."""
+    z = mean / sd
+    return mean * (2 * stats.norm.cdf(z) - 1) + 2 * sd * stats.norm.pdf(z)
+
+
+def test_row_crps__of_brackets_and_counts_is_none(observed):
+    texture, Q = np.repeat([0, 1], [2, 4]), np.array([4, 6, 6, 6, 2, 8])
+    plain = observed(texture, Q, np.zeros(6))
+    load = np.where(Q == 2, -7.0, middle(observed(texture, np.maximum(Q, 4), 0.0), 1.34, 0.018))
+    bracket, count = np.arange(6) == 2, np.isin(np.arange(6), [3, 4, 5])
+    low = np.where(bracket, load - 0.05, np.nan)
+    data = observed(plain.texture, Q, load + 0.01, log_lower=low, is_count=count)
+    fit = fit_at(data.take(data.texture == 0), Hybrid(), "iid", [[1.34, 0.018, 0.03]])
+    assert not len(row_crps(fit, data.take(data.texture == 1), np.random.default_rng(1)))
+
+
+def test_crps_of_draws__is_the_closed_form_of_a_normal_and_the_double_sum():
+    rng = np.random.default_rng(2)
+    y = np.array([-2.0, 0.1, 1.5])
+    draws = rng.standard_normal((40_000, 3))
+    expected = _gap(y, 1.0) - 1 / np.sqrt(np.pi)
+    # Monte Carlo: five standard errors of at most 1 / sqrt(40,000).
+    np.testing.assert_allclose(crps_of_draws(draws, y), expected, atol=5 / 200)
+    few = draws[:7]
+    pairs = np.abs(few[:, None] - few[None]).sum(axis=(0, 1)) / (2 * 7 * 6)
+    np.testing.assert_allclose(
+        crps_of_draws(few, y), np.abs(few - y).mean(axis=0) - pairs, rtol=1e-12
+    )  # rounding
+
+
+def table_of(data):
+    """The rows as a table."""
+    a, b = data.a_over_R[data.texture], data.b_over_R[data.texture]
+    load = np.exp(data.log_load)
+    columns = {"a_over_R": a, "b_over_R": b, "Q": data.Q, "p_over_E": load, "rel_se": data.rel_se}
+    return rb.ContactTable.from_frame(pd.DataFrame(columns))
+
+
+def fit_to(data, form, priors, seed=1):
+    """The fit to some rows."""
+    model = Model(data, form, IID, priors)
+    return Fit.of(posterior_of(model, importance_sample(ModelTarget(model), QUICK, seed), seed))
+
+
+class Own(Modified):
+    """Modified, whose coefficient has a name without a default prior."""
+
+    @property
+    def parameter_names(self):
+        return ("d",)
+
+
+def test_left_out_scores__take_an_own_form_under_its_given_priors(data):
+    table, prior = table_of(data), LogNormal(1.382, 0.1)
+    rows, how = Observations.from_table(table), {"rng": 1, "effort": QUICK}
+    own, same = {"modified": {"d": prior}}, {"modified": {"c": prior}}
+    fitted = fit_to(rows, Own(), own["modified"]), fit_to(rows, Modified(), same["modified"])
+    for form, other in [(Own(), Modified()), fitted]:
+        scores = left_out_scores(table, [form], priors=own, **how)
+        expected = left_out_scores(table, [other], priors=same, **how)
+        # The same formula, draws and priors: rounding.
+        np.testing.assert_allclose(scores["log_score"], expected["log_score"], rtol=1e-9)
+        assert (scores["failed"] == "").all()
+
+
+class PerTexture(Modified):
+    """Modified with a coefficient of its own for each texture, which a fold may lose."""
+
+    def __init__(self, textures=()):
+        self.textures = textures
+
+    @property
+    def parameter_names(self):
+        return tuple(f"c{a:g}" for a, _ in self.textures)
+
+    def bind(self, textures, labels=()):
+        return PerTexture(textures)
+
+    def rate(self, theta, a_over_R, b_over_R):
+        known = [a for a, _ in self.textures]  # a new texture takes the first one's
+        places = [known.index(a) if a in known else 0 for a in np.ravel(a_over_R)]
+        return theta[..., places]
+
+    def log_rate_gradient(self, theta, a_over_R, b_over_R):
+        return np.diag(1 / theta)
+
+
+def test_left_out__of_a_form_with_a_coefficient_a_texture_is_by_evidences(data, monkeypatch):
+    rows = Observations.from_table(table_of(data))
+    monkeypatch.setattr(left_out, "_MAX_PARETO_K", np.inf)  # other parameters alone decide
+    monkeypatch.setattr(left_out, "_MIN_EFFECTIVE_SHARE", 0)
+    monkeypatch.setattr(left_out, "_MIN_EFFECTIVE_DRAWS", 0)
+    names = [f"c{a:g}" for a, _ in rows.textures]
+    priors = {"modified": dict.fromkeys(names, LogNormal(1.382, 0.1)), "noise": SIGMA}
+    scored = [fold.left_out() for fold in folds_of(rows, PerTexture(), IID, priors=priors)]
+    assert {score.method for score in scored} == {"evidences"}
+    monkeypatch.undo()
+    # The power law under the prior that this gives each K, whose slopes are integrated out.
+    slopes = {
+        name: LogNormal(2 * 1.382 / (a + b), 0.1)
+        for name, (a, b) in zip(
+            Model(rows, PowerLaw()).form.parameter_names, rows.textures, strict=True
+        )
+    }
+    same = {"power-law": slopes, "noise": SIGMA}
+    for score, fold in zip(scored, folds_of(rows, PowerLaw(), IID, priors=same), strict=True):
+        expected = fold.left_out()
+        error = np.hypot(score.log_score_se, expected.log_score_se)
+        assert abs(score.log_score - expected.log_score) < 4 * error  # Monte Carlo
+
+
+class Backwards(Executor):
+    """An executor that pickles its tasks, and computes the last one first."""
+
+    n_worker = 10  # all tasks at once
+
+    def __init__(self, sizes):
+        self.tasks, self.sizes = [], list(sizes)
+
+    def submit(self, function, task):
+        future = Future()
+        self.tasks.append((future, pickle.dumps((function, task))))
+        if len(self.tasks) == self.sizes[0]:
+            tasks, self.tasks, self.sizes = self.tasks, [], self.sizes[1:]
+            for waiting, message in reversed(tasks):
+                function, task = pickle.loads(message)
+                waiting.set_result(pickle.loads(pickle.dumps(function(task))))
+        return future
 
 
 @pytest.fixture(scope="module")
-def scores(fe_table):
-    return left_out_scores(fe_table, FORMS, rng=3, effort=EFFORT)
+def forms():
+    return rb.Modified(), rb.Hybrid()
 
 
-def test_left_out_scores__are_those_of_each_cross_validation(scores, fe_table):
+@pytest.fixture(scope="module")
+def scores(fe_table, forms):
+    return left_out_scores(fe_table, forms, rng=3, effort=QUICK)
+
+
+def test_left_out_scores__are_sums_over_folds(scores, fe_table, forms):
     assert scores.columns.tolist() == LEFT_OUT_COLUMNS
     assert scores["form"].tolist() == ["modified", "hybrid"] * 2
     assert scores["leave"].tolist() == ["texture"] * 2 + ["step"] * 2
-    for row in scores.to_dict("records"):
-        form = rb.Hybrid() if row["form"] == "hybrid" else rb.Modified()
-        alone = cross_validate(fe_table, form, leave=row["leave"], rng=3, effort=EFFORT)
-        assert row["log_score"] == alone.elpd
-        assert row["log_score_se"] == alone.elpd_se
-        assert row["mean_crps"] == alone.mean_crps
-        assert row["n_fold"] == len(alone.folds)
-        assert row["failed"] == ""
-
-
-def test_left_out_scores__weights_of_one_kind_of_fold_sum_to_one(scores):
     for _, part in scores.groupby("leave"):
         assert part["stacking_weight"].sum() == pytest.approx(1, abs=1e-9)  # algebra
+    data = Observations.from_table(fe_table)
+    for row, form in zip(scores.to_dict("records")[2:], forms, strict=True):
+        folds = folds_of(data, form, IID, leave="step", seed=3, effort=QUICK)
+        total = np.array([fold.left_out().log_score for fold in folds])
+        sizes = np.array([fold.left.sum() for fold in folds])
+        assert row["log_score"] == pytest.approx(total.sum(), rel=1e-12)  # rounding
+        assert row["log_score_se"] == pytest.approx(clustered_se(total, sizes), rel=1e-12)
+        assert (row["n_fold"], row["failed"]) == (len(folds), "")
+
+
+def test_left_out_scores__do_not_depend_on_who_computes(scores, fe_table):
+    n_fold = int(scores["n_fold"].iloc[2])
+    executor = Backwards((1, n_fold))
+    again = left_out_scores(
+        fe_table, [rb.Modified()], leaves=["step"], rng=3, effort=QUICK, executor=executor
+    )
+    same = [name for name in LEFT_OUT_COLUMNS if name != "stacking_weight"]
+    pd.testing.assert_frame_equal(again[same], scores[same].iloc[2:3].reset_index(drop=True))
 
 
 def test_left_out_scores__leave_out_what_there_is_one_of(fe_table):
     frame = fe_table.calibration.frame
-    first = frame[frame["a_over_R"] == frame["a_over_R"].iloc[0]]
-    one = rb.ContactTable.from_frame(first)
-    found = left_out_scores(one, [rb.Modified()], rng=3, effort=EFFORT)
-    assert found["leave"].tolist() == ["step"]
-    assert found["stacking_weight"].tolist() == [1]
+    first = rb.ContactTable.from_frame(frame[frame["a_over_R"] == frame["a_over_R"].iloc[0]])
+    scores = left_out_scores(first, [rb.Modified()], rng=3, effort=QUICK)
+    assert scores["leave"].tolist() == ["step"]
+    assert scores["stacking_weight"].tolist() == [1]
 
 
+@pytest.mark.parametrize("failing", [["modified"], ["modified", "hybrid"]])
 def test_left_out_scores__name_folds_that_failed_and_give_their_form_no_score(
-    fe_table, monkeypatch
+    failing, fe_table, forms, monkeypatch
 ):
-    found, first = Fold.found, fe_table.calibration.labels[0]
+    left_out_of, first = Fold.left_out, fe_table.calibration.labels[0]
 
-    def failing(fold):
-        if fold.name == first and fold.known.model.form.name == "modified":
+    def sometimes(fold):
+        if fold.name == first and fold.all_rows.model.form.name in failing:
             raise ComputationError("no draws")
-        return found(fold)
+        return left_out_of(fold)
 
-    monkeypatch.setattr(Fold, "found", failing)
-    scores = left_out_scores(fe_table, FORMS, leaves=["texture"], effort=EFFORT)
-    assert scores["failed"].tolist() == [f"{first}: no draws", ""]
-    assert scores["log_score"].isna().tolist() == [True, False]
-    assert scores["stacking_weight"].tolist() == [0, 1]
+    monkeypatch.setattr(Fold, "left_out", sometimes)
+    scores = left_out_scores(fe_table, forms, leaves=["texture"], effort=QUICK).set_index("form")
+    for name, row in scores.iterrows():
+        totals = row[["log_score", "log_score_se", "mean_crps"]].isna()
+        assert totals.tolist() == [name in failing] * 3
+        assert row["failed"] == (f"{first}: no draws" if name in failing else "")
+    weights = scores["stacking_weight"]
+    assert weights.isna().all() if len(failing) == 2 else weights.tolist() == [0, 1]

@@ -8,7 +8,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from ridgebayes.checks.plan_check import CHECK_COLUMNS
 from ridgebayes.errors import ComputationError
 from ridgebayes.runtime.text import percent
 from ridgebayes.scene.effects import plan_table
@@ -26,7 +25,6 @@ p_over_E = 0.004
 [accuracy]
 relative = 0.01
 """
-CHECK = {"plan-check.csv", "plan-check.png", "plan-check.svg", "report.md"}
 
 
 @pytest.fixture
@@ -34,22 +32,6 @@ def command(command):
     """Call the subcommand in a folder that holds a scene."""
     Path("scene.toml").write_text(SCENE)
     return functools.partial(command, "plan")
-
-
-@pytest.fixture
-def canned(monkeypatch):
-    """Stand in for the check: how many scenes it was given, and two rows of the right shape."""
-    asked = {"honest": True}
-
-    def check_plans(scenes, *, progress):
-        asked["scenes"] = scenes
-        row = dict.fromkeys(CHECK_COLUMNS, 0.01) | {"scene": 1, "effect": "offset"}
-        rows = [row | {"simulated": True, "honest": True}]
-        rows.append(row | {"simulated": False, "honest": asked["honest"]})
-        return pd.DataFrame(rows, columns=CHECK_COLUMNS)
-
-    monkeypatch.setattr("ridgebayes.commands.plan.check_plans", check_plans)
-    return asked
 
 
 def test_plan__says_what_the_scene_is_and_writes_nothing(command):
@@ -267,7 +249,7 @@ def test_plan__of_the_same_scene_is_the_same_bytes(command):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ((), "SCENE: missing; expected a scene file, --new or --verify"),
+        ((), "SCENE: missing; expected a scene file or --new"),
         (("scene.toml", "-o", "plan.xlsx"), "plan.xlsx: a table file ends in .csv or .parquet"),
         (
             ("scene.toml", "--figures", "scene.toml"),
@@ -275,17 +257,10 @@ def test_plan__of_the_same_scene_is_the_same_bytes(command):
         ),
         (("--new", "my.txt"), "my.txt: expected a file name that ends in .toml, got '.txt'"),
         (("--new", "scene.toml"), "scene.toml: exists; use another name, or --force"),
-        (("scene.toml", "--new", "my.toml"), "--new: expected without a scene and --verify"),
-        (("--verify",), "--verify: expected -o, a folder to create, and no scene"),
-        (
-            ("scene.toml", "--verify", "-o", "out"),
-            "--verify: expected -o, a folder to create, and no",
-        ),
+        (("scene.toml", "--new", "my.toml"), "--new: expected without a scene"),
         (("nowhere.toml",), "nowhere.toml: cannot be read: No such file"),
         (("scene.toml", "-o", "."), ".: a table file ends in .csv or .parquet"),
         (("scene.toml", "-o", "no/plan.csv"), "no/plan.csv: folder no does not exist"),
-        (("--verify", "-o", "out", "--scenes", "0"), "--scenes"),
-        (("--verify", "-o", "out", "--seed", "x"), "--seed"),
     ],
 )
 def test_plan__bad_words_are_told_apart_from_failures(command, words, expected):
@@ -326,62 +301,3 @@ def test_plan__tells_every_fault_of_a_scene_at_once(command):
     assert said.code == 2
     assert "texture.groove_depth = -0.001: " in said.err
     assert "accuracy.relative = 0: " in said.err
-
-
-def test_plan__verifies_its_estimates(command):
-    said = command("--verify", "-o", "out", "--scenes", 2, "--seed", 4)  # two quick ones
-    assert said.code == 0
-    first, second = said.out.splitlines()
-    assert first == "out: 8 of 8 estimates are reliable"
-    assert second == "Written: out: plan-check.csv, plan-check.png, plan-check.svg, report.md"
-    assert {path.name for path in Path().iterdir()} == {"scene.toml", "out"}
-    assert {path.name for path in Path("out").iterdir()} == CHECK
-    frame = pd.read_csv("out/plan-check.csv")
-    assert list(frame.columns) == CHECK_COLUMNS
-    assert frame["scene"].tolist() == [1] * 4 + [2] * 4
-    assert frame["honest"].all()
-    assert Path("out/plan-check.png").read_bytes().startswith(b"\x89PNG")
-    report = Path("out/report.md").read_text()
-    assert "2 scenes spread" in report
-    left_out = int((~frame["simulated"]).sum())
-    assert f"{left_out} of {left_out} neglected effects change loads by no more" in report
-    assert "8 of 8 estimates are reliable" in report
-    rows = [line for line in report.splitlines() if re.match(r"\| \d", line)]
-    assert len(rows) == 8
-    for line, row in zip(rows, frame.to_dict("records"), strict=True):
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        assert cells[:2] == [str(row["scene"]), row["effect"]]
-        assert cells[3:5] == [f"{row['estimate']:.3g}", f"{row['true_change']:.3g}"]
-
-
-def test_plan__checks_as_many_scenes_as_told_of_the_seed(command, canned):
-    assert command("--verify", "-o", "out").code == 0
-    assert len(canned["scenes"]) == 32
-    first = canned["scenes"]
-    assert command("--verify", "-o", "more", "--scenes", 4).code == 0
-    assert canned["scenes"] == first[:4]
-    assert command("--verify", "-o", "others", "--scenes", 4, "--seed", 1).code == 0
-    assert canned["scenes"] != first[:4]
-
-
-def test_plan__that_is_not_reliable_is_written_and_says_so(command, canned):
-    canned["honest"] = False
-    said = command("--verify", "-o", "out", "--scenes", 1)
-    assert said.code == 1
-    assert "out: 1 of 2 estimates are reliable" in said.out
-    assert "ridgebayes: 1 estimates are not reliable; see out/report.md" in said.err
-    assert {path.name for path in Path("out").iterdir()} == CHECK
-
-
-def test_plan__replaces_folders_of_a_check_only_and_only_when_told(command, canned):
-    words = ("--verify", "-o", "out", "--scenes", 1)
-    assert command(*words).code == 0
-    refused = command(*words)
-    assert refused.code == 2
-    assert "out: exists; use another -o, or --force" in refused.err
-    assert command(*words, "--force").code == 0
-    Path("out/plan-check.csv").rename("out/mine.csv")
-    refused = command(*words, "--force")
-    assert refused.code == 2
-    assert "no plan-check.csv in it" in refused.err
-    assert Path("out/mine.csv").is_file()

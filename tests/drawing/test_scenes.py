@@ -2,14 +2,12 @@
 
 import matplotlib
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.colors import to_rgba
 
-from ridgebayes.checks.plan_check import CHECK_COLUMNS
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.drawing.scenes import plot_counts, plot_effects, plot_plan_check
+from ridgebayes.drawing.scenes import plot_counts, plot_effects
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.scene.effects import plan_table
 from ridgebayes.scene.estimates import plan
@@ -35,21 +33,6 @@ def effects(relative=0.005, **texture):
     return plan_table(plan(Scene(textures=(texture,), p_over_E=0.006, relative=relative)))
 
 
-def check(**columns):
-    rows = [
-        (1, "ridges", 0.5, 0.5, True, 0.01),
-        (1, "offset", 0.2, 0.1, True, 0.01),
-        (1, "groove floor", 0.0, 0.0, False, 0.01),
-        (1, "corner radius", 0.008, 0.004, False, 0.01),
-        (2, "ridges", 0.2, 0.2, True, 0.1),
-        (2, "offset", 3e-3, 1e-3, False, 0.1),
-        (2, "groove floor", 0.7, 0.3, True, 0.1),
-        (2, "corner radius", 0.02, 0.015, False, 0.1),
-    ]
-    names = ["scene", "effect", "estimate", "true_change", "simulated", "relative"]
-    return pd.DataFrame(rows, columns=names).reindex(columns=CHECK_COLUMNS).assign(**columns)
-
-
 def curves(name):
     texture = {"as planned": PROFILES[name], "ridges alone": PROFILES["plain"]}
     events = {key: reaching_loads(each, W_max=W, rel_tol=1e-5) for key, each in texture.items()}
@@ -67,11 +50,6 @@ def test_plot_counts__has_no_text_that_is_clipped_or_lies_on_other_text(name, fa
 @pytest.mark.parametrize("name", TEXTURES)
 def test_plot_effects__has_no_text_that_is_clipped_or_lies_on_other_text(name, faults):
     assert faults(plot_effects(effects(**TEXTURES[name]), 0.005)) == ([], [])
-
-
-@pytest.mark.parametrize("rows", [slice(0, 8), slice(0, 4), slice(2, 3)])
-def test_plot_plan_check__has_no_text_that_is_clipped_or_lies_on_other_text(rows, faults):
-    assert faults(plot_plan_check(check().iloc[rows])) == ([], [])
 
 
 def test_plot_counts__steps_up_at_each_load():
@@ -114,45 +92,13 @@ def test_plot_effects__bars_are_the_table_and_filled_where_simulated():
     assert not axes.lines
 
 
-def test_plot_plan_check__dots_are_the_table():
-    frame = check()
-    left, right = plot_plan_check(frame).axes
-    markers = {"ridges": "D", "offset": "o", "groove floor": "s", "corner radius": "^"}
-    least = 1e-6  # smaller ones lie on the edge
-    for name, marker in markers.items():
-        own = frame[frame["effect"] == name]
-        for simulated in (True, False):
-            rows = own[own["simulated"] == simulated]
-            (line,) = [
-                line
-                for line in left.lines
-                if line.get_marker() == marker
-                and (line.get_markerfacecolor() != "none") == simulated
-            ]
-            np.testing.assert_array_equal(line.get_xdata(), rows["true_change"].clip(least))
-            np.testing.assert_array_equal(line.get_ydata(), rows["estimate"].clip(least))
-        off = own[~own["simulated"]]
-        (line,) = [line for line in right.lines if line.get_marker() == marker]
-        np.testing.assert_array_equal(line.get_xdata(), off["relative"])
-        # Rounding.
-        share = (off["true_change"] / off["relative"]).clip(least)
-        np.testing.assert_allclose(line.get_ydata(), share, rtol=1e-14)
-    same, ten_times = [line for line in left.lines if line.get_marker() == "None"]
-    np.testing.assert_array_equal(same.get_xdata(), same.get_ydata())
-    np.testing.assert_array_equal(10 * ten_times.get_xdata(), ten_times.get_ydata())
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [pytest.param("png", marks=pytest.mark.long), "svg"])
 def test_figures__of_the_same_input_are_the_same_bytes_whatever_the_user_has_set(kind):
     table, drawn = effects(), curves("offset")
 
     def drawings():
-        figures = (
-            plot_effects(table, 0.005),
-            plot_counts(drawn),
-            plot_plan_check(check()),
-        )
+        figures = (plot_effects(table, 0.005), plot_counts(drawn))
         return [as_bytes(figure, kind) for figure in figures]
 
     first = drawings()

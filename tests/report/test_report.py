@@ -10,7 +10,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
-from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
+from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.comparison.ranking import Predicting
 from ridgebayes.comparison.verdict import Verdict

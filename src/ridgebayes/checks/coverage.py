@@ -3,12 +3,13 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes._types import Rng
-from ridgebayes.checks.folds import Fold, clustered_se, folds_of, row_loads
+from ridgebayes.checks.left_out import Fold, clustered_se, of_folds, row_loads
 from ridgebayes.comparison.compare import DEFAULT_FORMS
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.posterior import Posterior
@@ -17,7 +18,6 @@ from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import ResolvedPriors
 from ridgebayes.results import Fit
-from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable
 
@@ -26,10 +26,8 @@ COVERAGE_COLUMNS = ["form", "noise", "prob", "n", "covered", "share", "share_se"
 COVERAGE_COLUMNS += ["share_extrapolated", "n_texture", "n_unconverged", "n_failed", "failed"]
 # Result of a fold: its predicted rows and whether its fit converged, or why it failed.
 _Result = tuple[pd.DataFrame, bool] | str
-# Columns of the frame with a row for each predicted row and probability.
-_ROW_COLUMNS = {"fold": int, "prob": float, "texture": int}
-_ROW_COLUMNS |= {"covered": bool, "width": float, "extrapolation": bool}
-_NO_ROWS = pd.DataFrame(columns=list(_ROW_COLUMNS)).astype(_ROW_COLUMNS)
+_ROW_COLUMNS = ("prob", "texture", "covered", "width", "extrapolation")
+_NO_ROWS = pd.DataFrame(columns=list(_ROW_COLUMNS), dtype=float)
 
 
 def coverage(
@@ -89,39 +87,27 @@ def coverage(
     -----
     *Cost.* Up to a CPU second for each fold.
     """
-    for one in forms:
-        refuse_circular(table, one.form if isinstance(one, Fit) else one)
+    for form in forms:
+        refuse_circular(table, form.form if isinstance(form, Fit) else form)
     data, seed = Observations.from_table(table), seed_of(rng)
     if not data.is_exact.any():  # brackets and counts do not tell the load that a band would hold
         return pd.DataFrame(columns=COVERAGE_COLUMNS)
     every = [as_noise(noise) for noise in (Noise.every() if noises is None else noises)]
-    models = [(data, form, noise, seed, priors) for form in forms for noise in every]
-    groups = list(map_ordered(_folds, models, executor, name=lambda one: f"draws of {one[2].name}"))
-    tasks = [(fold, tuple(probs)) for folds in groups for fold in folds]
-    found = map_ordered(_predict_fold, tasks, executor, name=lambda task: task[0].full_name)
+    pairs, work = [(form, noise) for form in forms for noise in every], partial(_predicted, probs)
+    groups = of_folds(work, data, pairs, executor=executor, seed=seed, priors=priors)
     rows = []
-    for folds in groups:
-        model = folds[0].known.model
-        name, noise = model.form.name, model.noise.name
-        with nullcontext() if progress is None else progress(f"{name}, {noise}"):
-            results = [(fold.name, next(found)) for fold in folds]
-        rows += count_covered(name, noise, probs, results)
+    for form, noise in pairs:
+        name = form.form.name if isinstance(form, Fit) else form.name
+        with nullcontext() if progress is None else progress(f"{name}, {noise.name}"):
+            results = [(fold.name, result) for fold, result in next(groups)]
+        rows += count_covered(name, noise.name, probs, results)
     return pd.DataFrame(rows, columns=COVERAGE_COLUMNS)
 
 
-def _folds(
-    task: tuple[Observations, Form | Fit, Noise, int, ResolvedPriors | None],
-) -> list[Fold]:
-    """Draw a posterior given all rows, and return its folds."""
-    data, form, noise, seed, priors = task
-    return folds_of(data, form, noise, seed=seed, priors=priors)
-
-
-def _predict_fold(task: tuple[Fold, tuple[float, ...]]) -> _Result:
+def _predicted(probs: Sequence[float], fold: Fold) -> _Result:
     """Predict a fold from the others; the reason where that fails."""
-    fold, probs = task
     try:
-        fit = fold.found().posterior(fold.seed)
+        fit = fold.left_out().posterior(fold.seed)
     except ComputationError as error:
         return str(error)
     rows = fold.rows
@@ -129,16 +115,26 @@ def _predict_fold(task: tuple[Fold, tuple[float, ...]]) -> _Result:
 
 
 def covered_rows(fit: Posterior, data: Observations, probs: Sequence[float]) -> pd.DataFrame:
-    """Return columns `_ROW_COLUMNS`: a row of each observation for each probability."""
-    parts = [_NO_ROWS]
-    if len(data):  # none for a texture of brackets and counts alone
-        load = row_loads(fit, data)
-        for prob in probs:
-            lower, upper = (np.log(end) for end in load.interval(prob))
-            covered = (lower <= data.log_load) & (data.log_load <= upper)
-            columns = (0, prob, data.texture, covered, upper - lower, load.extrapolation)
-            parts.append(pd.DataFrame(dict(zip(_ROW_COLUMNS, columns, strict=True))))
-    return pd.concat(parts, ignore_index=True)
+    """Return prob, texture, covered, width and extrapolation, a row of each observation and prob.
+
+    Parameters
+    ----------
+    fit : Posterior
+        Posterior without the rows.
+    data : Observations
+        Rows that give the load itself; there may be none.
+    probs : sequence of float
+        Probabilities of the bands.
+    """
+    if not len(data):
+        return _NO_ROWS
+    frames, load = [], row_loads(fit, data)
+    for prob in probs:
+        lower, upper = (np.log(end) for end in load.interval(prob))
+        covered = (lower <= data.log_load) & (data.log_load <= upper)
+        columns = (prob, data.texture, covered, upper - lower, load.extrapolation)
+        frames.append(pd.DataFrame(dict(zip(_ROW_COLUMNS, columns, strict=True))))
+    return pd.concat(frames)
 
 
 def count_covered(
@@ -147,14 +143,14 @@ def count_covered(
     """Return a row of `COVERAGE_COLUMNS` for each probability, over the folds that did not fail."""
     failed = [f"{name}: {result}" for name, result in results if isinstance(result, str)]
     sound = [result for _, result in results if not isinstance(result, str)]
-    # Textures of several fits are others, whatever their number within one.
-    frames = [_NO_ROWS] + [frame.assign(fold=i) for i, (frame, _) in enumerate(sound)]
-    everything = pd.concat(frames, ignore_index=True)
     n_unconverged = sum(not converged for _, converged in sound)
+    frames = dict(enumerate(frame for frame, _ in sound if len(frame)))
+    # Textures of several folds are others, whatever their number within one.
+    every = pd.concat(frames, names=["fold"]) if frames else _NO_ROWS.rename_axis("fold")
     rows = []
     for prob in probs:
-        part = everything[everything["prob"] == prob]
-        by_texture = part.groupby(["fold", "texture"], sort=False)["covered"]
+        part = every[every["prob"] == prob]
+        by_texture = part.groupby(["fold", "texture"])["covered"]
         size, inside = (n.to_numpy().astype(float) for n in (by_texture.size(), by_texture.sum()))
         share_se = clustered_se(inside, size) / len(part) if len(part) else np.nan
         shares = (len(part), int(inside.sum()), part["covered"].mean(), share_se)

@@ -8,7 +8,6 @@ which is why its coefficients differ from the posterior's.
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 from scipy.optimize import least_squares
 
 from ridgebayes._types import FloatArray
@@ -75,7 +74,8 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     >>> {name: round(value, 4) for name, value in found.coefficients.items()}
     {'c1': 1.3486, 'c2': 0.018}
     """
-    frame = _transitions(table)
+    frame = table.calibration.frame
+    frame = frame[frame["kind"] == "transition"]
     start = form.printed
     if start is None or len(frame) < len(start):
         raise InputError(
@@ -110,11 +110,6 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
         r_squared(q, q + residual(solution.x)),
         len(q),
     )
-
-
-def _transitions(table: ContactTable) -> pd.DataFrame:
-    frame = table.calibration.frame
-    return frame[frame["kind"] == "transition"]
 
 
 def r_squared(observed: FloatArray, predicted: FloatArray) -> float:

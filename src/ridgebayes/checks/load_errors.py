@@ -38,8 +38,8 @@ def held_out_loads(comparison: Comparison) -> pd.DataFrame:
         return pd.DataFrame()
     loads = loads_table(replace(comparison, table=held_out), kinds=("simulation",))
     observed, power_law = loads["p_over_E_observed"], comparison.fits.get("power-law")
-    known = list(power_law.model.data.textures) if power_law is not None else []
-    has_k = pd.MultiIndex.from_frame(loads[["a_over_R", "b_over_R"]]).isin(known)
+    with_k = list(power_law.model.data.textures) if power_law is not None else []
+    has_k = pd.MultiIndex.from_frame(loads[["a_over_R", "b_over_R"]]).isin(with_k)
     loads["prior_alone"] = (loads["form"] == "power-law") & ~has_k
     loads["inside"] = observed.between(loads["p_over_E_lower"], loads["p_over_E_upper"])
     return loads
@@ -139,7 +139,7 @@ def slopes_table(comparison: Comparison) -> pd.DataFrame:
             a, b = textures[i : i + _AT_ONCE].T
             slope = fit.form.slope(a, b, theta)
             lower, upper = np.quantile(slope, [0.5 - _PROB / 2, 0.5 + _PROB / 2], axis=0)
-            each = zip(a, b, a + b, slope.mean(axis=0), lower, upper, strict=True)
-            rows += [(name, *values, _PROB) for values in each]
+            values = (a, b, a + b, slope.mean(axis=0), lower, upper)
+            rows += [(name, *row, _PROB) for row in zip(*values, strict=True)]
     columns = ["form", "a_over_R", "b_over_R", "pitch", "K", "K_lower", "K_upper", "prob"]
     return pd.DataFrame(rows, columns=columns)

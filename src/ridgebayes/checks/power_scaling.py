@@ -119,10 +119,10 @@ def cumulative_distance(x: FloatArray, weight: FloatArray) -> float:
     width = np.diff(x[order])
     p = np.arange(1, len(x)) / len(x)
     q = np.cumsum(weight[order])[:-1]
-    both = float(width @ (p + q))
-    if not both > 0:  # all draws are equal
+    total = float(width @ (p + q))
+    if not total > 0:  # all draws are equal
         return 0.0
     # P/M = 1 + (P - Q)/(P + Q): where P and Q are alike, their logarithms would cancel.
     ahead = (p - q) / (p + q)
     change = p * np.log1p(ahead) + special.xlog1py(q, -ahead)  # the first q may round to 0
-    return math.sqrt(max(float(width @ change) / math.log(2) / both, 0.0))
+    return math.sqrt(max(float(width @ change) / math.log(2) / total, 0.0))

@@ -123,7 +123,7 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
     observed, replicated = (
         _quantities(rows, residual) for residual in (rows.log_load - curve, loads - curve)
     )
-    stacked = (np.stack(list(found.values()), axis=-1) for found in (observed, replicated))
+    stacked = (np.stack([*values.values()], axis=-1) for values in (observed, replicated))
     return PredictiveChecks(tuple(observed), *stacked)
 
 
@@ -171,15 +171,15 @@ def prior_bands(
 
 def _quantities(data: Observations, residual: FloatArray) -> dict[str, FloatArray]:
     """Return the test quantities of residuals (n_draw, n_obs) at the places of some rows."""
-    found = {"largest residual": np.abs(residual).max(axis=-1)}
+    values = {"largest residual": np.abs(residual).max(axis=-1)}
     x = np.log(data.Q / 2 - 1)
     x = x - x.mean()
     if np.ptp(x) > 0:
-        found["trend"] = residual @ x / (x @ x)
+        values["trend"] = residual @ x / (x @ x)
     for name, code in (("texture spread", data.texture), ("step spread", data.Q)):
         means = _mean_matrix(code)
         if means.shape[0] > 1:
-            found[name] = (means @ residual.T).std(axis=0, ddof=1)
+            values[name] = (means @ residual.T).std(axis=0, ddof=1)
     # Cells are sorted by texture and then by Q: neighbours follow each other.
     cells, code = np.unique(np.stack([data.texture, data.Q]), axis=1, return_inverse=True)
     near = np.flatnonzero(np.diff(cells[0]) == 0)
@@ -187,8 +187,8 @@ def _quantities(data: Observations, residual: FloatArray) -> dict[str, FloatArra
         cell = (_mean_matrix(code.reshape(-1)) @ residual.T).T
         cell = cell - cell.mean(axis=-1, keepdims=True)
         product = (cell[..., near] * cell[..., near + 1]).mean(axis=-1)
-        found["lag-1 correlation"] = product / (cell**2).mean(axis=-1)
-    return found
+        values["lag-1 correlation"] = product / (cell**2).mean(axis=-1)
+    return values
 
 
 def _mean_matrix(code: IntArray) -> sparse.csr_array:

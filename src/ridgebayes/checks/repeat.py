@@ -68,11 +68,11 @@ def repeat_posterior(posterior: Posterior) -> Repeat:
         drawn = at_least(first, target, n_draw, effort, seed + 1)
     except ComputationError as error:
         return Repeat(n_draw, "", float("nan"), str(error))
-    own, again = posterior.summary, posterior_of(model, drawn, seed).summary
-    moved = (np.abs(again["mean"] - own["mean"]) / own["sd"]).to_numpy()
+    summary, again = posterior.summary, posterior_of(model, drawn, seed).summary
+    moved = (np.abs(again["mean"] - summary["mean"]) / summary["sd"]).to_numpy()
     worst, evidence = int(moved.argmax()), first.evidence
     failed = "" if evidence.ok else evidence.status
-    name = str(own["parameter"][worst])
+    name = str(summary["parameter"][worst])
     return Repeat(drawn.log_density.size, name, float(moved[worst]), failed)
 
 

@@ -240,10 +240,10 @@ def consequence_of(bands: pd.DataFrame, shown: str, over: str, seen: pd.DataFram
     largest = seen.groupby(key)["p_over_E"].max().rename("largest").reset_index()
     bands = bands[bands["kind_of_band"] == "simulation"].merge(largest, on=key)
     bands = bands[bands["p_over_E"] <= bands["largest"]]
-    own, other = (bands[bands["form"] == form].reset_index(drop=True) for form in (shown, over))
-    apart = (own["q_median"] - other["q_median"]).abs().max() if over else 0
-    n_texture = len(own[key].drop_duplicates())
-    return Consequence(n_texture, over, int(apart), int((own["q_upper"] - own["q_lower"]).max()))
+    band, other = (bands[bands["form"] == form].reset_index(drop=True) for form in (shown, over))
+    apart = (band["q_median"] - other["q_median"]).abs().max() if over else 0
+    n_texture = len(band[key].drop_duplicates())
+    return Consequence(n_texture, over, int(apart), int((band["q_upper"] - band["q_lower"]).max()))
 
 
 def _panel_bands(
@@ -257,18 +257,18 @@ def _panel_bands(
     textures = [texture for texture in every if texture in kept]
     loads = []
     for a, b in textures:
-        own = seen[(seen["a_over_R"] == a) & (seen["b_over_R"] == b)]
-        top = float((own if len(own) else seen)["p_over_E"].max())
+        rows = seen[(seen["a_over_R"] == a) & (seen["b_over_R"] == b)]
+        top = float((rows if len(rows) else seen)["p_over_E"].max())
         loads.append((np.linspace(0.0, np.sqrt(_BEYOND * top), _N_LOAD) ** 2)[1:])
     return bands_table(comparison, textures=textures, forms=forms, loads=np.array(loads))
 
 
 def _least_squares(comparison: Comparison) -> dict[str, LeastSquares]:
-    found = {}
+    squares = {}
     for name, fit in comparison.fits.items():
         try:
-            found[name] = fit_by_least_squares(fit.form, comparison.table)
+            squares[name] = fit_by_least_squares(fit.form, comparison.table)
         # A form with a coefficient per texture, too few rows, or rows that no coefficients suit.
         except (InputError, ComputationError):
             continue
-    return found
+    return squares

@@ -1,4 +1,4 @@
-"""`ridgebayes plan`: a scene's effects as a table and figures, and the check of estimates."""
+"""`ridgebayes plan`: a scene's effects as a table and figures."""
 
 import math
 from collections.abc import Sequence
@@ -6,15 +6,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from ridgebayes import drawing
-from ridgebayes.checks.plan_check import check_plans, sobol_scenes
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import medians_taken, refuse_existing, refuse_suffix
-from ridgebayes.commands.run_folder import new_folder, write_csv, write_page
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.atomic import write_text
-from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.text import duration, percent
 from ridgebayes.scene.effects import Plan, beyond_reach, plan_table
 from ridgebayes.scene.estimates import plan
@@ -23,7 +19,6 @@ from ridgebayes.simulate.responses import contact_at_loads
 from ridgebayes.table.datafiles import data_path
 from ridgebayes.table.files import check_name, write_frame
 
-CHECK_CSV = "plan-check.csv"
 _METHODS = {
     "half-plane": "the half-plane equation",
     "two-scale": "two scales (half-plane ridges on a largely deformed body)",
@@ -35,10 +30,8 @@ def command(asked: options.Plan) -> Answer:
     """Do what the command line asks for."""
     if asked.new is not None:
         return _new_scene(asked)
-    if asked.verify:
-        return _verified(asked)
     if asked.scene is None:
-        raise InputError("SCENE: missing; expected a scene file, --new or --verify")
+        raise InputError("SCENE: missing; expected a scene file or --new")
     if asked.out is not None:
         check_name(asked.out)
         refuse_existing(asked.out, asked.force)
@@ -68,8 +61,8 @@ def command(asked: options.Plan) -> Answer:
 def _new_scene(asked: options.Plan) -> Answer:
     """Write a scene file to start from."""
     path = asked.new
-    if path is None or asked.scene is not None or asked.verify:
-        raise InputError("--new: expected without a scene and --verify")
+    if path is None or asked.scene is not None:
+        raise InputError("--new: expected without a scene")
     refuse_suffix(path, (".toml",))
     refuse_existing(path, asked.force)
     write_text(data_path("scenes/template.toml").read_text(encoding="utf-8"), path)
@@ -147,40 +140,3 @@ def _expected(scene: Scene, one: Plan) -> str:
     if found["rel_se"]:
         words += f" Standard error of the load: {percent(found['rel_se'])}, of lengths half of it."
     return words if found["status"] == "ok" else f"{words} This is {found['status']}."
-
-
-def _verified(asked: options.Plan) -> Answer:
-    """Check the estimates behind plans on scenes spread over the space, and write what it shows."""
-    if asked.scene is not None or asked.out is None:
-        raise InputError("--verify: expected -o, a folder to create, and no scene")
-    scenes = sobol_scenes(asked.scenes, rng=asked.seed)
-    with (
-        new_folder(asked.out, force=asked.force, about=CHECK_CSV) as partial,
-        Progress(1) as progress,
-    ):
-        with progress.stage("scenes"):
-            found = check_plans(scenes, progress=progress.detail)
-        write_csv(found, partial / CHECK_CSV)
-        drawing.style.save(drawing.scenes.plot_plan_check(found), partial / "plan-check")
-        _write_report(found, partial / "report.md")
-    n_bad = int((~found["honest"]).sum())
-    told = f"{asked.out}: {len(found) - n_bad} of {len(found)} estimates are reliable"
-    problem = f"{n_bad} estimates are not reliable; see {asked.out}/report.md"
-    return Answer((told,), found, files_in(asked.out), problem=problem if n_bad else "")
-
-
-def _write_report(found: pd.DataFrame, path: Path) -> None:
-    """Write what the check shows as Markdown, and a table of every row."""
-    neglected = found[~found["simulated"]]
-    names = ["scene", "effect", "number", "estimate", "true_change", "relative", "simulated"]
-    rows = found[names].itertuples(index=False)
-    write_page(
-        path,
-        "plan_check.md.jinja",
-        n_scene=found["scene"].nunique(),
-        n_neglected=len(neglected),
-        n_within=int((neglected["true_change"] <= neglected["relative"]).sum()),
-        n_honest=int(found["honest"].sum()),
-        names=names,
-        rows=[[f"{x:.3g}" if isinstance(x, float) else str(x) for x in row] for row in rows],
-    )

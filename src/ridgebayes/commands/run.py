@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from ridgebayes.checks.cost.measured import short_costs
+from ridgebayes.checks.cost import accuracy_costs
 from ridgebayes.checks.coverage import coverage
-from ridgebayes.checks.cross_validation import left_out_scores
+from ridgebayes.checks.left_out import left_out_scores
 from ridgebayes.checks.report_data import ReportData, report_data
 from ridgebayes.commands import BEGAN, options
 from ridgebayes.commands.answers import comparison_answer
@@ -114,7 +114,7 @@ def run_job(
         if extras:
             comparison = _add_left_out(comparison, inputs, progress, executor)
             with progress.stage("what accuracy costs"):
-                cost = submit_or_defer(local, short_costs, comparison, progress.stages)
+                cost = submit_or_defer(local, accuracy_costs, comparison.table)
                 comparison = replace(comparison, cost=cost())
         # The few figures of a quick run are drawn here, and workers need no library for them.
         drawing = local if extras or local is None else thread

@@ -10,9 +10,9 @@ from typing import Any
 
 import pandas as pd
 
-from ridgebayes.checks.cost.measured import SHORT_COLUMNS
+from ridgebayes.checks.cost import COST_COLUMNS
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
-from ridgebayes.checks.cross_validation import LEFT_OUT_COLUMNS
+from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS
 from ridgebayes.commands.run_folder import PARTIAL, RUN_JSON, write_csv, write_json
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.citations import citations
@@ -41,18 +41,28 @@ _TABLES = {
     "prior_sensitivity": ("prior_sensitivity.csv", SENSITIVITY_COLUMNS),
     "left_out": ("left_out.csv", LEFT_OUT_COLUMNS),
     "coverage": ("coverage.csv", COVERAGE_COLUMNS),
-    "cost": ("costs.csv", SHORT_COLUMNS),
+    "cost": ("costs.csv", COST_COLUMNS),
 }
 # Commands that write other folders, by a file that identifies each.
 _OTHER_FOLDERS = {
     "coverage.json": "coverage",
     "cost.csv": "cost",
-    "plan-check.csv": "plan --verify",
     "design.json": "design",
 }
 _ONLY_IF_ANY = ("left_out", "coverage", "cost")
 _FORM = ("form", "form_a", "form_b")  # columns of forms of the run
-_TEXT = (*_FORM, "noise", "method", "status", "reading", "prior", "leave", "failed", "task")
+_TEXT = (
+    *_FORM,
+    "noise",
+    "method",
+    "status",
+    "reading",
+    "prior",
+    "leave",
+    "failed",
+    "task",
+    "preset",
+)
 
 
 def write_fits(comparison: Comparison, folder: Path, executor: Executor | None = None) -> None:

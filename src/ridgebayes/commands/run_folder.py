@@ -13,7 +13,6 @@ import pandas as pd
 from ridgebayes.errors import InputError, OutputError, RidgebayesError
 from ridgebayes.runtime.atomic import exclusive_lock, replacing, write_text
 from ridgebayes.runtime.pool import map_ordered
-from ridgebayes.runtime.templates import rendered
 
 RUN_JSON = "run.json"
 CHAINS = "chains-*.h5"
@@ -162,8 +161,3 @@ def _csv(frame: pd.DataFrame, *, header: bool = False) -> str:
 def write_json(content: object, path: Path) -> None:
     """Write plain values as JSON, whole or not at all."""
     write_text(json.dumps(content, indent=2) + "\n", path)
-
-
-def write_page(path: Path, template: str, **values: object) -> None:
-    """Write a page of one of this room's templates, whole or not at all."""
-    write_text(rendered("ridgebayes.commands", template, **values), path)

@@ -61,30 +61,23 @@ class Plan:
     scene : Path, optional
         Scene file.
     out : Path, optional
-        .csv or .parquet to write. With --verify, a folder.
+        .csv or .parquet to write.
     new : Path, optional
         Write a commented scene file to start from, such as my.toml.
     figures : Path, optional
         Folder for figures of the scene.
-    verify : bool, optional
-        Test the estimates on random scenes. Needs no SCENE.
-    scenes : int, optional
-        Number of scenes, with --verify.
     """
 
     scene: Argument[Path | None] = None
     out: Path | None = None
     new: Path | None = None
     figures: Path | None = None
-    verify: bool = False
-    scenes: Positive[int] = 32
-    seed: Natural[int] = 0
     force: bool = False
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Measure accuracy against run time: loads, and posteriors with their evidences.
+    """Measure error and run time of each accuracy: posteriors, evidences and loads.
 
     Parameters
     ----------
@@ -93,7 +86,7 @@ class Cost:
     elements : bool, optional
         Run finite elements too.
     repeats : int, optional
-        Number of timed runs of each fast setting.
+        Number of timed runs of each accuracy.
     workers : int, optional
         Worker processes. Parallel runs distort timings.
     """

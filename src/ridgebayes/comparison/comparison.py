@@ -56,7 +56,7 @@ class Comparison(Predictive, Tabular):
     failures : dict of str to str
         Forms that could not be fitted, and why.
     left_out : pandas.DataFrame
-        Scores of each form on textures and steps left out, see `checks.cross_validation`; empty
+        Scores of each form on textures and steps left out, see `checks.left_out`; empty
         if not computed.
     coverage : pandas.DataFrame
         How often the best form's bands contain the loads of textures left out, see
@@ -64,8 +64,7 @@ class Comparison(Predictive, Tabular):
     accuracy : str
         Name of the accuracy that was asked for, see `ridgebayes.inference.presets`.
     cost : pandas.DataFrame
-        Run times of some methods for the best form, see `checks.cost.measured`; empty if not
-        measured.
+        Errors and run times of each accuracy, see `checks.cost`; empty if not measured.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Figures of a scene: Q against load, effects, and their estimates."""
+"""Figures of a scene: Q against load, and the size of its effects."""
 
 import numpy as np
 import pandas as pd
@@ -7,16 +7,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from ridgebayes._types import FloatArray
-from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, plain, shared_legend, styled
+from ridgebayes.drawing.style import COLOURS, WIDTH, new_figure, plain, styled
 from ridgebayes.runtime.text import short_label
 
 _BODY = COLOURS["modified"]
-_EFFECTS = {
-    "ridges": ("D", COLOURS["hybrid"]),
-    "offset": ("o", COLOURS["modified"]),
-    "groove floor": ("s", COLOURS["power-law"]),
-    "corner radius": ("^", COLOURS["classic"]),
-}
 
 
 @styled()
@@ -106,53 +100,3 @@ def draw_effects(axes: Axes, table: pd.DataFrame, relative: float | None) -> Non
         axes.axvline(relative, color="#000000", linewidth=1, linestyle=":")
     dotted = "" if relative is None else "; dotted: target"
     axes.set_xlabel(f"relative change of a transition load (filled: simulated{dotted})")
-
-
-@styled()
-def plot_plan_check(frame: pd.DataFrame) -> Figure:
-    """Draw estimates against true changes.
-
-    Parameters
-    ----------
-    frame : pandas.DataFrame
-        Columns of plan-check.csv.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Left: estimate over truth, between the truth itself and ten times it where honest; right:
-        the true change of what was neglected, over the accuracy wanted.
-    """
-    figure = new_figure(WIDTH, 4.6)
-    left, right = figure.subplots(1, 2)
-    least = 1e-6
-    for name, (marker, colour) in _EFFECTS.items():
-        own = frame[frame["effect"] == name]
-        true = np.maximum(own["true_change"].to_numpy(float), least)
-        estimate = np.maximum(own["estimate"].to_numpy(float), least)
-        simulated = own["simulated"].to_numpy(bool)
-        for which, face in ((simulated, colour), (~simulated, "none")):
-            left.plot(
-                true[which],
-                estimate[which],
-                marker,
-                color=colour,
-                markerfacecolor=face,
-                markersize=5,
-                label=name if face != "none" else None,
-            )
-        off = own[~simulated]
-        wanted = off["relative"].to_numpy(float)
-        share = np.maximum(off["true_change"].to_numpy(float), least * wanted) / wanted
-        right.plot(wanted, share, marker, color=colour, markerfacecolor="none", markersize=5)
-    ends = np.array([least, 3.0])
-    left.plot(ends, ends, color="#000000", linewidth=0.8)
-    left.plot(ends, 10 * ends, color="#000000", linewidth=0.8, linestyle=":")
-    left.set(xlabel="true change", ylabel="estimate", ylim=(least / 2, 10))
-    right.axhline(1, color="#000000", linewidth=0.8)
-    right.set(xlabel="target accuracy", ylabel="true change of neglected effects over target")
-    for axes in (left, right):
-        axes.set(xscale="log", yscale="log")
-        axes.minorticks_off()
-    shared_legend(figure, left, at="upper", n_column=4)
-    return figure

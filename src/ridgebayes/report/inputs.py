@@ -4,8 +4,6 @@
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
-
 from ridgebayes import drawing
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.report.blocks import Block, Table, Text
@@ -14,8 +12,8 @@ from ridgebayes.runtime.text import count, short_label, versions
 
 MOST_TEXTURES = 40
 _ERRORS = {
-    "loads": "of a load, relative to the table's",
-    "posterior": "of a mean, in posterior sds",
+    "loads": "of a load, relative",
+    "posterior": "of a mean, sd or quantile, in posterior sds",
     "evidence": "in ln Z",
 }
 _FORMULAS = {
@@ -165,25 +163,25 @@ def cost_section(data: ReportData) -> list[Block]:
     if not len(costs):
         return [Text(words)]
     words += (
-        "CPU seconds were measured once, on the machine of this run. The command ridgebayes cost "
-        "measures more settings, with repeats."
+        "Errors and CPU seconds were measured once, on the machine of this run, for Hybrid with "
+        "independent errors. The command ridgebayes cost repeats them, and adds finite elements."
     )
     rows = [
         [
             row["task"],
             row["method"],
+            row["preset"],
+            number(row["target_error"], 2),
             number(row["error"], 2),
             _ERRORS.get(row["task"], ""),
-            "not measured" if np.isnan(row["cpu_s"]) else number(row["cpu_s"], 2),
+            number(row["cpu_s"], 2),
         ]
         for row in costs.to_dict("records")
     ]
     found = Table(
-        ["Quantity", "Method", "Error", "Unit of the error", "CPU s"],
+        ["Quantity", "Method", "Preset", "Target error", "Error", "Unit of the error", "CPU s"],
         rows,
-        "Errors of other methods are distances from this run's numbers. Those of this run are "
-        "Monte Carlo standard errors.",
-        text=(0, 1, 3),
+        text=(0, 1, 2, 5),
     )
     return [Text(words), found]
 

@@ -64,7 +64,7 @@ def plan(scene: Scene) -> list[Plan]:
     -----
     *Accuracy.* All that is neglected changes loads by no more than the accuracy wanted, and
     estimates above a tenth of it are within a factor of two of the truth: checked on scenes all
-    over the space (`checks.plan_check`).
+    over the space (`studies/plan.py`).
     *Cost.* Some tens of milliseconds a texture.
 
     Examples

@@ -195,7 +195,7 @@ def _curve(
         "b_over_R": texture.b_over_R,
         "Q": Q.tolist(),
         "p_over_E": p_over_E.tolist(),
-        "rel_se": _ELEMENTS_SE.get(edges, 0.0),
+        "rel_se": ELEMENTS_SE.get(edges, 0.0),
         "nu": task.scene.nu,
         "offset_over_R": offset * (texture.a_over_R + texture.b_over_R),
         "role": texture.role,
@@ -221,7 +221,7 @@ def optional_effects(texture: Texture) -> list[str]:
 
 # Edges a ridge of the mesh, and the relative error of its loads: docs/validation/cylinder.md. Where
 # the fine one's rim cannot pass a corner a coarser one can: what slides is less than its edge.
-_ELEMENTS_SE = {48: 5e-4, 24: 1e-3, 10: 4e-3}
+ELEMENTS_SE = {48: 5e-4, 24: 1e-3, 10: 4e-3}
 # Past a sharp corner the last mesh goes on with round ones, whose loads are some 0.1 % off.
 _ROUNDED, _ROUNDED_SE = 0.05, 2e-3
 

@@ -1,11 +1,18 @@
-"""Are the estimates behind a plan honest? Scenes all over the space, each neglect put to test."""
+"""Estimates of effects against true changes: ``python -m studies.plan``.
 
+It plans scenes spread over the space and switches each effect over. ``plan-check.csv`` has a row
+for each scene and effect, ``plan-check.png`` shows estimates against true changes.
+"""
+
+import argparse
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from scipy.stats import qmc
 
 from ridgebayes._types import FloatArray, Rng
@@ -13,6 +20,7 @@ from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.drawing.style import COLOURS, WIDTH, as_bytes, new_figure, shared_legend, styled
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.scene.effects import Plan, full_profile
 from ridgebayes.scene.estimates import plan
@@ -25,7 +33,14 @@ TOO_LARGE = 10.0  # times the truth: an estimate that is more says nothing
 # Changes under a hundredth of the wanted accuracy need no exact estimate.
 _NEGLIGIBLE = 0.01
 _TOLERANCE = 1e-6
+_OUT = Path(__file__).parents[1] / "docs" / "validation"
 _FIELDS = {"groove floor": "depth", "corner radius": "corner", "offset": "offset"}
+_MARKS = {
+    "ridges": ("D", COLOURS["hybrid"]),
+    "offset": ("o", COLOURS["modified"]),
+    "groove floor": ("s", COLOURS["power-law"]),
+    "corner radius": ("^", COLOURS["classic"]),
+}
 
 
 def sobol_scenes(n: int = 32, *, rng: Rng = 0) -> list[Scene]:
@@ -74,17 +89,13 @@ def _scene(place: Sequence[float]) -> Scene:
     )
 
 
-def check_plans(
-    scenes: list[Scene], *, progress: Callable[[str], None] | None = None
-) -> pd.DataFrame:
+def check_plans(scenes: list[Scene]) -> pd.DataFrame:
     """Switch each effect of each scene over, and compare the true change with its estimate.
 
     Parameters
     ----------
     scenes : list of Scene
         Scenes of one texture each.
-    progress : callable, optional
-        Called with a line of text for each scene.
 
     Returns
     -------
@@ -97,10 +108,7 @@ def check_plans(
     """
     rows = []
     for number, scene in enumerate(scenes, start=1):
-        one = plan(scene)[0]
-        if progress is not None:
-            progress(f"scene {number} of {len(scenes)}")
-        rows += _rows(number, scene, one)
+        rows += _rows(number, scene, plan(scene)[0])
     return pd.DataFrame(rows, columns=CHECK_COLUMNS)
 
 
@@ -160,3 +168,71 @@ def _change(base: dict[int, float], other: dict[int, float], W_max: float) -> fl
         return math.nan
     changes: FloatArray = np.array([other[Q] / base[Q] - 1 for Q in shared])
     return float(np.abs(changes).max())
+
+
+@styled()
+def plot_plan_check(frame: pd.DataFrame) -> Figure:
+    """Draw estimates against true changes.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Columns of plan-check.csv.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Left: estimate over truth, between the truth itself and ten times it where honest; right:
+        the true change of what was neglected, over the accuracy wanted.
+    """
+    figure = new_figure(WIDTH, 4.6)
+    left, right = figure.subplots(1, 2)
+    least = 1e-6
+    for name, (marker, colour) in _MARKS.items():
+        rows = frame[frame["effect"] == name]
+        true = np.maximum(rows["true_change"].to_numpy(float), least)
+        estimate = np.maximum(rows["estimate"].to_numpy(float), least)
+        simulated = rows["simulated"].to_numpy(bool)
+        for which, face in ((simulated, colour), (~simulated, "none")):
+            left.plot(
+                true[which],
+                estimate[which],
+                marker,
+                color=colour,
+                markerfacecolor=face,
+                markersize=5,
+                label=name if face != "none" else None,
+            )
+        off = rows[~simulated]
+        wanted = off["relative"].to_numpy(float)
+        share = np.maximum(off["true_change"].to_numpy(float), least * wanted) / wanted
+        right.plot(wanted, share, marker, color=colour, markerfacecolor="none", markersize=5)
+    ends = np.array([least, 3.0])
+    left.plot(ends, ends, color="#000000", linewidth=0.8)
+    left.plot(ends, 10 * ends, color="#000000", linewidth=0.8, linestyle=":")
+    left.set(xlabel="true change", ylabel="estimate", ylim=(least / 2, 10))
+    right.axhline(1, color="#000000", linewidth=0.8)
+    right.set(xlabel="target accuracy", ylabel="true change of neglected effects over target")
+    for axes in (left, right):
+        axes.set(xscale="log", yscale="log")
+        axes.minorticks_off()
+    shared_legend(figure, left, at="upper", n_column=4)
+    return figure
+
+
+def main() -> None:
+    """Plan and check the scenes, write the table and its figure, and print the counts."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", type=int, default=32)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=_OUT)
+    asked = parser.parse_args()
+    frame = check_plans(sobol_scenes(asked.scenes, rng=asked.seed))
+    asked.out.mkdir(parents=True, exist_ok=True)
+    frame.to_csv(asked.out / "plan-check.csv", index=False)
+    (asked.out / "plan-check.png").write_bytes(as_bytes(plot_plan_check(frame), "png"))
+    print(f"{int(frame['honest'].sum())} of {len(frame)} estimates are reliable")
+
+
+if __name__ == "__main__":
+    main()

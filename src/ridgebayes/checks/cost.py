@@ -1,0 +1,173 @@
+"""Error and run time of each accuracy: posteriors, their evidences, and loads."""
+
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray, Rng
+from ridgebayes.contact import halfplane
+from ridgebayes.contact.scaling import Texture
+from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.importance import Drawn, importance_sample
+from ridgebayes.inference.presets import PRESETS, REFERENCE
+from ridgebayes.inference.target import ModelTarget
+from ridgebayes.model.forms import Form, Hybrid
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
+from ridgebayes.runtime.pool import map_ordered
+from ridgebayes.runtime.randomness import seed_of
+from ridgebayes.simulate.generation import LOAD_PRESETS
+from ridgebayes.simulate.solvers import ELEMENTS_SE
+from ridgebayes.table.table import ContactTable
+
+COST_COLUMNS = ("task", "method", "preset", "target_error", "error", "cpu_s", "status")
+_N_LOAD = 3  # transitions that are compared: finite elements take seconds for each
+_Row = tuple[str, str, str, float, float, float, str]
+_T = TypeVar("_T")
+
+
+def accuracy_costs(
+    table: ContactTable,
+    form: Form | None = None,
+    *,
+    texture: Texture | None = None,
+    elements: bool = False,
+    repeats: int = 1,
+    rng: Rng = 0,
+    executor: Executor | None = None,
+) -> pd.DataFrame:
+    """Measure error and CPU seconds of each preset.
+
+    Parameters
+    ----------
+    table : ContactTable
+        Its calibration rows are fitted with independent errors.
+    form : Form, optional
+        Contact form; Hybrid if not given.
+    texture : (float, float), optional
+        a/R and b/R of the loads; the middle texture of the table if not given.
+    elements : bool, optional
+        Whether loads are also computed by finite elements, which takes a minute.
+    repeats : int, optional
+        Timed runs of each preset; the median time counts.
+    rng : int or numpy.random.Generator, optional
+        Seed.
+    executor : concurrent.futures.Executor, optional
+        Executor of the presets; one after another if not given. Parallel runs distort timings.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns task, method, preset, target_error, error, cpu_s, status. Errors of a ``posterior``
+        are the largest of a mean, sd, 5 or 95 % quantile, in posterior sds; of an ``evidence`` in
+        ln Z; of ``loads`` the largest relative one of the first three transitions. Posteriors and
+        evidences are compared with some hundred thousand draws, half-plane loads with 24
+        coefficients a strip, finite elements with the finest mesh, whose own error is NaN.
+        `status`: ``ok``, or why there is no number.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> costs = accuracy_costs(rb.paper_sweep(), rb.Modified(), rng=1)
+    >>> bool((costs["error"] < costs["target_error"]).all()), len(costs)
+    (True, 9)
+    """
+    rows, seed = table.calibration, seed_of(rng)
+    texture = texture or rows.textures[len(rows.textures) // 2]
+    model = Model(Observations.from_table(table), form or Hybrid(), Noise())
+    try:
+        exact = importance_sample(ModelTarget(model, seed), REFERENCE.effort.doubled, seed + 1)
+        best = _moments(model, exact), exact.evidence.value
+    except ComputationError:  # the presets fail likewise, and say why
+        best = np.array(np.nan), np.nan
+    tasks = {
+        "posterior": partial(_posterior, model, *best, repeats, seed),
+        "half-plane": partial(_half_plane, texture, repeats),
+        "finite elements": partial(_elements, texture, float(rows.frame["p_over_E"].max())),
+    }
+    names = list(tasks)[: 3 if elements else 2]
+    settings = [(name, preset, tasks[name]) for name in names for preset in PRESETS]
+    measured = map_ordered(_measured, settings, executor, name=lambda task: f"{task[0]}, {task[1]}")
+    return pd.DataFrame([row for rows in measured for row in rows], columns=list(COST_COLUMNS))
+
+
+def _measured(setting: tuple[str, str, Callable[[str], Iterator[_Row]]]) -> list[_Row]:
+    """Return the rows of a preset; the reason where it fails."""
+    task, preset, work = setting
+    try:
+        return list(work(preset))
+    except (InputError, ComputationError) as error:
+        return [(task, "", preset, np.nan, np.nan, np.nan, str(error))]
+
+
+def _posterior(
+    model: Model, exact: FloatArray, log_evidence: float, repeats: int, seed: int, name: str
+) -> Iterator[_Row]:
+    """Draw a posterior, and compare with many more draws."""
+    preset, method = PRESETS[name], "importance sampling"
+    drawn, cpu_s = _timed(
+        lambda: importance_sample(ModelTarget(model, seed), preset.effort, seed), repeats
+    )
+    error = float((np.abs(_moments(model, drawn) - exact) / exact[1]).max())
+    yield "posterior", method, name, preset.moment_error, error, cpu_s, "ok"
+    error = abs(drawn.evidence.value - log_evidence)
+    yield "evidence", method, name, preset.evidence_error, error, cpu_s, "ok"
+
+
+def _moments(model: Model, drawn: Drawn) -> FloatArray:
+    """Return mean, sd, 5 and 95 % quantile of each outer parameter."""
+    theta = model.outer_theta(drawn.u.reshape(-1, drawn.u.shape[-1]))
+    return np.stack([theta.mean(axis=0), theta.std(axis=0), *np.quantile(theta, (0.05, 0.95), 0)])
+
+
+def _half_plane(texture: Texture, repeats: int, name: str) -> Iterator[_Row]:
+    """Solve for loads by the half-plane equation, without the loads kept from earlier calls."""
+    (a, b), target = texture, LOAD_PRESETS[name].load_error
+
+    def loads() -> FloatArray:
+        halfplane.forget_loads()
+        return halfplane.transition_loads(a, b, _N_LOAD, rel_tol=target).F
+
+    F, cpu_s = _timed(loads, repeats)
+    error = float(np.abs(F / halfplane.solve_strips(2 * b / a, _N_LOAD, 24).F - 1).max())
+    yield "loads", "half-plane", name, target, error, cpu_s, "ok"
+
+
+def _elements(texture: Texture, p_max: float, name: str) -> Iterator[_Row]:
+    """Solve for loads by finite elements, and compare with the finest mesh."""
+    from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
+    from ridgebayes.contact.rigid_profile import Profile
+
+    a, b = texture
+    half_plane = halfplane.transition_loads(a, b, _N_LOAD).p_over_E(a + b, nu=0.5)
+    p_max = min(p_max, 1.02 * float(half_plane[-1]))
+
+    def loads(edges: int) -> FloatArray:
+        _, p_over_E, _ = transition_curve(Cylinder(Profile(a, b), p_max=p_max, edges=edges), p_max)
+        return p_over_E[np.isfinite(p_over_E)]
+
+    edges, finest = (LOAD_PRESETS[preset].meshes[0] for preset in (name, REFERENCE.name))
+    p_over_E, cpu_s = _timed(lambda: loads(edges), 1)
+    error = np.nan
+    if edges != finest:
+        exact = loads(finest)
+        if not 0 < len(p_over_E) == len(exact):
+            raise ComputationError(f"{len(p_over_E)} of {len(exact)} transitions")
+        error = float(np.abs(p_over_E / exact - 1).max())
+    yield "loads", f"finite elements, {edges} edges", name, ELEMENTS_SE[edges], error, cpu_s, "ok"
+
+
+def _timed(work: Callable[[], _T], repeats: int) -> tuple[_T, float]:
+    """Return a result, and the median of the CPU seconds of repeated runs."""
+    seconds = []
+    for _ in range(repeats):
+        began = time.process_time()
+        result = work()
+        seconds.append(time.process_time() - began)
+    return result, float(np.median(seconds))
