@@ -28,7 +28,7 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.predict.predict import KINDS
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.runtime.memory import watched_memory
-from ridgebayes.runtime.pool import RETURN_FREED, ask_malloc, executor_for, n_cpu, submit_or_defer
+from ridgebayes.runtime.pool import executor_for, n_cpu, submit_or_defer
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.table.datafiles import reference_fe
 
@@ -178,9 +178,7 @@ def _add_left_out(
 def _compared(
     inputs: Inputs, progress: Progress, folder: Path, executor: Executor | None
 ) -> Comparison:
-    comparison = _thinned(inputs.compare(progress, folder, executor))
-    ask_malloc(*RETURN_FREED)  # whole chains are free now
-    return comparison
+    return _thinned(inputs.compare(progress, folder, executor))
 
 
 def _thinned(comparison: Comparison) -> Comparison:

@@ -18,6 +18,7 @@ from ridgebayes.contact.contact_solution import (
     MOST_UNKNOWNS,
     bearing_half_width,
     coefficients_for,
+    too_many,
 )
 from ridgebayes.contact.ridge_contacts import RidgeContacts
 from ridgebayes.contact.ridge_row import RidgeRow, felt
@@ -39,12 +40,13 @@ class Events:
     ----------
     W : ndarray of float, shape (n,)
         Loads.
-    ok : ndarray of bool, shape (n,)
-        Whether all conditions hold. Other loads need another method.
+    why : str
+        Why there are no more; empty where the last is beyond the largest load, or there are as
+        many as asked for.
     """
 
     W: FloatArray
-    ok: BoolArray
+    why: str
 
 
 def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) -> Events:
@@ -53,7 +55,7 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
     Parameters
     ----------
     profile : Profile
-        The rigid side. Loads at which a floor may be touched are not ok.
+        The rigid side. Events end where a floor may be touched.
     W_max : float
         Largest load.
     n_max : int
@@ -64,38 +66,48 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
     Returns
     -------
     Events
-        Events, as many as the most unknowns allow; none where rounding leaves no definite matrix.
+        Events up to the first that does not converge, or needs too many unknowns.
 
     Notes
     -----
     *Cost.* Five to fifteen rounds, each one convolution over the row and the contacts of all
     ridges and events.
     """
-    none = found = Events(np.empty(0), np.empty(0, dtype=bool))
     compliance = -math.log(math.sin(0.5 * math.pi * profile.a / profile.pitch))
     n = math.sqrt(2 * W_max) / profile.pitch + 0.1 + 0.5 * compliance
     n = math.ceil(n if profile.mirrored else 2 * n) + 1
     bearing = W_max
+    W, ok = np.empty(0), np.empty(0, dtype=bool)
     while True:
         half_width = bearing_half_width(profile, bearing)
         m = max(coefficients_for(profile, rel_tol, half_width), 3)
-        most = min(n_max, MOST_UNKNOWNS // m)
-        if most < max(len(found.W), 1):
-            return found
-        n = min(n, most)
+        most = MOST_UNKNOWNS // m
+        if most < max(len(W), 1):
+            why = too_many(profile, (len(W) + 1) * m).status
+            break
+        n = min(n, most, n_max)
         try:
             row = RidgeRow.of(profile, n, m, half_width)
-        except np.linalg.LinAlgError:
-            return none
+        except np.linalg.LinAlgError as error:
+            why = f"not computed: {error}"
+            break
         parts = np.array_split(np.arange(n), min(math.ceil(n * m / _GROUP), n))
-        groups = [_Rounds(row.first(int(one[-1]) + 1), rel_tol, one) for one in parts]
-        found = _joined([one.events() for one in groups])
-        if any(one.cut_off for one in groups):
+        groups = [_Rounds(row.first(int(part[-1]) + 1), rel_tol, part) for part in parts]
+        W, ok = map(np.concatenate, zip(*(group.events() for group in groups), strict=True))
+        ok &= np.diff(W, prepend=0.0) > 0
+        if any(group.cut_off for group in groups):
             bearing *= 4
-        elif n == most or not found.ok[-1] or found.W[-1] > W_max:
-            return found
+        elif n == n_max or not ok[-1] or W[-1] > W_max:
+            why = ""
+            break
+        elif n == most:
+            why = too_many(profile, (n + 1) * m).status
+            break
         else:
             n += 2 + n // 8
+    if not ok.all():
+        why = "not converged: the load that reaches a ridge"
+    return Events(W[: int(np.argmin(np.append(ok, False)))], why)
 
 
 class _Rounds:
@@ -124,15 +136,15 @@ class _Rounds:
         found[:, 0] = np.maximum(found[:, 0], least)
         return found
 
-    def events(self) -> Events:
-        """Return all events, found together."""
+    def events(self) -> tuple[FloatArray, BoolArray]:
+        """Return the load of each event, and whether all conditions hold there."""
         for _ in range(_MOST_ROUNDS):
             arrived = self._round()
             if arrived.all():
                 break
             if arrived.any():
                 self._keep(~arrived)
-        return Events(self._W, self._ok)
+        return self._W, self._ok
 
     def _round(self) -> BoolArray:
         """Move all events once; those that have arrived are noted."""
@@ -240,14 +252,6 @@ class _Rounds:
         self._moving = self._moving[:n, still]
         self._nearest = self._nearest[still]
         self._mixing.keep(n, still)
-
-
-def _joined(parts: list[Events]) -> Events:
-    """Return events of all groups; not ok where loads do not rise."""
-    W = np.concatenate([one.W for one in parts])
-    ok = np.concatenate([one.ok for one in parts])
-    ok &= np.diff(W, prepend=0.0) > 0
-    return Events(W, ok)
 
 
 def _far(contacts: RidgeContacts) -> BoolArray:

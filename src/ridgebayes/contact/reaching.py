@@ -4,20 +4,16 @@ The gap over a ridge that is not there yet falls as the load rises; where it van
 that reaches it. No load increment enters.
 """
 
+import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.contact.all_events import Events, all_events
-from ridgebayes.contact.contact_solution import (
-    ContactSolution,
-    bearing_half_width,
-    coefficients_for,
-    solve_contact,
-    too_many,
-)
+from ridgebayes.contact.all_events import all_events
+from ridgebayes.contact.contact_solution import ContactSolution, solve_contact
 from ridgebayes.contact.ridge_row import touch_order
 from ridgebayes.contact.rigid_profile import Profile
 
@@ -68,46 +64,57 @@ def reaching_loads(
 
     Notes
     -----
-    *Cost.* As for `all_events`; where its conditions do not hold, as over floors that are touched,
-    about ten solves of `solve_contact` for each event, twice as many beside the centre.
+    *Cost.* As for `all_events`; from where a floor may be touched about ten solves of
+    `solve_contact` for each event, twice as many beside the centre.
     """
     if profile.corner < rel_tol * profile.a:  # loads change by less than the corner over a
         profile = replace(profile, corner=0.0)
-    together = all_events(profile, W_max=W_max, n_max=n_max, rel_tol=rel_tol)
-    order = touch_order(profile, len(together.W) + 1)
-    begun = None if together.ok[:1].any() else _smallest(profile, W_max, rel_tol)
-    low, high = _touched_first(profile, together, W_max, begun)
-    loads: list[float] = []
-    counts: list[int] = []
-    status: list[str] = []
-    found = begun
-    while len(loads) < n_max:
-        n = high - low + 1
-        known = 0 < n < len(order) and together.ok[n - 1]
-        if known and {low, high} <= set(order[:n].tolist()):
-            W, ridge, said = float(together.W[n - 1]), int(order[n]), "ok"
-        else:
-            if n == len(order) > 1 and together.ok[-1]:  # ended by the most unknowns
-                half_width = bearing_half_width(profile, W_max)
-                found = too_many(profile, n * coefficients_for(profile, rel_tol, half_width))
-            elif found is None:
-                found = _smallest(profile, W_max, rel_tol)
-            # Roots of the loads of pairs rise nearly evenly: the search starts from the next one.
-            rise = 2 * math.sqrt(loads[-1]) - math.sqrt(loads[-2]) if len(loads) > 1 else 0.0
-            begin = min(rise**2, W_max) if profile.mirrored and rise else max([found.W, *loads])
-            # To the right, and where the profile is no mirror image also to the left.
-            sides = (high + 1,) if profile.mirrored else (high + 1, low - 1)
-            W, ridge, found = _reach(found, begin, range(low, high + 1), sides, W_max, rel_tol)
-            said = found.status
-        if not W_max >= W:
-            break
+    together = all_events(profile, W_max=W_max, n_max=n_max + 1, rel_tol=rel_tol)
+    low, *later = touch_order(profile, len(together.W) + 1).tolist()
+    high, least = low, _TINY[0] * min(W_max, profile.pitch**2)
+    events: list[tuple[float, int, str]] = []
+    for W, ridge in zip(together.W.tolist(), later, strict=True):
         low, high = min(low, ridge), max(high, ridge)
-        loads.append(W if said == "ok" else math.nan)
-        counts.append(_count(profile, low, high))
-        status.append(said)
-        if said != "ok":
-            break
-    return TransitionLoads(np.array(loads), np.array(counts, dtype=np.int64), tuple(status))
+        if least < W <= W_max:
+            events.append((W, _count(profile, low, high), "ok"))
+    if together.why and math.isinf(profile.depth):
+        events.append((math.nan, _count(profile, low, high + 1), together.why))
+    elif together.why:
+        W = float(together.W[-1]) if later else 0.0
+        alone = _one_by_one(profile, W, low, high, W_max, rel_tol)
+        events += itertools.islice(alone, n_max - len(events))
+    loads, counts, status = zip(*events[:n_max], strict=True) if events else ((), (), ())
+    return TransitionLoads(np.array(loads), np.array(counts, dtype=np.int64), status)
+
+
+def _count(profile: Profile, low: int, high: int) -> int:
+    """Return how many ridges there are from one to another, mirror images included."""
+    if not profile.mirrored:
+        return high - low + 1
+    return 2 * high + (1 if abs(profile.offset) == 0.5 else 2)
+
+
+def _one_by_one(
+    profile: Profile, W: float, low: int, high: int, W_max: float, rel_tol: float
+) -> Iterator[tuple[float, int, str]]:
+    """Yield the events after a load at which ridges from one to another are touched; 0 is none."""
+    found = None
+    if W == 0.0:
+        found = _smallest(profile, W_max, rel_tol)
+        first = [segment.ridge for segment in found.segments if segment.ridge is not None]
+        # Where a floor alone is touched the ridges beside it, -1 and 0, are yet to be reached.
+        low, high, W = min(first, default=0), max(first, default=-1), found.W
+    status = "ok" if found is None else found.status
+    while status == "ok":
+        # To the right, and where the profile is no mirror image also to the left.
+        sides = (high + 1,) if profile.mirrored else (high + 1, low - 1)
+        W, ridge, found = _reach(profile, W, range(low, high + 1), sides, found, W_max, rel_tol)
+        if W_max < W:
+            return
+        low, high, status = min(low, ridge), max(high, ridge), found.status
+        if status == "ok":
+            yield W, _count(profile, low, high), status
+    yield math.nan, _count(profile, low, high), status
 
 
 def _smallest(profile: Profile, W_max: float, rel_tol: float) -> ContactSolution:
@@ -120,32 +127,12 @@ def _smallest(profile: Profile, W_max: float, rel_tol: float) -> ContactSolution
     return found
 
 
-def _touched_first(
-    profile: Profile, together: Events, W_max: float, begun: ContactSolution | None
-) -> tuple[int, int]:
-    """Return the first and last ridge that are touched from the smallest load on."""
-    if begun is None:
-        nothing = _TINY[0] * min(W_max, profile.pitch**2)
-        both = not profile.mirrored and together.W[0] <= nothing
-        order = touch_order(profile, 2 if both else 1)
-        return int(order.min()), int(order.max())
-    first = [segment.ridge for segment in begun.segments if segment.ridge is not None]
-    # Where a floor alone is touched the ridges beside it, -1 and 0, are yet to be reached.
-    return (min(first), max(first)) if first else (0, -1)
-
-
-def _count(profile: Profile, low: int, high: int) -> int:
-    """Return how many ridges there are from one to another, mirror images included."""
-    if not profile.mirrored:
-        return high - low + 1
-    return 2 * high + (1 if abs(profile.offset) == 0.5 else 2)
-
-
 def _reach(
-    found: ContactSolution,
-    W: float,
+    profile: Profile,
+    least: float,
     ridges: range,
     sides: tuple[int, ...],
+    start: ContactSolution | None,
     W_max: float,
     rel_tol: float,
 ) -> tuple[float, int, ContactSolution]:
@@ -154,9 +141,7 @@ def _reach(
     The gap over a ridge falls with the load, and by less the wider the contact is: each of Newton's
     steps, from wherever it begins, ends below the load that is sought.
     """
-    if found.status != "ok":
-        return W, sides[0], found
-    profile, least = found.profile, found.W
+    W, found = least, start
     ahead = [profile.ridge(number) for number in sides]
     for _ in range(_MOST_STEPS):
         found = solve_contact(profile, W, rel_tol=rel_tol, start=found, ridges=ridges)
@@ -171,4 +156,5 @@ def _reach(
             return math.inf, sides[nearest], found
         if abs(step) <= 1e-3 * rel_tol * W:
             return W, sides[nearest], found
+    assert found is not None  # there was a step
     return W, sides[0], replace(found, status="not converged: the load that reaches a ridge")

@@ -1,12 +1,10 @@
 """Who computes: this process, worker processes beside it, or a cluster; and results in order.
 
-A worker that dies takes nothing along but the task it was given, which another one does again. In
-one `ProcessPoolExecutor` of many workers a death breaks all that was submitted, and nobody knows on
-which task: here each worker is such an executor of its own, and a thread waits for it.
+A worker that dies takes nothing along but its task, which a fresh worker does again. In one
+`ProcessPoolExecutor` of many workers a death breaks all that was submitted, and nobody knows on
+which task: here each worker is an executor of its own, and a thread waits for it.
 """
 
-import ctypes
-import gc
 import itertools
 import multiprocessing
 import os
@@ -15,18 +13,16 @@ import queue
 import signal
 import sys
 import threading
-import time
-import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from concurrent import futures
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from multiprocessing import forkserver, resource_tracker
-from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
+from unittest.mock import patch
 
 from ridgebayes.errors import ComputationError, InputError, WorkerLostError
-from ridgebayes.runtime.progress import HEARD_EVERY_S, Relay, pass_on, tell_count
+from ridgebayes.runtime.progress import tell_count
 from ridgebayes.runtime.text import exit_text
 
 _P = ParamSpec("_P")
@@ -36,19 +32,18 @@ _Task = TypeVar("_Task")
 # worker imports for itself.
 _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 _PACKAGE = __name__.partition(".")[0]
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-_starting = threading.Lock()
+# BLAS of one thread in each worker: several would fight for processors. One arena of glibc's
+# malloc: a worker has threads, and each would keep memory that it has freed.
+_ENVIRONMENT = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX"), "1"
+)
 _TRIES = 3  # a task that has killed as many workers would kill the next
 # Tasks under way for each worker: one in progress, the others queued so that it never idles.
 _PER_WORKER = 4
-# All threads allocate from one arena (-8 is M_ARENA_MAX): each unpickles results of workers, and
-# would keep the memory it frees. Freed memory of the largest step goes back to the system.
-ONE_ARENA, RETURN_FREED = ("mallopt", -8, 1), ("malloc_trim", 0)
-_LONG_S = 0.1  # of a task that may have taken much memory
 _UNKNOWN = 1_000  # tasks under way on an executor that does not say how many workers it has
 
 
-class WorkerPool(futures.Executor):
+class WorkerPool(futures.ThreadPoolExecutor):
     """Processes that compute what is submitted; a task whose worker died is done again.
 
     Parameters
@@ -62,36 +57,29 @@ class WorkerPool(futures.Executor):
     """
 
     def __init__(self, n_worker: int) -> None:
+        super().__init__(n_worker)
         self.n_worker = n_worker
-        self._threads = futures.ThreadPoolExecutor(n_worker)
         # By the thread that waits for it.
         self._workers: dict[int, futures.ProcessPoolExecutor] = {}
-        self.pipes: dict[int, Connection] = {}
-        self._futures: weakref.WeakSet[futures.Future[Any]] = weakref.WeakSet()
-        self._lock = threading.Lock()
+        self._starting = threading.Lock()
         self._stopped = False
         start_server()
 
     def submit(
-        self, function: Callable[..., _T], /, *args: object, **kwargs: object
+        self, function: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs
     ) -> "futures.Future[_T]":
         """Have a worker call a function; all has to be picklable."""
-        future = self._threads.submit(self._compute, function, args, kwargs)
-        self._futures.add(future)
-        return future
+        return super().submit(self._compute, function, args, kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Take no more tasks, and end the workers when those there are done, or dropped."""
-        if cancel_futures:  # rather than by the threads' own shutdown, which tells no waiter
-            for future in list(self._futures):
-                future.cancel()
-        self._threads.shutdown(wait)
+        super().shutdown(wait, cancel_futures=cancel_futures)
         while wait and self._workers:
             self._workers.popitem()[1].shutdown()
 
     def stop(self) -> None:
         """End the workers at once, whatever they are at."""
-        with self._lock:
+        with self._starting:
             self._stopped = True
             for worker in self._workers.values():
                 for process in worker._processes.values():  # from Python 3.14 on: kill_workers
@@ -101,21 +89,22 @@ class WorkerPool(futures.Executor):
     def _compute(
         self, function: Callable[..., _T], args: tuple[object, ...], kwargs: dict[str, object]
     ) -> _T:
-        """Have this thread's worker call a function, or fresh ones in its place if it dies."""
+        """Have this thread's worker call a function, or a fresh one in its place if it dies."""
         message = pickle.dumps((function, args, kwargs))
         me, code = threading.get_ident(), None
         for _ in range(_TRIES):
             try:
-                with self._lock:
+                with self._starting:
                     if self._stopped:
                         raise futures.CancelledError
                     if me not in self._workers:
-                        self._workers[me], self.pipes[me] = _started()
+                        context = multiprocessing.get_context(_METHOD)
+                        self._workers[me] = futures.ProcessPoolExecutor(1, context, _begin)
                     future = self._workers[me].submit(_call, message)
                 value: _T = future.result()
                 return value
             except futures.BrokenExecutor:
-                with self._lock:
+                with self._starting:
                     worker = self._workers.pop(me)
                 (process,) = worker._processes.values()
                 worker.shutdown()
@@ -124,12 +113,6 @@ class WorkerPool(futures.Executor):
             f"{_TRIES} worker processes died on this task, the last with {exit_text(code)}; "
             "they may need more memory"
         )
-
-
-def ask_malloc(function: str, *given: int) -> None:
-    """Ask something of glibc's malloc; other C libraries have no such functions."""
-    with suppress(OSError, AttributeError, TypeError):
-        getattr(ctypes.CDLL(None), function)(*given)
 
 
 def start_server(preload: Sequence[str] = ()) -> None:
@@ -142,15 +125,15 @@ def start_server(preload: Sequence[str] = ()) -> None:
     preload : sequence of str, optional
         Modules to import; those of this package that are loaded by now if not given.
     """
-    ask_malloc(*ONE_ARENA)  # before there are threads that wait for workers
     if _METHOD != "forkserver":
+        os.environ.update(_ENVIRONMENT)  # which each worker takes over when it starts
         return
     # Ctrl-C reaches the whole group of processes: server and workers start with it held back. The
     # tracker is started before, because that start ends with the signal let through.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
-        with _one_thread_each():
+        with patch.dict(os.environ, _ENVIRONMENT):
             loaded = [name for name in list(sys.modules) if name.startswith(f"{_PACKAGE}.")]
             forkserver.set_forkserver_preload(list(preload) or loaded)
             forkserver.ensure_running()
@@ -277,7 +260,7 @@ def map_ordered(
                 future.add_done_callback(ended.put)
             if not under_way:
                 return
-            future = _next_ended(ended, executor)
+            future = ended.get()
             number, task = under_way.pop(future)
             try:
                 early[number] = result = future.result()
@@ -295,16 +278,6 @@ def map_ordered(
     finally:
         for future in under_way:
             future.cancel()
-
-
-def _next_ended(ended: Any, executor: futures.Executor) -> Any:
-    """Wait for a task to end, and pass on what workers tell meanwhile."""
-    while isinstance(executor, WorkerPool):
-        with suppress(queue.Empty):
-            return ended.get(timeout=HEARD_EVERY_S)
-        for pipe in list(executor.pipes.values()):
-            pass_on(pipe)
-    return ended.get()
 
 
 def submit_or_defer(
@@ -340,37 +313,9 @@ def submit_or_defer(
     return executor.submit(function, *args, **kwargs).result
 
 
-def _started() -> tuple[futures.ProcessPoolExecutor, Connection]:
-    context = multiprocessing.get_context(_METHOD)
-    here, there = context.Pipe(duplex=False)
-    worker = futures.ProcessPoolExecutor(1, context, _begin, (there,))
-    with _one_thread_each():
-        worker.submit(int)  # which starts the process
-    return worker, here
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Have processes started here load a BLAS of one thread: several would fight for processors."""
-    with _starting:
-        before = {name: os.environ.get(name) for name in _THREADS}
-        os.environ.update(dict.fromkeys(_THREADS, "1"))
-        try:
-            yield
-        finally:
-            for name, value in before.items():
-                if value is None:
-                    os.environ.pop(name, None)
-                else:
-                    os.environ[name] = value
-
-
-def _begin(pipe: Connection) -> None:
+def _begin() -> None:
     """Leave Ctrl-C to the parent, and end when it does, however that ended: in a fresh worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    ask_malloc(*ONE_ARENA)
-    gc.freeze()  # a collection would write to all that it shares with the server, and copy it
-    Relay(pipe)
     threading.Thread(target=_follow, daemon=True).start()
 
 
@@ -383,14 +328,9 @@ def _follow() -> None:
 
 def _call(message: bytes) -> Any:
     """Call a function: in a worker, which an error in reading the call would end."""
-    began = time.perf_counter()
     try:
         function, args, kwargs = pickle.loads(message)
-        found = function(*args, **kwargs)
-        del args, kwargs
-        if time.perf_counter() > began + _LONG_S:
-            ask_malloc(*RETURN_FREED)
-        return found
+        return function(*args, **kwargs)
     except Exception as error:
         try:
             pickle.loads(pickle.dumps(error))  # some errors go but do not come back

@@ -1,13 +1,11 @@
 """Progress of a long command, and the duration of each stage."""
 
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from contextvars import ContextVar, Token
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
 from typing import Any, TextIO
 
 from ridgebayes.runtime.text import duration
@@ -15,8 +13,7 @@ from ridgebayes.runtime.text import duration
 # Detail of progress: -1 none, 0 stages, 1 also progress within each without a terminal. Set for
 # the duration of one command, so that functions need not pass it on.
 VERBOSITY: ContextVar[int] = ContextVar("VERBOSITY", default=0)
-_CURRENT: ContextVar["Progress | Relay | None"] = ContextVar("_CURRENT", default=None)
-HEARD_EVERY_S = 1.0  # from a worker
+_CURRENT: ContextVar["Progress | None"] = ContextVar("_CURRENT", default=None)
 _EVERY_S = {0: 30.0, 1: 2.0}  # a line on a stage that takes long, where there is no terminal
 
 
@@ -53,7 +50,7 @@ class Progress:
     _task: Any = None
     _began: float = 0.0
     _told: float = 0.0
-    _token: "Token[Progress | Relay | None] | None" = None
+    _token: "Token[Progress | None] | None" = None
 
     def __enter__(self) -> "Progress":
         self._token = _CURRENT.set(self)
@@ -142,45 +139,6 @@ class Progress:
 def untimed(name: str) -> Iterator[Callable[[float], None]]:
     """Do nothing around a stage: what a library call has in place of `Progress.stage`."""
     yield lambda seconds: None
-
-
-class Relay:
-    """Stands for the progress of a command in its worker: sends how far a task is, now and then.
-
-    Parameters
-    ----------
-    pipe : multiprocessing.connection.Connection
-        To the command's process.
-    """
-
-    def __init__(self, pipe: Connection) -> None:
-        self._pipe, self._told = pipe, time.monotonic()
-        if os.name == "posix":  # elsewhere what nobody hears would in the end be waited for
-            os.set_blocking(pipe.fileno(), False)
-            _CURRENT.set(self)
-
-    def detail(self, text: str) -> None:
-        """Send how far the task is."""
-        if time.monotonic() >= self._told + HEARD_EVERY_S:
-            self._told = time.monotonic()
-            with suppress(BlockingIOError):
-                self._pipe.send(text)
-
-    def count(self, n_done: int, n: int | None) -> None:
-        """Say nothing: the parts of a task are not those of a stage."""
-
-
-def tell(text: str) -> None:
-    """Tell the running command's progress, if there is one, how far something is."""
-    progress = _CURRENT.get()
-    if progress is not None:
-        progress.detail(text)
-
-
-def pass_on(pipe: Connection) -> None:
-    """Tell what a worker has sent."""
-    while pipe.poll():
-        tell(pipe.recv())
 
 
 def tell_count(n_done: int, n: int | None = None) -> None:
