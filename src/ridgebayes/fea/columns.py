@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from ridgebayes.fea.interpret import ColumnInterpreter, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
 from ridgebayes.fea.missing import ask_columns
 from ridgebayes.fea.parquet import ParquetTable
-from ridgebayes.fea.problems import SHOWN, FileError, Source
+from ridgebayes.fea.problems import SHOWN, FileError, TableFile
 from ridgebayes.fea.quantities import ABOVE_0
 from ridgebayes.fea.record import Imported, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
@@ -233,7 +232,7 @@ def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], where: str) -> InputE
 
 
 def _validated(
-    raw: RawTable, rows: "pd.Index[int] | None", problems: FileError, source: Source
+    raw: RawTable, rows: "pd.Index[int] | None", problems: FileError, source: TableFile
 ) -> ContactTable:
     """Return the table, or refuse the rules that it breaks beside what was noted before."""
     frame, findings = checked(raw)
@@ -286,7 +285,7 @@ def _mapping_text(
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def open_table(path: Path, how: Reading, problems: FileError) -> Source:
+def open_table(path: Path, how: Reading, problems: FileError) -> TableFile:
     """Return the file, by its suffix; nothing in it is run."""
     suffix = path.suffix.lower()
     if suffix in _OLD:
@@ -315,8 +314,9 @@ def open_table(path: Path, how: Reading, problems: FileError) -> Source:
         return ParquetTable(path, content)
     if suffix == ".rpt" and not _SEPARATED.search(content):
         curves = read_xy(path)
-        rows = zip(curves.index, curves.astype(str).to_numpy().tolist(), strict=True)
-        return TextTable(str(path), chain([(0, curves.columns.tolist())], rows), ",", how, problems)
+        cells = zip(curves.index, curves.astype(str).to_numpy().tolist(), strict=True)
+        rows = [(0, curves.columns.tolist()), *cells]
+        return TextTable(str(path), lambda _: rows, ",", how, problems)
     return read_delimited(str(path), content, how, problems)
 
 

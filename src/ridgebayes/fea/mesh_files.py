@@ -11,6 +11,7 @@ import warnings
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path, PureWindowsPath
 from xml.etree import ElementTree as ET
 
@@ -190,7 +191,7 @@ def _check_binary(path: Path, root: ET.Element, item: ET.Element) -> None:
     packed = _head(text, head, 3 + n_block)[3:]
     content = base64.b64decode(text[at : at + _encoded(sum(packed))])
     ends = np.cumsum([0, *packed]).tolist()
-    for start, end in zip(ends, ends[1:], strict=False):
+    for start, end in pairwise(ends):
         if len(zlib.decompressobj().decompress(content[start:end], block + 1)) > block:
             raise InputError(f"{path}: a block of over {block} bytes; expected as stated")
 

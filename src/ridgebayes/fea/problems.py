@@ -16,7 +16,7 @@ SHOWN = 3  # cells of one complaint that a message lists; the rest is counted
 _MOST = 20  # complaints
 
 
-class Source(Protocol):
+class TableFile(Protocol):
     """A table file whose header is known; rows are counted from 0 below it."""
 
     where: str
@@ -108,7 +108,7 @@ class FileError(InputError):
         """Return the file's rows with a cell that no option mends."""
         return {r for (_, rule), rows in self._cells.items() if "-empty" not in rule for r in rows}
 
-    def raise_all(self, source: Source | None = None) -> None:
+    def raise_all(self, source: TableFile | None = None) -> None:
         """Raise what was noted, if anything was."""
         # What --empty could mend is not broken.
         self.is_broken = bool(self.wrong) or any("-empty" not in rule for _, rule in self._cells)
@@ -117,7 +117,7 @@ class FileError(InputError):
         if self.wrong or self.needs:
             raise self
 
-    def _of_cells(self, source: Source) -> list[str]:
+    def _of_cells(self, source: TableFile) -> list[str]:
         """Return a line for each complaint about cells, in the order of the file."""
         found = []
         for (header, rule), rows in self._cells.items():
