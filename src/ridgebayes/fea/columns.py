@@ -1,6 +1,5 @@
 """Tables of any columns and units: CSV, TSV, Excel and Parquet to contact tables."""
 
-import re
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
@@ -9,8 +8,7 @@ import pandas as pd
 
 from ridgebayes._types import BoolArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.abaqus_rpt import read_xy
-from ridgebayes.fea.delimited import Reading, TextTable, read_delimited
+from ridgebayes.fea.delimited import Reading, read_delimited
 from ridgebayes.fea.interpret import ColumnInterpreter, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
 from ridgebayes.fea.missing import ask_columns
@@ -39,7 +37,6 @@ _DISGUISED = (
     (b"\x93NUMPY", "a NumPy file"),
     (b"\x89HDF", "an HDF5 file"),
 )
-_SEPARATED = re.compile(rb"^\s*[-+.\d][^\n]*[;,\t]", re.M)  # a row, not by blanks alone
 _OLD = (".xls", ".xlsm", ".xlsb", ".xltm", ".xlam")
 
 
@@ -312,11 +309,6 @@ def open_table(path: Path, how: Reading, problems: FileError) -> TableFile:
         return read_workbook(path, content, how, problems)
     if suffix == ".parquet":
         return ParquetTable(path, content)
-    if suffix == ".rpt" and not _SEPARATED.search(content):
-        curves = read_xy(path)
-        cells = zip(curves.index, curves.astype(str).to_numpy().tolist(), strict=True)
-        rows = [(0, curves.columns.tolist()), *cells]
-        return TextTable(str(path), lambda _: rows, ",", how, problems)
     return read_delimited(str(path), content, how, problems)
 
 

@@ -31,6 +31,7 @@ _NO_UNIT = ("", "-", "--", "\N{EN DASH}", "1", "#", "[-]", "(-)", "count", "%")
 SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
 _TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # where a number begins within a word
 _REMARK = ("#", "%")
+_RULE = re.compile(r"\s*[-=_]{9,}\s*")  # below a header
 Records = Sequence[tuple[int, Sequence[str]]]
 
 
@@ -260,6 +261,7 @@ def _tabs_for_blanks(text: str, where: str, problems: FileError) -> str:
     lines = text.split("\n")
     n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith(_REMARK)), 0)
     rows = [re.sub(r"^\s*[#%]+", "", row) for row in lines[:n]] + lines[n:]  # a header among them
+    rows = ["" if _RULE.fullmatch(row) else row for row in rows]
     some = [row.split() for row in rows[:LOOKED_AT] if row.strip() and row.lstrip()[0] not in "#%"]
     widths = Counter(map(len, some))
     width, n = widths.most_common(1)[0] if widths else (0, 0)
@@ -281,9 +283,14 @@ def _tabs_for_blanks(text: str, where: str, problems: FileError) -> str:
     if not is_table:
         return ""
     return "\n".join(
-        "\t".join(row.split()) if len(row.split()) == width else as_is
-        for row, as_is in zip(rows, lines, strict=True)
+        _with_tabs(row, width) or (row and as_is) for row, as_is in zip(rows, lines, strict=True)
     )
+
+
+def _with_tabs(row: str, width: int) -> str:
+    """Return a line of so many cells with tabs between; names of Abaqus hold single blanks."""
+    ways = (row.split(), re.split(r"\s{2,}", row.strip()))
+    return next(("\t".join(cells) for cells in ways if len(cells) == width), "")
 
 
 def separated(text: str, where: str, problems: FileError) -> tuple[str, str]:

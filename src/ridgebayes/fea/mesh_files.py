@@ -248,7 +248,7 @@ def _checked_points(path: Path, points: FloatArray) -> FloatArray:
 def _displacements(
     where: str, field: str, data: dict[str, FloatArray], points: FloatArray
 ) -> FloatArray:
-    """Return displacements if they are finite, and two or three a point; float32 where they were."""
+    """Return displacements, two or three a point and finite; single precision where they were."""
     values = data[field]
     if values.ndim != 2 or len(values) != len(points) or values.shape[1] not in (2, 3):
         raise InputError(
