@@ -65,7 +65,7 @@ def read_abaqus_rpt(
         try:
             rim = rims.table(one, *names)
             nodes = nodes or rims.nodes_of(rim)
-            if missing := set(nodes) - rim.rows.keys():
+            if missing := set(nodes) - set(rim.rows.nodes.tolist()):
                 raise LookupError(f"{len(missing)} nodes missing")
             forces = driven.table(one, "RF.RF2")
         except LookupError as lack:
@@ -80,7 +80,7 @@ def read_abaqus_rpt(
             "of both" + "".join(f"; {line}" for line in messages[:3])
         )
     moved = np.array([rim.of(nodes, "U.U1", "U.U2") for rim in used])
-    digits = 0.5 * 10.0 ** (1 - max(rim.digits for rim in used)) * float(np.abs(moved).max())
+    digits = 0.5 * 10.0 ** (1 - max(map(_digits, used))) * float(np.abs(moved).max())
     if sheet is not None and deck is not None:
         undeformed = sheet.coordinates(nodes, str(deck))
         rigid = sheet.coordinates(sheet.rigid_nodes(nodes), str(deck))
@@ -159,7 +159,7 @@ class _Report(Printed):
         if match[1] is None:
             self.others.add(line.text.strip())
         elif self.frame is not None:
-            self.table = NodeTable(line, match[1])
+            self.table = NodeTable(line, match[1], "averaged where elements meet")
             self.frame.tables.append(self.table)
 
     def row(self, line: Line, table: NodeTable) -> None:
@@ -170,7 +170,9 @@ class _Report(Printed):
             names = _GAP.split(self._header[0]) if self._header else []
             table.columns += names[names[:1] in (["Node"], ["Node Label"]) :]
             self._header = []
-        elif not table.rows and not self._pending and (not table.columns or not text[:1].isdigit()):
+        elif (
+            not table.lines and not self._pending and (not table.columns or not text[:1].isdigit())
+        ):
             self._header = [*self._header, text] if text else []
         elif not text or text[0].isalpha():
             table.whole = table.whole or not self._pending
@@ -179,10 +181,7 @@ class _Report(Printed):
         elif not table.whole:
             self._pending += line.words
             if len(self._pending) > len(table.columns):
-                table.add(line, self._pending, ", averaged where elements meet")
-                for word in self._pending[1:]:  # zeros at the end are not printed
-                    mantissa = re.split("[EeDd]", word)[0].strip("+-").replace(".", "")
-                    table.digits = max(table.digits, len(mantissa.lstrip("0")))
+                table.lines.append(line._replace(text=" ".join(self._pending)))
                 self._pending = []
 
 
@@ -196,7 +195,7 @@ class _Region:
 
     def table(self, frame: Frame, *columns: str) -> NodeTable:
         """Return the table that has some columns; LookupError if something of it is missing."""
-        some = [one for one in frame.tables if one.has(*columns) and one.rows and one.whole]
+        some = [one for one in frame.tables if one.has(*columns) and one.lines and one.whole]
         if self._name is not None:
             name = "." + self._name.upper()
             named = [one for one in some if f".{one.nodes.upper()}".endswith(name)]
@@ -214,16 +213,22 @@ class _Region:
 
     def nodes_of(self, table: NodeTable) -> list[int]:
         """Return the set's nodes, or all of the table."""
-        return self._nodes or list(table.rows)
+        return self._nodes or table.rows.nodes.tolist()
+
+
+def _digits(table: NodeTable) -> int:
+    """Return the most digits of a number of a table: zeros at the end are not printed."""
+    words = (word for line in table.lines for word in line.words[1:])
+    return max(len(re.sub(r"[EeDd].*|[-+.]", "", word).lstrip("0")) for word in words)
 
 
 def _force(table: NodeTable, nodes: list[int]) -> float:
     """Return the sum of RF2, checked against a printed total and against nothing at all."""
-    nodes = [node for node in nodes if node in table.rows]
     values = table.of(nodes, "RF.RF2")[:, 0]
+    values = values[~np.isnan(values)]
     force, size = math.fsum(values), math.fsum(np.abs(values))
     totals = table.trailers.get("TOTAL", [])
-    if len(totals) == len(table.columns) and len(nodes) == len(table.rows):
+    if len(totals) == len(table.columns) and len(values) == len(table.lines):
         total = totals[table.columns.index("RF.RF2")]
         if abs(total - force) > _AGREE * size:
             raise table.line.error(
