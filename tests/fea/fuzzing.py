@@ -36,7 +36,7 @@ import pyarrow.parquet
 from ridgebayes.errors import InputError
 from ridgebayes.fea.columns import read_columns
 from ridgebayes.fea.delimited import Reading
-from ridgebayes.fea.history import Body
+from ridgebayes.fea.history import RunBody
 from ridgebayes.fea.map_files import read_mapping
 from ridgebayes.fea.read import Given, import_files
 from ridgebayes.fea.record import Imported
@@ -440,7 +440,7 @@ for _one in (
 _WRITER = runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py")))
 _RUN = _WRITER["pressed"](n_level=12, n_node=41)
 _ARRAYS = (_RUN["force"], _RUN["nodes"], _RUN["position"])
-_BODY = Body(_RUN["a"], _RUN["b"])
+_BODY = RunBody(_RUN["a"], _RUN["b"])
 _DECK = _WRITER["deck_text"](_RUN)
 _SETS = {"surface": "RIM", "reaction": "TOP"}
 
@@ -515,7 +515,7 @@ def _deformed() -> dict[str, Any]:
 
 
 _SERIES = _deformed()
-_CORNERED = Body(_SERIES["a"], _SERIES["b"], top=_SERIES["top"])
+_CORNERED = RunBody(_SERIES["a"], _SERIES["b"], top=_SERIES["top"])
 _HIT = 1  # the state whose file is damaged
 
 
@@ -750,7 +750,9 @@ def _contact(path: Path, sta: Path | None = None) -> Imported:
     if not deck.exists():
         deck.write_text(_FEW_DECK)
     try:
-        return read_calculix_contact(path, Body(_FEW["a"], _FEW["b"]), deck=deck, sta=sta, **_SETS)
+        return read_calculix_contact(
+            path, RunBody(_FEW["a"], _FEW["b"]), deck=deck, sta=sta, **_SETS
+        )
     except InputError as error:
         # An element that is not in the deck is told of the deck.
         raise InputError(str(error).replace("whole.inp", (sta or path).name)) from None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.column_units import (
+from ridgebayes.fea.words import (
     column_unit,
     divided,
 )

@@ -18,7 +18,7 @@ from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import write_fields
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.fea.history import Body
+from ridgebayes.fea.history import RunBody
 from tests.fea.runs import read_series
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
@@ -40,7 +40,7 @@ def pressed(**options):
 
 
 RUN = pressed()
-BODY = Body(RUN["a"], RUN["b"], top=RUN["top"])
+BODY = RunBody(RUN["a"], RUN["b"], top=RUN["top"])
 
 
 def with_z(plane):
@@ -77,7 +77,7 @@ def frame(*args, **options):
 @pytest.mark.parametrize("full", [False, True])
 def test_read_series__finds_the_loads_in_files_of_meshio(tmp_path, data_format, full):
     run = pressed(full=full, R=8.0, E=0.06)
-    body = Body(run["a"], run["b"], E=0.06, top=run["top"], symmetry="full" if full else "half")
+    body = RunBody(run["a"], run["b"], E=0.06, top=run["top"], symmetry="full" if full else "half")
     done = read_series(write(tmp_path, run, data_format), body)
     found = done.table.frame
     assert found["Q"].tolist() == [4, 6, 8]
@@ -92,7 +92,7 @@ def test_read_series__line_loads_are_two_R_p(tmp_path):
     run = pressed(R=8.0, E=0.06)
     path = write(tmp_path, run, times=2 * 8.0 * 0.06 * run["p"])
     path = path.rename(path.with_suffix(".xmf"))  # the other suffix of XDMF
-    body = Body(run["a"], run["b"], E=0.06, top=run["top"], thickness=3.0)
+    body = RunBody(run["a"], run["b"], E=0.06, top=run["top"], thickness=3.0)
     found = frame(path, body, time="line")
     expected = frame(write(tmp_path / "b", run), body)
     np.testing.assert_allclose(found["p_over_E"], expected["p_over_E"], rtol=1e-12)
@@ -101,7 +101,7 @@ def test_read_series__line_loads_are_two_R_p(tmp_path):
 def test_read_series__tops_that_rise_are_where_the_body_rests(tmp_path):
     run = {**RUN, "moved": RUN["moved"].copy()}
     run["moved"][:, :, 1] += np.linspace(0.0, 0.05, 34)[:, None]
-    found = frame(write(tmp_path, run), Body(RUN["a"], RUN["b"]))
+    found = frame(write(tmp_path, run), RunBody(RUN["a"], RUN["b"]))
     expected = frame(write(tmp_path / "b"), BODY)
     # The rest is known to 3e-6 of R, of gaps that close by 1e-3 an increment of a tenth of a load.
     np.testing.assert_allclose(found["p_over_E"], expected["p_over_E"], rtol=2e-3)
@@ -113,7 +113,7 @@ def test_read_series__the_packages_own_file_imports(tmp_path):
     cylinder = Cylinder(Profile(a, b), p_max=0.01, edges=8)
     reached = [one for one, _ in zip(cylinder.transitions(0.02), range(2), strict=False)]
     write_fields(cylinder, [one.state for one in reached], tmp_path / "fields.xdmf")
-    found = frame(tmp_path / "fields.xdmf", Body(a, b))
+    found = frame(tmp_path / "fields.xdmf", RunBody(a, b))
     assert found["Q"].tolist() == [one.Q for one in reached]
     # Two states, each at a transition: nothing to extrapolate from, and each ends its bracket.
     loads = [one.p_over_E for one in reached]
@@ -154,7 +154,7 @@ def test_read_series__appended_data_are_read(tmp_path):
         return text.replace(found[0], array).replace("</VTKFile>", data)
 
     # The rim is below the next corner from the first state on, and above those further out.
-    body = Body(RUN["a"], RUN["b"], top=-0.9949)
+    body = RunBody(RUN["a"], RUN["b"], top=-0.9949)
     plain = frame(vtu(tmp_path / "a"), body, loads=[0.001, 0.002])
     moved = frame(vtu(tmp_path / "b", appended), body, loads=[0.001, 0.002])
     columns = ["Q", "p_over_E", "p_over_E_lower"]
@@ -375,7 +375,7 @@ def test_read_series__two_geometries_are_refused(tmp_path):
 def test_read_series__what_contradicts_the_mesh_is_refused(tmp_path, body, message):
     given = {"a_over_R": RUN["a"], "b_over_R": RUN["b"], "top": RUN["top"], **body}
     with pytest.raises(InputError, match=message):
-        read_series(write(tmp_path), Body(**given))
+        read_series(write(tmp_path), RunBody(**given))
 
 
 def test_read_series__a_mesh_in_space_is_refused(tmp_path):

@@ -9,13 +9,11 @@ import pandas as pd
 from ridgebayes._types import BoolArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.delimited import Reading, read_delimited
-from ridgebayes.fea.interpret import ColumnInterpreter, listed
+from ridgebayes.fea.interpret import ColumnInterpreter, ask_columns, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
-from ridgebayes.fea.missing import ask_columns
 from ridgebayes.fea.parquet import ParquetTable
-from ridgebayes.fea.problems import SHOWN, FileError, TableFile
 from ridgebayes.fea.quantities import ABOVE_0
-from ridgebayes.fea.record import Imported, provenance
+from ridgebayes.fea.record import SHOWN, FileError, Imported, TableFile, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
 from ridgebayes.fea.wide import melt_counts, melt_repeats
 from ridgebayes.runtime.reading import read_bytes

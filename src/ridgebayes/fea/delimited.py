@@ -15,7 +15,6 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.column_units import FORTRAN, NUMBER, is_unit, split_header
 from ridgebayes.fea.layout import (
     FINITE,
     FORMULA,
@@ -28,8 +27,8 @@ from ridgebayes.fea.layout import (
     find_layout,
     separated,
 )
-from ridgebayes.fea.problems import FileError, TableFile
-from ridgebayes.fea.words import NOTHING
+from ridgebayes.fea.record import FileError, TableFile
+from ridgebayes.fea.words import FORTRAN, NOTHING, NUMBER, is_unit, split_header
 from ridgebayes.runtime.text import clipped, count, some_of
 from ridgebayes.table.files import lossless, records
 

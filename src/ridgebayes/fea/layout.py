@@ -10,9 +10,8 @@ from itertools import islice
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.column_units import is_unit, split_header
-from ridgebayes.fea.problems import FileError
-from ridgebayes.fea.words import corners_of, key_of
+from ridgebayes.fea.record import FileError
+from ridgebayes.fea.words import corners_of, is_unit, key_of, split_header
 from ridgebayes.runtime.reading import decoded
 from ridgebayes.runtime.text import clipped, some_of
 from ridgebayes.table.columns import NAMES

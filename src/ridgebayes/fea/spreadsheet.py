@@ -16,7 +16,7 @@ import numpy as np
 from ridgebayes.errors import InputError
 from ridgebayes.fea.delimited import Reading, TextTable
 from ridgebayes.fea.layout import LOOKED_AT, find_layout, known
-from ridgebayes.fea.problems import FileError
+from ridgebayes.fea.record import FileError
 from ridgebayes.runtime.reading import extra, refusing
 
 LARGEST = 2**30  # bytes of all members, unpacked
