@@ -22,8 +22,8 @@ from ridgebayes.distributions.grammar import CLOSED, USAGE
 from ridgebayes.evidence.components import COMPONENT_COLUMNS
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
-from ridgebayes.fea.column_units import DIMENSIONS
 from ridgebayes.fea.mapping import CONSTANTS, CORNERS, KEYS, PER_Q
+from ridgebayes.fea.words import DIMENSIONS
 from ridgebayes.friction.table import COLUMNS as FRICTION_COLUMNS
 from ridgebayes.inference.arviz_groups import CONTENT
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS

@@ -17,7 +17,6 @@ import re
 import runpy
 import tempfile
 import time
-import tomllib
 import warnings
 import zipfile
 import zlib
@@ -26,7 +25,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import h5py
 import meshio
@@ -36,10 +34,9 @@ import pint
 import pyarrow.parquet
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.calculix_sta import read_sta
 from ridgebayes.fea.columns import read_columns
 from ridgebayes.fea.delimited import Reading
-from ridgebayes.fea.history import Body
+from ridgebayes.fea.history import RunBody
 from ridgebayes.fea.map_files import read_mapping
 from ridgebayes.fea.read import Given, import_files
 from ridgebayes.fea.record import Imported
@@ -443,9 +440,18 @@ for _one in (
 _WRITER = runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py")))
 _RUN = _WRITER["pressed"](n_level=12, n_node=41)
 _ARRAYS = (_RUN["force"], _RUN["nodes"], _RUN["position"])
-_BODY = Body(_RUN["a"], _RUN["b"])
+_BODY = RunBody(_RUN["a"], _RUN["b"])
 _DECK = _WRITER["deck_text"](_RUN)
 _SETS = {"surface": "RIM", "reaction": "TOP"}
+
+
+def _doubt_run(content: bytes, found: Imported) -> str:
+    """Return words for rows that no run could give."""
+    frame = found.table.frame
+    load, Q = frame["p_over_E"].to_numpy(), frame["Q"].to_numpy()
+    is_rising = bool((np.diff(load) > 0).all()) and bool((np.diff(Q) > 0).all())
+    is_one = is_rising and np.isfinite(load).all() and len(found.table.textures) == 1
+    return "" if is_one and (Q % 2 == 0).all() else f"Q = {Q.tolist()} at {load.tolist()}"
 
 
 def _beside(path: Path, name: str, text: str) -> Path:
@@ -476,10 +482,16 @@ def _abaqus_rpt(path: Path) -> Imported:
 
 
 for _one in (
-    Target("calculix", "run.dat", _WRITER["calculix_text"](*_ARRAYS).encode(), _calculix),
-    Target("deck", "run.inp", _DECK.encode(), _calculix_deck),
-    Target("abaqus .dat", "run.dat", _WRITER["dat_text"](*_ARRAYS).encode(), _abaqus_dat),
-    Target("abaqus .rpt", "run.rpt", _WRITER["rpt_text"](*_ARRAYS).encode(), _abaqus_rpt),
+    Target(
+        "calculix", "run.dat", _WRITER["calculix_text"](*_ARRAYS).encode(), _calculix, _doubt_run
+    ),
+    Target("deck", "run.inp", _DECK.encode(), _calculix_deck, _doubt_run),
+    Target(
+        "abaqus .dat", "run.dat", _WRITER["dat_text"](*_ARRAYS).encode(), _abaqus_dat, _doubt_run
+    ),
+    Target(
+        "abaqus .rpt", "run.rpt", _WRITER["rpt_text"](*_ARRAYS).encode(), _abaqus_rpt, _doubt_run
+    ),
 ):
     register(_one)
 
@@ -503,14 +515,8 @@ def _deformed() -> dict[str, Any]:
 
 
 _SERIES = _deformed()
-_CORNERED = Body(_SERIES["a"], _SERIES["b"], top=_SERIES["top"])
+_CORNERED = RunBody(_SERIES["a"], _SERIES["b"], top=_SERIES["top"])
 _HIT = 1  # the state whose file is damaged
-_NUMPY = {
-    **{
-        f"{sign}Int{8 * n}": f"{sign or 'i'}{n}".lower() for sign in ("", "U") for n in (1, 2, 4, 8)
-    },
-    **{"Float32": "f4", "Float64": "f8"},
-}
 
 
 def _in_space(plane: np.ndarray) -> np.ndarray:
@@ -636,209 +642,6 @@ def _bytes(content: bytes, rng: np.random.Generator) -> bytes:
     return changed.tobytes()
 
 
-def _lines_of(content: bytes) -> str:
-    return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _float(word: str) -> float:
-    """Return a printed number; Fortran leaves out the E of an exponent of three digits."""
-    return float(re.sub(r"(?<=[\d.])(?:[dDeE]([+-]?\d+)|([+-]\d+))$", r"e\1\2", word))
-
-
-def _rows(found: Imported) -> np.ndarray:
-    names = ["Q", "p_over_E", "p_over_E_lower", "rel_se"]
-    return np.column_stack([found.table.column(name) for name in names]).astype(float)
-
-
-def _given(found: Imported, loads: np.ndarray) -> str:
-    """Doubt a table that has not the texture that was given, or loads that are not the run's."""
-    Q, p, lower, _ = _rows(found).T
-    if not (
-        (found.table.column("a_over_R") == 0.05) & (found.table.column("b_over_R") == 0.03)
-    ).all():
-        return "another texture than was given"
-    if not ((Q >= 4) & (Q % 2 == 0)).all() or not (np.diff(Q) > 0).all():
-        return f"Q = {Q.tolist()}"
-    if not ((p > 0) & (p <= loads.max() * (1 + 1e-9))).all() or not (np.diff(p) > 0).all():
-        return f"p/E = {p.tolist()} of loads {loads.tolist()}"
-    # Rounding of R and of a load's way through 2 R E: 1e-9.
-    told = np.isnan(lower)
-    near = [
-        np.isclose(np.append(loads, 0.0), one, rtol=1e-9, atol=0).any()
-        for one in (*p[~told], *lower[~told])
-    ]
-    return "" if all(near) else f"brackets {lower.tolist()} to {p.tolist()} of {loads.tolist()}"
-
-
-def _pressed(points: np.ndarray, moved: np.ndarray, loads: np.ndarray, found: Imported) -> str:
-    """Doubt a table by where the rim is over each corner: between which states it comes down."""
-    if doubt := _given(found, loads):
-        return doubt
-    low = points[np.argmin(points[:, 1])]
-    R = np.abs(points[:, 0] - low[0]).max()
-    away = np.hypot(points[:, 0] - low[0], points[:, 1] - low[1] - R)
-    rim = (away >= R * (1 - 5e-6)) & (points[:, 1] <= low[1] + R * (1 + 5e-6))
-    rim &= points[:, 0] >= low[0]  # half a body; a few nodes across its axis are passed over
-    order = np.flatnonzero(rim)[np.argsort(points[rim, 0])]
-    at = (points + moved)[:, order] - [low[0], 0.0]
-    if not (np.diff(at[..., 0]) > 0).all():
-        return ""  # folded by damage: which branch is the rim is anyone's guess
-    rising = [k for k, one in enumerate(loads) if one > max(loads[:k], default=0) and one > 0]
-    for Q, p, lower, _ in _rows(found):
-        corner = R * (0.03 / 2 + 0.08 * (Q - 2) / 2)
-        gap = np.array([_over(corner, *at[k].T) - _SERIES["top"] for k in rising])
-        if np.abs(gap).min() < 1e-5 or np.isnan(gap).any():
-            return ""  # rounding decides, or how well a rest is known
-        if not (gap < 0).any():
-            return f"Q = {Q:g} at p/E = {p}: no state is so low: {gap.tolist()}"
-        k = int(np.argmax(gap < 0))
-        upper, before = loads[rising[k]], loads[rising[k - 1]] if k else 0.0
-        want, off = [before, upper], 1e-9 * upper
-        if np.isnan(lower):  # told: straight on through the last two states before it touches
-            if k < 3 or not gap[k - 3] > gap[k - 2] > gap[k - 1]:
-                return f"Q = {Q:g}: a load told from gaps {gap[:k].tolist()}"
-            slope = (gap[k - 1] - gap[k - 2]) / (before - loads[rising[k - 2]])
-            want, off = [np.nan, min(before - gap[k - 1] / slope, upper)], off - 1e-5 / slope
-        if not np.allclose([lower, p], want, rtol=0, atol=off, equal_nan=True):
-            return f"Q = {Q:g}: {lower} to {p}; by itself {want[0]} to {want[1]}"
-    return ""
-
-
-def _over(at: float, x: np.ndarray, y: np.ndarray) -> float:
-    """Return the height of a curve, through four nodes around; straight at its ends."""
-    i = int(np.searchsorted(x, at)) - 1
-    if not 0 <= i < len(x) - 1:
-        return math.nan
-    some = range(i - 1, i + 3) if 1 <= i < len(x) - 2 else range(i, i + 2)
-    height = 0.0
-    for k in some:
-        height += y[k] * math.prod((at - x[m]) / (x[k] - x[m]) for m in some if m != k)
-    return height
-
-
-def _plain_xdmf(content: bytes, stored: dict[str, np.ndarray]) -> tuple[np.ndarray, ...]:
-    """Return points, displacements and times, by what ElementTree and h5py make of them."""
-    root = ElementTree.fromstring(content.decode("utf-8-sig"))
-
-    def numbers(item: ElementTree.Element) -> np.ndarray:
-        text = (item.text or "").strip()
-        if item.get("Format") == "HDF":
-            return stored[text.partition(":")[2]]
-        dtype = "f8" if item.get("Precision") == "8" else "f4"
-        some = np.array([float(word) for word in text.split()]).astype(dtype)
-        return some.reshape([int(one) for one in (item.get("Dimensions") or "").split()])
-
-    points = numbers(root.findall(".//Geometry/DataItem")[0])
-    moved, times = [], []
-    for grid in root.findall(".//Grid[@CollectionType='Temporal']/Grid"):
-        items = grid.findall("Attribute[@Name='displacement']/DataItem")
-        assert len(items) == 1, f"{len(items)} fields of one name in a state"
-        moved.append(numbers(items[0])[:, :2])
-        times.append(_float(grid.find("Time").get("Value")))  # type: ignore[union-attr,arg-type]
-    return points[:, :2].astype(float), np.array(moved).astype(float), np.array(times)
-
-
-def _plain_vtu(content: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Return points and displacements of a VTU file, strictly."""
-    root = ElementTree.fromstring(content.decode("utf-8-sig"))
-    order, header = root.get("byte_order", "LittleEndian"), root.get("header_type", "UInt32")
-    assert order in ("LittleEndian", "BigEndian"), f"byte order {order!r}"
-    assert header in ("UInt32", "UInt64"), f"header of {header!r}"
-    order = {"LittleEndian": "<", "BigEndian": ">"}[order]
-    head = np.dtype(order + _NUMPY[header])
-
-    def numbers(item: ElementTree.Element) -> np.ndarray:
-        dtype = np.dtype(order + _NUMPY[item.get("type", "")])
-        text = (item.text or "").strip()
-        if item.get("format") == "ascii":
-            some = np.array([float(word) for word in text.split()])
-            some = some.astype(dtype) if dtype.kind == "f" else some
-        else:
-            if item.get("format") == "appended":
-                data = (root.find("AppendedData").text or "").strip()  # type: ignore[union-attr]
-                assert data.startswith("_"), "appended data without their mark"
-                text = data[1 + int(item.get("offset", "")) :]
-            some = np.frombuffer(unpacked(text), dtype=dtype)
-        return some.astype(float).reshape(-1, int(item.get("NumberOfComponents", "1")))
-
-    def unpacked(text: str) -> bytes:
-        def first(n: int) -> bytes:
-            return base64.b64decode(text[: 4 * math.ceil(n / 3)])[:n]
-
-        if root.get("compressor") is None:
-            n = int(np.frombuffer(first(head.itemsize), dtype=head)[0])
-            return first(head.itemsize + n)[head.itemsize :]
-        n = 3 + int(np.frombuffer(first(head.itemsize), dtype=head)[0])
-        sizes = np.frombuffer(first(n * head.itemsize), dtype=head)[3:].tolist()
-        text = text[4 * math.ceil(n * head.itemsize / 3) :]
-        packed, plain = first(sum(sizes)), b""
-        for size in sizes:
-            plain, packed = plain + zlib.decompress(packed[:size]), packed[size:]
-        return plain
-
-    points = root.findall("UnstructuredGrid/Piece/Points/DataArray")
-    moved = root.findall("UnstructuredGrid/Piece/PointData/DataArray[@Name='displacement']")
-    assert (len(points), len(moved)) == (1, 1), f"{len(points)} points, {len(moved)} of one name"
-    return numbers(points[0])[:, :2], numbers(moved[0])[:, :2]
-
-
-def _doubt_arrays(name: str, arrays: tuple[np.ndarray, ...], found: Imported) -> str:
-    """Doubt a table that is not that of the same numbers; with others, look at the rim."""
-    clean = _clean(name)
-    if all(np.array_equal(one, other) for one, other in zip(arrays, clean[:3], strict=True)):
-        same = np.array_equal(_rows(found), clean[3], equal_nan=True)
-        return "" if same else f"the numbers of the whole file, and {_rows(found).tolist()}"
-    if name == "series, XDMF" and not all(
-        (one == clean[1]).all(axis=(1, 2)).any() for one in arrays[1]
-    ):
-        return _given(found, arrays[2])  # other numbers than a state's rest somewhere else
-    return _pressed(*arrays, found)
-
-
-@functools.cache
-def _clean(name: str) -> tuple[np.ndarray, ...]:
-    """Return points, displacements, loads and rows of a whole file."""
-    target = TARGETS[name]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / target.file_name
-        path.write_bytes(target.content)
-        rows = _rows(target.read(path))
-    if "VTU" in name:
-        return *_states(target.content, name), rows
-    content = target.content if "XDMF" in name else _XDMF
-    return *_plain_xdmf(content, _stored(_H5)[0]), rows
-
-
-@functools.lru_cache(maxsize=2)
-def _stored(content: bytes) -> tuple[dict[str, np.ndarray], str]:
-    """Return the datasets that the series names, and words for what of them is in no file."""
-    found, doubt = {}, ""
-    # From a file, as the importer: damage of a header can tell bytes in memory from one.
-    with tempfile.NamedTemporaryFile(suffix=".h5") as copy:
-        copy.write(content)
-        copy.flush()
-        with h5py.File(copy.name, "r") as file:
-            for path in sorted(set(re.findall(r"run\.h5:(/data\d+)", _XDMF.decode()))):
-                try:
-                    one = file[path]
-                    found[path] = one[()]
-                except (OSError, RuntimeError, KeyError, ValueError, TypeError):
-                    continue  # the importer reads others than points and displacements as little
-                # HDF5 makes zeros of what was never written, and of chunks whose index is damaged.
-                if one.chunks is None:
-                    there, pieces = int(one.id.get_offset() is not None), 1
-                else:
-                    there = one.id.get_num_chunks()
-                    pieces = math.prod(
-                        -(-n // m) for n, m in zip(one.shape, one.chunks, strict=True)
-                    )
-                if there < pieces:
-                    doubt = (
-                        f"{path}: {there} of {pieces} pieces are stored, the others read as zeros"
-                    )
-    return found, doubt
-
-
 def _series_beside(path: Path) -> Imported:
     """Read a series whose HDF5 file is damaged."""
     series = path.with_name("run.xdmf")
@@ -849,13 +652,6 @@ def _series_beside(path: Path) -> Imported:
     except InputError as error:
         # What damaged numbers make of a series may be told of the series.
         raise InputError(str(error).replace("run.xdmf", path.name)) from None
-
-
-def _doubt_hdf5(content: bytes, found: Imported) -> str:
-    stored, doubt = _stored(content)
-    if doubt:
-        return doubt
-    return _doubt_arrays("series, HDF5", _plain_xdmf(_XDMF, stored), found)
 
 
 def _xdmf(path: Path) -> Imported:
@@ -884,57 +680,31 @@ def _vtus(path: Path, others: Sequence[bytes]) -> Imported:
         raise InputError(str(error) if alone else str(error).replace("0.vtu", path.name)) from None
 
 
-def _states(content: bytes, name: str) -> tuple[np.ndarray, ...]:
-    """Return points, displacements and loads of a list with one file changed."""
-    states = [_plain_vtu(one) for one in _VTUS[name]]
-    states[_HIT] = _plain_vtu(content)
-    points = states[0][0]
-    assert all(np.array_equal(one[0], points) for one in states), "points of another mesh"
-    return points, np.array([one[1] for one in states]), _SERIES["p"]
-
-
 _XDMF, _H5 = _xdmf_files("HDF")
 _VTUS = {
     "series, VTU ascii": [_vtu(k, np.float32, binary=False) for k in range(len(_STATES))],
     "series, VTU binary": [_vtu(k, compression=None) for k in range(len(_STATES))],
     "series, VTU appended": [_appended(_vtu(k)) for k in range(len(_STATES))],
 }
-register(
+for _one in (
+    Target("series, XDMF", "run.xdmf", _XDMF, _xdmf, _doubt_run, inside_xml),
     Target(
-        "series, XDMF",
-        "run.xdmf",
-        _XDMF,
-        _xdmf,
-        lambda content, found: _doubt_arrays(
-            "series, XDMF", _plain_xdmf(content, _stored(_H5)[0]), found
-        ),
-        inside_xml,
-    )
-)
-register(
-    Target(
-        "series, XDMF of text",
-        "text.xdmf",
-        _xdmf_files("XML")[0],
-        _xdmf,
-        lambda content, found: _doubt_arrays(
-            "series, XDMF of text", _plain_xdmf(content, {}), found
-        ),
-        inside_xml,
-    )
-)
-register(Target("series, HDF5", "run.h5", _H5, _series_beside, _doubt_hdf5, _bytes))
-for _name, _files in _VTUS.items():
-    register(
+        "series, XDMF of text", "text.xdmf", _xdmf_files("XML")[0], _xdmf, _doubt_run, inside_xml
+    ),
+    Target("series, HDF5", "run.h5", _H5, _series_beside, _doubt_run, _bytes),
+    *(
         Target(
-            _name,
+            name,
             f"{_HIT}.vtu",
-            _files[_HIT],
-            functools.partial(_vtus, others=_files),
-            lambda content, found, name=_name: _doubt_arrays(name, _states(content, name), found),
+            files[_HIT],
+            functools.partial(_vtus, others=files),
+            _doubt_run,
             inside_xml,
         )
-    )
+        for name, files in _VTUS.items()
+    ),
+):
+    register(_one)
 
 
 def _pvd_text() -> bytes:
@@ -959,15 +729,7 @@ def _pvd(path: Path) -> Imported:
         raise InputError(re.sub(r"\b[^/\s]*\.vtu\b", path.name, str(error))) from None
 
 
-def _doubt_pvd(content: bytes, found: Imported) -> str:
-    listed = ElementTree.fromstring(_lines_of(content)).findall("Collection/DataSet")
-    files = [int(re.fullmatch(r"(?:.*/)?(\d+)\.vtu", one.get("file", ""))[1]) for one in listed]  # type: ignore[index]
-    loads = np.array([_float(one.get("timestep", "").strip()) for one in listed])
-    states = (_SERIES["points"], _SERIES["moved"][files], loads)
-    return _doubt_arrays("series, VTU binary", states, found)
-
-
-register(Target("series, PVD", "run.pvd", _pvd_text(), _pvd, _doubt_pvd, inside_xml))
+register(Target("series, PVD", "run.pvd", _pvd_text(), _pvd, _doubt_run, inside_xml))
 
 
 # --- CalculiX's contact print and status ---------------------------------------------------------
@@ -977,18 +739,23 @@ _TESTS = Path(__file__).parent
 _FEW = _WRITER["pressed"](a=0.12, b=0.05, n_level=8, depth=0.12, n_node=21)
 _FEW_DECK = _WRITER["deck_text"](_FEW)
 _CONTACT_PRINT = runpy.run_path(str(_TESTS / "test_calculix_contact.py"))["dat_text"](_FEW)
-_STA = runpy.run_path(str(_TESTS / "test_calculix_sta.py"))["CUT"]
+_STA = "".join(
+    f"     1 {k:10d}     1     9  {time}  {time}  0.100000E+00\n"
+    for k, time in enumerate(dict.fromkeys(re.findall(r"time +(\S+)", _CONTACT_PRINT)), start=1)
+)
 
 
-def _contact(path: Path) -> Imported:
+def _contact(path: Path, sta: Path | None = None) -> Imported:
     deck = path.with_name("whole.inp")
     if not deck.exists():
         deck.write_text(_FEW_DECK)
     try:
-        return read_calculix_contact(path, Body(_FEW["a"], _FEW["b"]), deck=deck, **_SETS)
+        return read_calculix_contact(
+            path, RunBody(_FEW["a"], _FEW["b"]), deck=deck, sta=sta, **_SETS
+        )
     except InputError as error:
         # An element that is not in the deck is told of the deck.
-        raise InputError(str(error).replace("whole.inp", path.name)) from None
+        raise InputError(str(error).replace("whole.inp", (sta or path).name)) from None
 
 
 # --- FEBio's logs, ANSYS's listings, CalculiX's .frd ----------------------------------------------
@@ -1025,174 +792,25 @@ def _program(path: Path) -> Imported:
     return import_files([path], given, program=name)
 
 
-def _doubt_program(content: bytes, found: Imported) -> str:
-    """Return words for rows that no load of the run could give."""
-    frame = found.table.frame
-    load = frame["p_over_E"].to_numpy()
-    is_rising = bool((np.diff(load) > 0).all()) and bool((np.diff(frame["Q"]) > 0).all())
-    return "" if is_rising and np.isfinite(load).all() else "loads that do not rise"
-
-
 for _one in (
-    Target("nodes", "nodes.csv", _NODES.encode(), _program, _doubt_program),
-    Target("febio", "run.txt", _FEBIO.encode(), _program, _doubt_program),
-    Target("ansys", "run.lis", _ANSYS.encode(), _program, _doubt_program),
-    Target("frd", "run.frd", _PROGRAMS["frd"](run=_FEW).encode(), _program, _doubt_program),
+    Target("nodes", "nodes.csv", _NODES.encode(), _program, _doubt_run),
+    Target("febio", "run.txt", _FEBIO.encode(), _program, _doubt_run),
+    Target("ansys", "run.lis", _ANSYS.encode(), _program, _doubt_run),
+    Target("frd", "run.frd", _PROGRAMS["frd"](run=_FEW).encode(), _program, _doubt_run),
 ):
     register(_one)
 
 
-@dataclass
-class _Printed:
-    """What a damaged contact print has of a time."""
-
-    force: float | None = None
-    faces: set[tuple[int, int]] | None = None
-    moved: dict[int, float] | None = None
+def _status(path: Path) -> Imported:
+    run = _beside(path, "whole.dat", _CONTACT_PRINT)
+    return _contact(run, sta=path)
 
 
-_CONTACT_HEAD = re.compile(r"([\w ]*) \([^)]*\) for (?:set (\S+)|all \S+ \S+) and time +(\S+)")
-
-
-def _plain_contact(content: bytes) -> tuple[dict[float, _Printed], str]:
-    """Return what stands in a contact print by time, and words for what cannot be right."""
-    levels: dict[float, _Printed] = {}
-    block, level, doubt = "", _Printed(), ""
-    for line in _lines_of(content).split("\n")[:-1]:
-        words = line.split()
-        if not words:
-            continue
-        if words[0][0].isalpha():
-            block = ""
-            match = _CONTACT_HEAD.fullmatch(line.strip())
-            if match is None:
-                continue
-            kind = {
-                ("contact stress", None): "faces",
-                ("displacements", "RIM"): "moved",
-                ("total force", "TOP"): "force",
-            }.get((match[1], match[2] and match[2].upper()), "")
-            if kind:
-                level = levels.setdefault(_float(match[3]), _Printed())
-                block = kind
-                if getattr(level, kind) is not None:
-                    return levels, "again"
-                setattr(level, kind, {"faces": set(), "moved": {}, "force": None}[kind])
-        elif block:
-            values = [_float(word) for word in words]
-            whole = values[:1] if block == "moved" else []
-            if block == "faces" and values[2] > 0:
-                whole = values[:2]
-            if any(one != int(one) for one in whole):
-                doubt = f"{words}: a part of a node, an element or a face"
-            if block == "faces" and values[2] > 0:
-                level.faces.add((int(values[0]), int(values[1]) - 2))  # type: ignore[union-attr]
-            elif block == "moved":
-                if int(values[0]) in level.moved:  # type: ignore[operator]
-                    doubt = f"node {words[0]} twice at a time"
-                level.moved[int(values[0])] = values[1]  # type: ignore[index]
-            elif block == "force":
-                if level.force is not None:
-                    doubt = f"{words}: a second total force"
-                level.force = values[1]
-    return levels, doubt
-
-
-def _doubt_contact(content: bytes, found: Imported) -> str:
-    levels, doubt = _plain_contact(content)
-    if doubt:
-        return doubt if doubt != "again" else ""  # printed again: not told apart here
-    whole = [levels[time] for time in sorted(levels)]
-    whole = [one for one in whole if one.faces is not None and one.force is not None]
-    nodes = set(range(1, len(_FEW["nodes"]) + 1))
-    # Without some displacements a level is left out: or only without those of pressed faces.
-    complete = [one for one in whole if one.moved is None or nodes <= one.moved.keys()]
-    enough = [
-        one
-        for one in whole
-        if one.moved is None
-        or {node for face in one.faces or () for node in _ends(*face) if node} <= one.moved.keys()
-    ]
-    rows = _rows(found)[:, :3]
-    wants = [_brackets(complete), _brackets(enough)]
-    # R is found from printed nodes: 1e-9.
-    if any(
-        rows.shape == (len(want), 3) and np.allclose(rows, want, rtol=1e-9, atol=0)
-        for want in wants
-    ):
-        return ""
-    return f"by itself {wants}, the table {rows.tolist()}"
-
-
-def _ends(element: int, side: int) -> tuple[int, int]:
-    """Return a face's nodes: triangles from two nodes of the rim to the driven node, 0, above."""
-    return ((element, element + 1), (element + 1, 0), (0, element))[side - 1]
-
-
-def _brackets(levels: list[_Printed]) -> list[tuple[float, float, float]]:
-    """Return Q, load and the load before, of each ridge that faces are seen on."""
-    x, a, b = _FEW["nodes"][:, 0], _FEW["a"], _FEW["b"]
-    reached: list[dict[int, bool]] = []  # ridge: pressed for sure, or perhaps
-    for one in levels:
-        ridges: dict[int, bool] = {}
-        for face in one.faces or ():
-            ends = _ends(*face)
-            at = [x[n - 1] + (one.moved or {}).get(n, 0.0) if n else 0.0 for n in ends]
-            low, high = sorted(at if sum(at) >= 0 else [-y for y in at])
-            near = {j: b / 2 + j * (a + b) for j in range(int(high / (a + b)) + 3)}
-            over = [j for j, y in near.items() if high >= y and low <= y + a]
-            over = over or [j for j, y in near.items() if high >= y - b and low <= y + a + b]
-            for j in over:
-                ridges[j] = ridges.get(j, False) or len(over) == 1
-        reached.append(ridges)
-    loads = [abs(one.force or 0.0) for one in levels]  # of half a body, R = E = 1
-    rising = [k for k, one in enumerate(loads) if one > max(loads[:k], default=0.0)]
-    rows: list[tuple[float, float, float]] = []
-    for j in range(1, 1 + max((max(one, default=0) for one in reached), default=0)):
-        if sure := [k for k in rising if reached[k].get(j, False)]:
-            before = [loads[k] for k in rising if k < sure[0] and j not in reached[k]]
-            row = (2.0 + 2 * j, loads[sure[0]], before[-1] if before else 0.0)
-            if not rows or row[1] > rows[-1][1]:
-                rows.append(row)
-    return rows
-
-
-@dataclass
-class _Other:
-    """What is read from a file that holds no loads."""
-
-    table: tuple[Any, ...]
-    messages: tuple[str, ...]
-
-
-def _sta(path: Path) -> _Other:
-    status = read_sta(path)
-    return _Other((status,), (status.summary(),))
-
-
-def _doubt_sta(content: bytes, found: _Other) -> str:
-    (status,) = found.table
-    lines = [line.split() for line in _lines_of(content).split("\n")[:-1]]
-    lines = [words for words in lines if words and not words[0].startswith(("SUMMARY", "STEP"))]
-    if odd := [words for words in lines if len(words) != 7]:
-        return f"{odd[0]} is no increment"
-    ended = [not words[2].endswith("U") for words in lines]
-    last = max((k for k, one in enumerate(ended) if one), default=-1)
-    want = (
-        [_float(words[4]) for words, one in zip(lines, ended, strict=True) if one],
-        ended[: last + 1].count(False),
-        len(ended) - last - 1,
-    )
-    got = (status.times.tolist(), status.cut_backs, status.tail)
-    if got != want:
-        return f"the file has {want}, read was {got}"
-    if want[0] != sorted(want[0]):
-        return f"times {want[0]}"
-    return "" if status.converged(status.times).all() else "an increment is not its own"
-
-
-register(Target("contact print", "run.dat", _CONTACT_PRINT.encode(), _contact, _doubt_contact))
-register(Target("status", "run.sta", _STA.encode(), _sta, _doubt_sta))
+for _one in (
+    Target("contact print", "run.dat", _CONTACT_PRINT.encode(), _contact, _doubt_run),
+    Target("status", "run.sta", _STA.encode(), _status, _doubt_run),
+):
+    register(_one)
 
 
 # --- mappings ------------------------------------------------------------------------------------
@@ -1230,27 +848,6 @@ def inside_toml(content: bytes, rng: np.random.Generator) -> bytes:
     return content[: at.start()] + new + content[at.end() :]
 
 
-def _map(path: Path) -> _Other:
-    both = read_mapping(path)
-    return _Other(both, ("read",))
-
-
-def _doubt_map(content: bytes, found: _Other) -> str:
-    whole = tomllib.loads(_lines_of(content))
-    want = tuple(
-        {key: str(value) for key, value in whole.get(name, {}).items()}
-        for name in ("columns", "values")
-    )
-    if not whole.keys() <= {"columns", "values"}:
-        return f"tables {list(whole)}"
-    kinds = {type(one) for some in whole.values() for one in some.values()}
-    if not kinds <= {str, int, float} or {
-        type(one) for one in whole.get("columns", {}).values()
-    } - {str}:
-        return f"values of {kinds}"
-    return "" if found.table == want else f"the file has {want}, read was {found.table}"
-
-
 def _map_used(path: Path) -> Imported:
     """Read a table as a mapping says."""
     table = path.with_name("long.csv")
@@ -1264,50 +861,7 @@ def _map_used(path: Path) -> Imported:
         raise InputError(str(error).replace("long.csv", path.name)) from None
 
 
-def _doubt_map_used(content: bytes, found: Imported) -> str:
-    """Doubt numbers that are not those of the columns and values named, by pint's units."""
-    whole = tomllib.loads(_lines_of(content))
-    mapping, values = whole.get("columns", {}), whole.get("values", {})
-    # What a mapping leaves out is told by the words of the table's headers.
-    told = tomllib.loads(_MAP_TOML.decode())["columns"] | mapping
-    plain = {"a", "b", "R", "E", "Q", "line", "p", "nu", "a_over_R", "b_over_R", "p_over_E"}
-    rows = list(csv.DictReader(io.StringIO(_MAP_TABLE.decode())))
-
-    if not mapping.keys() | values.keys() <= plain:
-        return ""  # other loads, in another way
-
-    def numbers(key: str) -> np.ndarray:
-        if key in values:
-            word, _, unit = str(values[key]).strip().partition(" ")
-            one = _units()(unit).to_base_units().magnitude if unit else 1.0
-            return np.full(len(rows), float(word) * one)
-        text, unit = " ".join(told[key].split()), None
-        if text not in (names := rows[0]) and ";" in text:
-            text, unit = (one.strip() for one in text.rsplit(";", 1))
-        (header,) = [one for one in names if text in (one, one.split(" [")[0])]
-        found = re.search(r"\[(.*)\]", header)
-        unit = unit if unit is not None else found[1] if found else ""
-        one = 1.0 if unit in ("", "1", "-") else _units()(unit).to_base_units().magnitude
-        return np.array([float(row[header]) for row in rows]) * one
-
-    have = mapping.keys() | values.keys()
-    a, b = (
-        numbers(f"{one}_over_R") if f"{one}_over_R" in have else numbers(one) / numbers("R")
-        for one in "ab"
-    )
-    if "p_over_E" in have:
-        p = numbers("p_over_E")
-    elif "p" in have:
-        p = numbers("p") / numbers("E")
-    else:
-        p = numbers("line") / (2 * numbers("R") * numbers("E"))
-    if "nu" in have and (found.table.column("nu") != numbers("nu")).any():
-        return f"nu = {found.table.column('nu').tolist()}"
-    return _same(found, list(zip(a, b, numbers("Q"), p, strict=True)))
-
-
-register(Target("map", "columns.toml", _MAP_TOML, _map, _doubt_map, inside_toml))
-register(Target("map, used", "columns.toml", _MAP_TOML, _map_used, _doubt_map_used, inside_toml))
+register(Target("map, used", "columns.toml", _MAP_TOML, _map_used, mutate=inside_toml))
 
 
 def main() -> None:

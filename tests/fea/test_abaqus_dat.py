@@ -13,7 +13,7 @@ import pytest
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Deck, read_deck
-from ridgebayes.fea.history import Body
+from ridgebayes.fea.history import RunBody
 from tests.fea.runs import read_abaqus_dat
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
@@ -27,7 +27,7 @@ def read(tmp_path, text=PRINTED, *, deck=None, run=RUN, body=None, brackets=Fals
     (tmp_path / "run.dat").write_bytes(text.encode() if isinstance(text, str) else text)
     (tmp_path / "run.inp").write_text(WRITER.deck_text(run) if deck is None else deck)
     half = not (run["nodes"][:, 0] < 0).any()
-    body = body or Body(run["a"], run["b"], E=run["E"], symmetry="half" if half else "full")
+    body = body or RunBody(run["a"], run["b"], E=run["E"], symmetry="half" if half else "full")
     names = {"surface": "RIM", "reaction": "TOP", **options}
     return read_abaqus_dat(
         tmp_path / "run.dat", body, deck=tmp_path / "run.inp", brackets=brackets, **names
@@ -264,9 +264,9 @@ def test_read_abaqus_dat__what_cannot_be_understood_is_named(tmp_path, text, mes
     ("options", "message"),
     [
         ({"surface": "ARC"}, "no node set 'ARC'"),
-        ({"body": Body(RUN["a"], RUN["b"], E=2.0)}, "the material has E = 1, and 2 was given"),
-        ({"body": Body(RUN["a"], RUN["b"], nu=0.4)}, "the material has nu = 0.5, and 0.4 was"),
-        ({"body": Body(0.06, RUN["b"])}, "no rigid nodes at the corners"),
+        ({"body": RunBody(RUN["a"], RUN["b"], E=2.0)}, "the material has E = 1, and 2 was given"),
+        ({"body": RunBody(RUN["a"], RUN["b"], nu=0.4)}, "the material has nu = 0.5, and 0.4 was"),
+        ({"body": RunBody(0.06, RUN["b"])}, "no rigid nodes at the corners"),
     ],
 )
 def test_read_abaqus_dat__what_contradicts_the_deck_is_refused(tmp_path, options, message):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.history import Body
+from ridgebayes.fea.history import RunBody
 from tests.fea.runs import read_abaqus_rpt
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
@@ -20,7 +20,7 @@ RUN = WRITER.pressed(n_level=34, n_node=161)
 ARRAYS = (RUN["force"], RUN["nodes"], RUN["position"])
 PRINTED = WRITER.rpt_text(*ARRAYS)
 N = len(RUN["nodes"])
-BODY = Body(RUN["a"], RUN["b"], top=RUN["top"])
+BODY = RunBody(RUN["a"], RUN["b"], top=RUN["top"])
 
 
 def read(tmp_path, text=PRINTED, body=BODY, *, deck=None, run=RUN, **options):
@@ -59,7 +59,7 @@ def test_read_abaqus_rpt__finds_the_loads_from_either_coordinates(
 ):
     run = WRITER.pressed(full=full, R=R, E=E)
     text = WRITER.rpt_text(run["force"], run["nodes"], run["position"], coordinates=coordinates)
-    body = Body(run["a"], run["b"], E=E, top=run["top"], symmetry="full" if full else "half")
+    body = RunBody(run["a"], run["b"], E=E, top=run["top"], symmetry="full" if full else "half")
     done = read(tmp_path, text, body)
     found = done.table.frame
     assert found["Q"].tolist() == [4, 6, 8]
@@ -72,7 +72,7 @@ def test_read_abaqus_rpt__finds_the_loads_from_either_coordinates(
 @pytest.mark.slow
 def test_read_abaqus_rpt__coordinates_of_a_deck_give_the_same(tmp_path):
     text = WRITER.rpt_text(*ARRAYS, coordinates=None)
-    body = Body(RUN["a"], RUN["b"])
+    body = RunBody(RUN["a"], RUN["b"])
     expected = loads(tmp_path)
     for names in ({}, {"surface": "RIM", "reaction": "TOP"}, {"surface": "BODY-1.RIM"}):
         # Six digits are printed of coordinates too, and the first load is where they count most.
@@ -86,7 +86,7 @@ def test_read_abaqus_rpt__sets_of_a_deck_are_found_in_a_region_of_all(tmp_path):
     text = WRITER.rpt_text(*ARRAYS, coordinates=None)
     text = text.replace("BODY-1.RIM", "BODY-1").replace("BODY-1.TOP", "BODY-1")
     found = loads(
-        tmp_path, text, Body(RUN["a"], RUN["b"]), deck=True, surface="RIM", reaction="TOP"
+        tmp_path, text, RunBody(RUN["a"], RUN["b"]), deck=True, surface="RIM", reaction="TOP"
     )
     np.testing.assert_allclose(found, loads(tmp_path), rtol=1e-3)
 
@@ -189,7 +189,7 @@ def changed_row(change):
         (changed_row(lambda row: row.replace(".", ",")), "expected a finite number"),
         (changed_row(lambda row: row[:-8] + "1E999"), "expected a finite number"),
         (changed_row(lambda row: row[:-10] + " NoValue"), "'NoValue': expected a finite number"),
-        (changed_row(lambda row: row + " 1."), "6 values; expected node, COORD.COOR1"),
+        (changed_row(lambda row: row + " 1."), "expected node, COORD.COOR1"),
         (
             changed_row(lambda row: row.replace("   50 ", "   49 ")),
             "node '49'; expected a whole number, each node once, averaged where",

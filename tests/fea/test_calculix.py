@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.history import Body
+from ridgebayes.fea.history import RunBody
 from tests.fea.runs import read_calculix
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
@@ -24,7 +24,7 @@ def read(tmp_path, text=None, *, deck=None, run=RUN, body=None, **options):
     (tmp_path / "run.dat").write_bytes(text.encode() if isinstance(text, str) else text)
     (tmp_path / "run.inp").write_text(WRITER.deck_text(run) if deck is None else deck)
     half = not (run["nodes"][:, 0] < 0).any()
-    body = body or Body(run["a"], run["b"], E=run["E"], symmetry="half" if half else "full")
+    body = body or RunBody(run["a"], run["b"], E=run["E"], symmetry="half" if half else "full")
     names = {"surface": "RIM", "reaction": "TOP", **options}
     return read_calculix(tmp_path / "run.dat", body, deck=tmp_path / "run.inp", **names)
 
@@ -134,7 +134,7 @@ def test_read_calculix__marks_and_line_ends_change_nothing(tmp_path, change):
 )
 def test_read_calculix__what_contradicts_the_deck_is_refused(tmp_path, body, message):
     with pytest.raises(InputError, match=re.escape(message)):
-        read(tmp_path, body=dataclasses.replace(Body(RUN["a"], RUN["b"]), **body))
+        read(tmp_path, body=dataclasses.replace(RunBody(RUN["a"], RUN["b"]), **body))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.calculix import read_levels
-from ridgebayes.fea.history import Body
+from ridgebayes.fea.history import RunBody
 from tests.fea.runs import read_calculix as read_calculix_contact
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
@@ -71,7 +71,7 @@ def read(tmp_path, text=None, *, run=RUN, sta=None, deck=None, **body):
         (tmp_path / "run.sta").write_text(sta)
     return read_calculix_contact(
         tmp_path / "run.dat",
-        Body(run["a"], run["b"], **{"symmetry": "half" if half else "full", **body}),
+        RunBody(run["a"], run["b"], **{"symmetry": "half" if half else "full", **body}),
         deck=tmp_path / "run.inp",
         surface="RIM",
         reaction="TOP",

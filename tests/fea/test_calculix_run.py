@@ -14,7 +14,7 @@ from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.fea.calculix import whole_levels
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
-from ridgebayes.fea.history import Body
+from ridgebayes.fea.history import RunBody
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.generation import generate
 from tests.fea.runs import read_calculix
@@ -56,7 +56,7 @@ def run(scene, tmp_path_factory):
     return functools.partial(
         read_calculix,
         folder / "run.dat",
-        Body(A, B, NU),
+        RunBody(A, B, NU),
         deck=folder / "run.inp",
         surface=SURFACE,
         reaction=REACTION,

@@ -6,30 +6,10 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.column_units import (
+from ridgebayes.fea.words import (
     column_unit,
     divided,
-    split_header,
-    unit_factor,
 )
-
-
-@pytest.mark.parametrize(
-    ("header", "words", "unit"),
-    [
-        ("Ridge width [mm]", "Ridge width", "mm"),
-        ("Force (N/mm)", "Force", "N/mm"),
-        ("E, kPa", "E", "kPa"),
-        ("p / kPa", "p", "kPa"),
-        ("Width, of ridge [um]", "Width, of ridge", "um"),
-        ("Width, of ridge", "Width, of ridge", ""),
-        ("p/E", "p/E", ""),
-        ("a / R", "a / R", ""),
-        ("[mm]", "[mm]", ""),
-    ],
-)
-def test_split_header__tells_words_from_units(header, words, unit):
-    assert split_header(header) == (words, unit)
 
 
 @pytest.mark.parametrize(
@@ -68,11 +48,6 @@ def test_column_unit__converts_exactly(key, header, explicit, factor):
 def test_column_unit__what_is_no_such_unit_is_refused(key, header, explicit):
     with pytest.raises(InputError, match=r"^mine\.csv, header .*expected "):
         column_unit(key, header, explicit, "mine.csv")
-
-
-def test_unit_factor__knows_dimensions():
-    assert unit_factor("N/mm", "line load") == 1000
-    assert unit_factor("N/mm", "force") is None
 
 
 def test_divided__gives_the_numbers_a_person_would_write():

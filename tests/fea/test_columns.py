@@ -10,7 +10,7 @@ import pytest
 from ridgebayes.errors import InputError
 from ridgebayes.fea.columns import read_columns
 from ridgebayes.fea.delimited import Reading
-from ridgebayes.fea.problems import FileError
+from ridgebayes.fea.record import FileError
 from ridgebayes.table.table import read_table
 
 LONG = (

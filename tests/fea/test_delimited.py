@@ -8,7 +8,7 @@ import pytest
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.delimited import Reading, read_delimited
-from ridgebayes.fea.problems import FileError
+from ridgebayes.fea.record import FileError
 
 GOOD = "a,b,Q\n0.03,0.01,4\n0.02,0.04,6\n"
 

@@ -1,14 +1,11 @@
 """What damaged files found wrong in readers: the least of each, and what should come of it."""
 
-import base64
 import importlib.util
 import re
 import sys
-import zlib
 from pathlib import Path
 
 import h5py
-import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
@@ -56,12 +53,6 @@ def refused(name, folder, content, *, of_all=False):
 # --- VTU ----------------------------------------------------------------------------------------
 
 
-def test_vtu__no_points_are_refused(tmp_path):
-    content = change(rb'NumberOfPoints="\d+"', b'NumberOfPoints="0"', ASCII)
-    content = array(b"displacement", b"", array(b"Points", b"", content))
-    refused("series, VTU ascii", tmp_path, content, of_all=True)
-
-
 def test_vtu__points_of_one_number_are_refused(tmp_path):
     content = change(rb'(Name="Points" NumberOfComponents=)"3"', rb'\1"1"', ASCII)
     refused(
@@ -80,55 +71,6 @@ def test_vtu__points_beyond_what_can_be_squared_are_refused(tmp_path, word):
     refused("series, VTU ascii", tmp_path, content, of_all=True)
 
 
-def test_vtu__numbers_beyond_single_precision_are_refused(tmp_path):
-    words = b"1e39 " + b"0 " * (3 * N - 1)
-    refused("series, VTU ascii", tmp_path, array(b"displacement", words, ASCII))
-
-
-@pytest.mark.parametrize("name", [b"Points", b"displacement"])
-def test_vtu__an_empty_array_is_refused(tmp_path, name):
-    refused("series, VTU binary", tmp_path, array(name, b"", BINARY))
-
-
-def test_vtu__a_byte_order_that_is_none_is_refused(tmp_path):
-    refused("series, VTU binary", tmp_path, BINARY.replace(b"LittleEndian", b"Bigendian"))
-
-
-@pytest.mark.parametrize(
-    ("kind", "head"),
-    [
-        (b"Float64", np.array([np.inf])),
-        (b"String", np.array([24 * N], "<u4")),
-        (b"Int32", np.array([24 * N], "<i4")),
-    ],
-)
-def test_vtu__a_header_that_does_not_count_bytes_is_refused(tmp_path, kind, head):
-    content = BINARY.replace(b"byte_order=", b'header_type="%b" byte_order=' % kind)
-    points = fuzzing._in_space(fuzzing._SERIES["points"]).tobytes()
-    words = base64.b64encode(head.tobytes() + points)
-    refused("series, VTU binary", tmp_path, array(b"Points", words, content))
-
-
-def test_vtu__a_number_of_blocks_below_0_is_refused(tmp_path):
-    content = APPENDED.replace(b"byte_order=", b'header_type="Int32" byte_order=')
-    content = re.sub(rb'format="appended" offset="\d+"', b'format="binary"', content)
-    words = base64.b64encode(np.array([-1, -24 * N, 0], dtype="<i4").tobytes())
-    refused("series, VTU appended", tmp_path, array(b"Points", words, content))
-
-
-def test_vtu__a_block_without_its_checksum_is_refused(tmp_path):
-    plain = fuzzing._in_space(fuzzing._SERIES["moved"][fuzzing._HIT]).tobytes()
-    packed = zlib.compress(plain)[:-4]
-    head = np.array([1, len(plain), 0, len(packed)], dtype="<u4").tobytes()
-    words = base64.b64encode(head) + base64.b64encode(packed)
-    content = change(
-        rb'(Name="displacement"[^>]*)format="appended" offset="\d+"',
-        rb'\1format="binary"',
-        APPENDED,
-    )
-    refused("series, VTU appended", tmp_path, array(b"displacement", words, content))
-
-
 @pytest.mark.parametrize("word", [b"nan", b"1e9"])
 def test_vtu__the_file_that_is_wrong_is_the_one_named(tmp_path, word):
     words = word + b" " + b"0 " * (3 * N - 1)
@@ -144,23 +86,6 @@ def test_vtu__two_arrays_of_one_name_are_refused(tmp_path):
 
 XDMF, TEXT = (fuzzing.TARGETS[name].content for name in ("series, XDMF", "series, XDMF of text"))
 SHAPE = rb'(Dimensions=")%d( 3"[^>]*>)' % N
-
-
-def test_xdmf__no_points_are_refused(tmp_path):
-    content = change(SHAPE + rb"[^<]*", rb"\g<1>0\2", TEXT, count=0)
-    refused("series, XDMF of text", tmp_path, content)
-
-
-@pytest.mark.parametrize("more", [b"1 " * 70, b"0 " + b"9999999 " * 40])
-def test_xdmf__dimensions_beyond_an_array_s_are_refused(tmp_path, more):
-    words = b"" if more.startswith(b"0") else rb"\3"
-    content = change(SHAPE + rb"([^<]*)", rb"\g<1>" + more + rb"%d\2" % N + words, TEXT)
-    refused("series, XDMF of text", tmp_path, content)
-
-
-def test_xdmf__numbers_beyond_single_precision_are_refused(tmp_path):
-    content = change(rb'(displacement".*?)Precision="8">\s*\S+', rb'\1Precision="4">1e39', TEXT)
-    refused("series, XDMF of text", tmp_path, content)
 
 
 def test_xdmf__a_load_beyond_floats_is_refused(tmp_path):
@@ -182,10 +107,6 @@ def test_xdmf__two_times_of_a_state_are_refused(tmp_path):
     refused("series, XDMF", tmp_path, change(rb"(<Time [^>]*>)", rb"\1\1", XDMF))
 
 
-def test_xdmf__a_file_name_that_is_too_long_is_told_of_the_series(tmp_path):
-    refused("series, XDMF", tmp_path, XDMF.replace(b"run.h5:", b"a" * 5000 + b":"))
-
-
 @pytest.mark.parametrize("old", [b"run.h5:/data0", b'"displacement"'])
 def test_xdmf__long_names_are_not_shown_whole(tmp_path, old):
     content = XDMF.replace(old, b"".join([old[:-1], b"x" * 5000, old[-1:]]))
@@ -194,15 +115,6 @@ def test_xdmf__long_names_are_not_shown_whole(tmp_path, old):
     with pytest.raises(InputError) as caught:
         fuzzing.TARGETS["series, XDMF"].read(path)
     assert len(str(caught.value)) < 500 + len(str(tmp_path))
-
-
-def test_xdmf__a_geometry_of_elements_in_elements_is_refused(tmp_path):
-    content = change(rb"(<Geometry[^>]*>)", rb"\1" + b"<a>" * 5000 + b"</a>" * 5000, XDMF)
-    refused("series, XDMF", tmp_path, content)
-
-
-def test_xdmf__a_message_ends_in_words(tmp_path):
-    refused("series, XDMF", tmp_path, XDMF.replace(b'Name="displacement"', b'Name=" "', 1))
 
 
 # --- HDF5 ---------------------------------------------------------------------------------------
@@ -244,23 +156,6 @@ def test_hdf5__chunks_much_larger_than_the_data_are_refused(tmp_path):
     refused("series, HDF5", tmp_path, with_dataset(make))
 
 
-def test_hdf5__numbers_in_a_header_are_read(tmp_path):
-    def make(file, values):
-        plain = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-        plain.set_layout(h5py.h5d.COMPACT)
-        space = h5py.h5s.create_simple(values.shape)
-        kind = h5py.h5t.NATIVE_DOUBLE
-        h5py.h5d.create(file.id, b"data2", kind, space, dcpl=plain).write(
-            h5py.h5s.ALL, h5py.h5s.ALL, np.ascontiguousarray(values)
-        )
-
-    target = fuzzing.TARGETS["series, HDF5"]
-    path = tmp_path / target.file_name
-    path.write_bytes(with_dataset(make))
-    rows = fuzzing._rows(target.read(path))
-    np.testing.assert_array_equal(rows, fuzzing._clean("series, HDF5")[3])
-
-
 # --- contact print ------------------------------------------------------------------------------
 
 PRINT = fuzzing.TARGETS["contact print"].content
@@ -293,7 +188,7 @@ def test_contact_print__what_cannot_be_right_is_refused(tmp_path, old, new):
     ],
 )
 def test_map__values_that_cannot_be_printed_are_refused(tmp_path, content):
-    refused("map", tmp_path, content)
+    refused("map, used", tmp_path, content)
 
 
 def test_map__quantities_of_thousands_of_digits_are_refused(tmp_path):

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.history import Body, ContactHistory, table_of
+from ridgebayes.fea.history import ContactHistory, RunBody, table_of
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
 
@@ -25,7 +25,7 @@ def levels(run, **changes):
 
 def table(run, body=None, **changes):
     half = not (run["nodes"][:, 0] < 0).any()
-    body = body or Body(run["a"], run["b"], E=run["E"], symmetry="half" if half else "full")
+    body = body or RunBody(run["a"], run["b"], E=run["E"], symmetry="half" if half else "full")
     return table_of(levels(run, **changes), body)
 
 
@@ -52,7 +52,7 @@ def test_table_of__halves_of_a_full_body_give_its_loads():
 
 def test_table_of__brackets_hold_the_loads():
     run = WRITER.pressed()
-    body = Body(run["a"], run["b"])
+    body = RunBody(run["a"], run["b"])
     found = table_of(levels(run), body, brackets=True).table.frame
     assert (found["p_over_E_lower"] < run["load"]).all()
     assert (found["p_over_E"] >= run["load"]).all()
@@ -69,14 +69,14 @@ def test_table_of__the_side_that_touches_first_counts():
 def test_table_of__reversed_forces_and_thickness_are_the_same_load():
     run = WRITER.pressed()
     expected = frame(run)["p_over_E"]
-    body = Body(run["a"], run["b"], thickness=2.5)
+    body = RunBody(run["a"], run["b"], thickness=2.5)
     np.testing.assert_allclose(frame(run, body, load=-2.5 * run["force"])["p_over_E"], expected)
 
 
 def test_table_of__a_rim_that_hangs_over_round_corners_is_no_overlap():
     run = WRITER.pressed()
     r = 0.2 * run["a"]
-    body = Body(run["a"], run["b"], corner_over_R=r)
+    body = RunBody(run["a"], run["b"], corner_over_R=r)
     rigid = levels(run).rigid + np.array([r, 0.0])
 
     def loads(lower):
@@ -93,14 +93,14 @@ def test_table_of__a_rim_that_hangs_over_round_corners_is_no_overlap():
 
 def test_table_of__top_given_is_as_tops_found():
     run = WRITER.pressed()
-    body = Body(run["a"], run["b"], top=run["top"])
+    body = RunBody(run["a"], run["b"], top=run["top"])
     found = frame(run, body, rigid=np.zeros((0, 2)))
     np.testing.assert_allclose(found["p_over_E"], frame(run)["p_over_E"], rtol=1e-12)
 
 
 def test_table_of__a_wrong_E_is_that_factor_of_load():
     run = WRITER.pressed()
-    found = frame(run, Body(run["a"], run["b"], E=2.0))
+    found = frame(run, RunBody(run["a"], run["b"], E=2.0))
     np.testing.assert_allclose(2 * found["p_over_E"], frame(run)["p_over_E"], rtol=1e-12)
 
 
@@ -115,7 +115,7 @@ def test_table_of__a_wrong_E_is_that_factor_of_load():
 )
 def test_table_of__what_contradicts_the_run_is_refused(changes, message):
     run = WRITER.pressed()
-    body = dataclasses.replace(Body(run["a"], run["b"]), **changes)
+    body = dataclasses.replace(RunBody(run["a"], run["b"]), **changes)
     with pytest.raises(InputError, match=rf"run: .*{message}"):
         table(run, body)
 
@@ -123,7 +123,7 @@ def test_table_of__what_contradicts_the_run_is_refused(changes, message):
 def test_table_of__a_full_run_called_half_is_refused():
     run = WRITER.pressed(full=True)
     with pytest.raises(InputError, match="both sides of the axis; use --symmetry full"):
-        table(run, Body(run["a"], run["b"]))
+        table(run, RunBody(run["a"], run["b"]))
 
 
 def test_table_of__few_nodes_and_no_circle_are_refused():
@@ -158,7 +158,7 @@ def test_table_of__a_body_that_stops_early_has_the_rest_not_reached():
 )
 def test_body__values_out_of_range_are_named(changes, named):
     with pytest.raises(InputError, match=rf"^{named}: expected --texture"):
-        Body(**{"a_over_R": 0.05, "b_over_R": 0.03, **changes})
+        RunBody(**{"a_over_R": 0.05, "b_over_R": 0.03, **changes})
 
 
 def test_table_of__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be_left_out():
@@ -169,7 +169,7 @@ def test_table_of__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be_left_out(
         "nodes": np.vstack([run["nodes"], mirror * run["nodes"][1:4]]),
         "position": np.hstack([run["position"], mirror * run["position"][:, 1:4]]),
     }
-    done = table({**run, **more}, Body(run["a"], run["b"]))
+    done = table({**run, **more}, RunBody(run["a"], run["b"]))
     assert "3 surface nodes ignored: beyond the axis of a half mesh" in done.messages
     np.testing.assert_allclose(
         done.table.column("p_over_E"), table(run).table.column("p_over_E"), rtol=1e-12
@@ -208,7 +208,7 @@ def test_table_of__the_corner_radius_is_that_of_the_deck_s_nodes():
     ends = np.array([[run["a"] - r, 0.0], [run["a"], -r]])
     ridge = np.vstack([arc, ends])
     rigid = np.vstack([np.array([far, run["top"]]) + ridge for far in run["corners"]])
-    given = Body(run["a"], run["b"], corner_over_R=r)
+    given = RunBody(run["a"], run["b"], corner_over_R=r)
     found, expected = table(run, rigid=rigid), table(run, given, rigid=rigid)
     pd.testing.assert_frame_equal(found.table.frame, expected.table.frame)
     assert any(f"corners of radius {r:.6g} R, by the deck's nodes" in m for m in found.messages)

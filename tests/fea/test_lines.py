@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
@@ -38,11 +39,12 @@ def test_read_lines__a_last_line_without_an_end_is_told(tmp_path):
     assert (last.number, last.text, last.ended) == (3, "thr", False)
 
 
-def test_node_table__has_zeros_where_a_node_has_no_row(tmp_path):
-    table = NodeTable(Line(tmp_path, 1, ""), "RIM", ["U1", "U2"], {7: [1.0, 2.0]})
+def test_node_table__has_no_number_where_a_node_has_no_row(tmp_path):
+    lines = [Line(tmp_path, 2, "7 1.0 2.0")]
+    table = NodeTable(Line(tmp_path, 1, ""), "RIM", "", ["U1", "U2"], lines)
     assert table.has("U2")
     assert not table.has("U2", "RF2")
-    assert table.of([3, 7], "U2", "U1").tolist() == [[0.0, 0.0], [2.0, 1.0]]
+    np.testing.assert_array_equal(table.of([3, 7], "U2", "U1"), [[np.nan] * 2, [2.0, 1.0]])
     assert table.of([], "U1", "U2").shape == (0, 2)
 
 
@@ -57,7 +59,7 @@ class Letters(Printed):
 
     @on("a")
     def one(self, line, match):
-        self.table = NodeTable(line, "RIM")
+        self.table = NodeTable(line, "RIM", "")
 
     def row(self, line, table):
         self.seen.append((line.number, table.nodes))

@@ -18,8 +18,7 @@ from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import write_fields
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.fea import mesh_files
-from ridgebayes.fea.history import Body
+from ridgebayes.fea.history import RunBody
 from tests.fea.runs import read_series
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
@@ -41,7 +40,7 @@ def pressed(**options):
 
 
 RUN = pressed()
-BODY = Body(RUN["a"], RUN["b"], top=RUN["top"])
+BODY = RunBody(RUN["a"], RUN["b"], top=RUN["top"])
 
 
 def with_z(plane):
@@ -78,7 +77,7 @@ def frame(*args, **options):
 @pytest.mark.parametrize("full", [False, True])
 def test_read_series__finds_the_loads_in_files_of_meshio(tmp_path, data_format, full):
     run = pressed(full=full, R=8.0, E=0.06)
-    body = Body(run["a"], run["b"], E=0.06, top=run["top"], symmetry="full" if full else "half")
+    body = RunBody(run["a"], run["b"], E=0.06, top=run["top"], symmetry="full" if full else "half")
     done = read_series(write(tmp_path, run, data_format), body)
     found = done.table.frame
     assert found["Q"].tolist() == [4, 6, 8]
@@ -93,7 +92,7 @@ def test_read_series__line_loads_are_two_R_p(tmp_path):
     run = pressed(R=8.0, E=0.06)
     path = write(tmp_path, run, times=2 * 8.0 * 0.06 * run["p"])
     path = path.rename(path.with_suffix(".xmf"))  # the other suffix of XDMF
-    body = Body(run["a"], run["b"], E=0.06, top=run["top"], thickness=3.0)
+    body = RunBody(run["a"], run["b"], E=0.06, top=run["top"], thickness=3.0)
     found = frame(path, body, time="line")
     expected = frame(write(tmp_path / "b", run), body)
     np.testing.assert_allclose(found["p_over_E"], expected["p_over_E"], rtol=1e-12)
@@ -102,7 +101,7 @@ def test_read_series__line_loads_are_two_R_p(tmp_path):
 def test_read_series__tops_that_rise_are_where_the_body_rests(tmp_path):
     run = {**RUN, "moved": RUN["moved"].copy()}
     run["moved"][:, :, 1] += np.linspace(0.0, 0.05, 34)[:, None]
-    found = frame(write(tmp_path, run), Body(RUN["a"], RUN["b"]))
+    found = frame(write(tmp_path, run), RunBody(RUN["a"], RUN["b"]))
     expected = frame(write(tmp_path / "b"), BODY)
     # The rest is known to 3e-6 of R, of gaps that close by 1e-3 an increment of a tenth of a load.
     np.testing.assert_allclose(found["p_over_E"], expected["p_over_E"], rtol=2e-3)
@@ -114,7 +113,7 @@ def test_read_series__the_packages_own_file_imports(tmp_path):
     cylinder = Cylinder(Profile(a, b), p_max=0.01, edges=8)
     reached = [one for one, _ in zip(cylinder.transitions(0.02), range(2), strict=False)]
     write_fields(cylinder, [one.state for one in reached], tmp_path / "fields.xdmf")
-    found = frame(tmp_path / "fields.xdmf", Body(a, b))
+    found = frame(tmp_path / "fields.xdmf", RunBody(a, b))
     assert found["Q"].tolist() == [one.Q for one in reached]
     # Two states, each at a transition: nothing to extrapolate from, and each ends its bracket.
     loads = [one.p_over_E for one in reached]
@@ -155,7 +154,7 @@ def test_read_series__appended_data_are_read(tmp_path):
         return text.replace(found[0], array).replace("</VTKFile>", data)
 
     # The rim is below the next corner from the first state on, and above those further out.
-    body = Body(RUN["a"], RUN["b"], top=-0.9949)
+    body = RunBody(RUN["a"], RUN["b"], top=-0.9949)
     plain = frame(vtu(tmp_path / "a"), body, loads=[0.001, 0.002])
     moved = frame(vtu(tmp_path / "b", appended), body, loads=[0.001, 0.002])
     columns = ["Q", "p_over_E", "p_over_E_lower"]
@@ -178,11 +177,6 @@ def test_read_series__one_state_and_missing_loads_are_refused(tmp_path, paths, l
         read_series(vtu(tmp_path)[:paths], BODY, loads=loads)
 
 
-def test_types__are_those_that_numpy_names_alike():
-    for name, kind in mesh_files._TYPES.items():
-        assert np.dtype(kind).name == name.lower()
-
-
 def block(sizes, content):
     """A compressed array that states some sizes."""
     packed = zlib.compress(content)
@@ -198,18 +192,20 @@ ARRAY = r'(Name="displacement"[^>]*>)[^<]*'
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: re.sub(ARRAY, r"\g<1>" + block((1, 1 << 31, 1 << 31), b""), t), "bytes of data"),
+        (lambda t: re.sub(ARRAY, r"\g<1>" + block((1, 1 << 31, 1 << 31), b""), t), "but len"),
         (
             lambda t: re.sub(ARRAY, r"\g<1>" + block((1, SIZE, SIZE), b"\0" * 10**8), t),
             "a block of",
         ),
-        (lambda t: re.sub(ARRAY, r"\g<1>" + block((1, SIZE, SIZE), b"short"), t), "a block of 5"),
-        (lambda t: re.sub(ARRAY, r"\g<1>" + block((2**32 - 1, 1, 1), b""), t), "bytes of data"),
-        (lambda t: re.sub(ARRAY, r"\g<1>AAAA", t), "cannot be unpacked"),
-        (lambda t: re.sub(ARRAY, r"\g<1>???", t), "cannot be unpacked"),
+        (lambda t: re.sub(ARRAY, r"\g<1>" + block((1, SIZE, SIZE), b"short"), t), "buffer size"),
+        (lambda t: re.sub(ARRAY, r"\g<1>" + block((2**32 - 1, 1, 1), b""), t), "4294967295 blocks"),
+        (lambda t: re.sub(ARRAY, r"\g<1>AAAA", t), "cannot be read"),
+        (lambda t: re.sub(ARRAY, r"\g<1>???", t), "expected base64"),
         (lambda t: t.replace("vtkZLib", "vtkLZMA"), "expected vtkZLibDataCompressor"),
-        (lambda t: re.sub(r'NumberOfPoints="\d+"', 'NumberOfPoints="999999999"', t), "at most"),
-        (lambda t: re.sub(r'NumberOfPoints="\d+"', 'NumberOfPoints="-1"', t), "whole number"),
+        (
+            lambda t: re.sub(r'NumberOfPoints="\d+"', 'NumberOfPoints="999999999"', t),
+            "cannot be read",
+        ),
         (
             lambda t: t.replace('"displacement"', '"u"'),
             "no point data 'displacement'; the fields are 'u'",
@@ -217,9 +213,9 @@ ARRAY = r'(Name="displacement"[^>]*>)[^<]*'
         (lambda t: t.replace("Float64", "String"), "type 'String'"),
         (
             lambda t: t.replace('format="binary"', 'format="raw"'),
-            "expected ascii, binary or appended",
+            "expected a VTU file",
         ),
-        (lambda t: t.replace("<Piece", "<P").replace("</Piece", "</P"), "0 pieces"),
+        (lambda t: t.replace("<Piece", "<P").replace("</Piece", "</P"), "the fields are none"),
         (lambda t: t[: len(t) // 2], "expected XML"),
     ],
 )
@@ -298,17 +294,16 @@ BOMB = '<!DOCTYPE x [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>'
         ),
         (lambda t: t.replace('"displacement"', '"u"'), "no point data 'displacement'; the fields"),
         (lambda t: t.replace('Center="Node"', 'Center="Cell"'), "no point data 'displacement'"),
-        (lambda t: t.replace('"Temporal"', '"Spatial"'), "0 time series"),
+        (lambda t: t.replace('"Temporal"', '"Spatial"'), "expected an XDMF time series"),
         (
             lambda t: re.sub('Value="[^"]*"', 'Value="0,1"', t),
-            "state 1: time '0,1'; expected a finite",
+            "'0,1'; expected an XDMF",
         ),
         (lambda t: re.sub('Value="[^"]*"', 'Value="nan"', t), "state 1: time 'nan'"),
-        (lambda t: re.sub("<Time[^>]*>", "", t), "state 1: no <Time"),
-        (lambda t: t.replace('"XYZ"', '"VXVYVZ"'), "geometry 'VXVYVZ'; expected XY or XYZ"),
-        (lambda t: t.replace('"XYZ"', '"XY"'), r"points of shape \(209, 3\); expected \(n, 2\)"),
+        (lambda t: re.sub("<Time[^>]*>", "", t), "state 1: 0 times"),
+        (lambda t: t.replace('"XYZ"', '"VXVYVZ"'), "geometry_type 'VXVYVZ'"),
         (lambda t: "", "expected XML"),
-        (lambda t: "<a/>", "0 time series"),
+        (lambda t: "<a/>", "expected an XDMF time series"),
     ],
 )
 def test_read_series__xdmf_that_is_not_to_be_trusted_is_refused(tmp_path, change, message):
@@ -347,7 +342,10 @@ def test_read_series__a_broken_hdf5_is_refused(tmp_path):
     [
         (lambda t: t.replace("e-0", "e-x", 1), "expected numbers between blanks"),
         (lambda t: re.sub(r"\n0\.0", r"\n0,0", t, count=1), "expected numbers between blanks"),
-        (lambda t: re.sub(r'(Dimensions="209 3"[^>]*>)\s*\S+', r"\1", t, count=1), "as many"),
+        (
+            lambda t: re.sub(r'(Dimensions="209 3"[^>]*>)\s*\S+', r"\1", t, count=1),
+            "cannot be read",
+        ),
         (lambda t: re.sub(r'(Dimensions="209 3"[^>]*>)\s*\S+', r"\1 1_0", t, count=1), "numbers b"),
     ],
 )
@@ -358,8 +356,10 @@ def test_read_series__numbers_in_the_xml_are_numbers(tmp_path, change, message):
 def test_read_series__two_geometries_are_refused(tmp_path):
     path = write(tmp_path)
     geometry = re.search("<Geometry.*?</Geometry>", path.read_text())[0]
-    moved = geometry.replace("data0", "data1")
-    refused(path, lambda t: t.replace(geometry, geometry + moved), "2 geometries; expected one")
+    moved = geometry.replace("</", " </", 1)
+    refused(
+        path, lambda t: t.replace(geometry, geometry + moved), "several geometries; expected one"
+    )
 
 
 @pytest.mark.parametrize(
@@ -375,7 +375,7 @@ def test_read_series__two_geometries_are_refused(tmp_path):
 def test_read_series__what_contradicts_the_mesh_is_refused(tmp_path, body, message):
     given = {"a_over_R": RUN["a"], "b_over_R": RUN["b"], "top": RUN["top"], **body}
     with pytest.raises(InputError, match=message):
-        read_series(write(tmp_path), Body(**given))
+        read_series(write(tmp_path), RunBody(**given))
 
 
 def test_read_series__a_mesh_in_space_is_refused(tmp_path):

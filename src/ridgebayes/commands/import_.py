@@ -12,7 +12,7 @@ from ridgebayes.commands.parsing import parse_numbers, parse_texture, refuse_exi
 from ridgebayes.commands.shared_options import FLAGS
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
-from ridgebayes.fea.problems import FileError
+from ridgebayes.fea.record import FileError
 from ridgebayes.fea.read import Given, import_files
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import count

@@ -9,11 +9,22 @@ import numpy as np
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.lines import NUMBER, Frame, Line, NodeTable, Printed, on, read_lines, unused
+from ridgebayes.fea.lines import (
+    NUMBER,
+    Frame,
+    Line,
+    NodeTable,
+    Printed,
+    last_digit_of,
+    on,
+    read_lines,
+    unused,
+)
 
 _ALL = "ALL NODES"
 _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
 _MOST_DIGITS = 18  # of the number of a node
+_RULE = "in global directions (no footnotes)"
 _TRAILERS = ("MAXIMUM", "MINIMUM", "TOTAL")
 
 
@@ -58,12 +69,12 @@ def read_abaqus_dat(path: Path, *, deck: RunDeck) -> ContactHistory:
         except LookupError as lack:
             messages.append(f"line {one.line}: increment ignored, {lack}")
             continue
-        moved.append(rim.of(deck.nodes, "U1", "U2"))
-        unit = max(unit, rim.unit)
+        moved.append(np.nan_to_num(rim.of(deck.nodes, "U1", "U2")))
+        unit = max(unit, _last_digit(rim))
         if "TOTAL" in driven.trailers and driven.nodes == reaction.upper():
             force.append(driven.trailers["TOTAL"][driven.columns.index("RF2")])
         else:
-            force.append(math.fsum(driven.of(deck.driven, "RF2")[:, 0]))
+            force.append(math.fsum(np.nan_to_num(driven.of(deck.driven, "RF2")[:, 0])))
     if not force:
         printed = {f"{' '.join(t.columns)} of {t.nodes}" for one in increments for t in one.tables}
         raise InputError(
@@ -100,25 +111,36 @@ def _table(increment: Frame, nodes: str, *columns: str) -> NodeTable:
 
 def _check_whole(table: NodeTable, nodes: set[int]) -> None:
     """Refuse a table that contradicts itself; LookupError if something of it is missing."""
-    if strange := table.rows.keys() - nodes:
+    rows = table.rows
+    if strange := set(rows.nodes.tolist()) - nodes:
         # Numbers of an assembly's instances are not those of the deck's parts.
         raise table.line.error(
             f"node {min(strange)} is not in the deck's "
             f"{table.nodes}; expected the deck of this run, without parts and instances"
         )
-    missing = len(nodes) - len(table.rows)
+    missing = len(nodes) - len(rows.nodes)
     if missing and not table.whole:
         raise LookupError(
-            f"a table of {table.nodes} with {len(table.rows)} of {len(nodes)} nodes, and no end"
+            f"a table of {table.nodes} with {len(rows.nodes)} of {len(nodes)} nodes, and no end"
         )
-    found = [*table.rows.values(), *[[0.0] * len(table.columns)] * bool(missing or not nodes)]
-    for name, pick in (("MAXIMUM", max), ("MINIMUM", min)):
-        for column, value in enumerate(table.trailers.get(name, ())):
-            if pick(row[column] for row in found) != value:
+    zeros = np.zeros((int(missing > 0 or not nodes), len(table.columns)))
+    values = np.vstack([rows.values, zeros])
+    for name, pick in (("MAXIMUM", np.max), ("MINIMUM", np.min)):
+        for i, value in enumerate(table.trailers.get(name, ())):
+            if pick(values[:, i]) != value:
                 raise table.line.error(
-                    f"{table.columns[column]} of {table.nodes}: "
-                    f"{name} {value:g} is not that of the rows; expected whole tables"
+                    f"{table.columns[i]} of {table.nodes}: {name} {value:g} is not that of the "
+                    "rows; expected whole tables"
                 )
+
+
+def _last_digit(rim: NodeTable) -> float:
+    """Return what the last digit of the largest displacement is worth."""
+    size = np.abs(rim.rows.values)
+    if not size.any():
+        return 0.0
+    row, column = np.unravel_index(np.argmax(size), size.shape)
+    return last_digit_of(rim.lines[int(row)].words[1 + int(column)])
 
 
 def _increments(path: Path) -> tuple[list[Frame], list[str]]:
@@ -129,7 +151,7 @@ def _increments(path: Path) -> tuple[list[Frame], list[str]]:
     for line in lines:
         if line.text.strip() and line.number != cut:
             reader.take(line)
-        elif reader.table is not None and reader.table.rows:
+        elif reader.table is not None and reader.table.lines:
             reader.table.below = True
     found = reader.found
     messages = unused(reader.others)
@@ -151,7 +173,7 @@ class _Dat(Printed):
     def take(self, line: Line) -> None:
         """Read a line that is not blank."""
         if self._is_name:
-            self._is_name, self.table = False, NodeTable(line, line.words[0].upper())
+            self._is_name, self.table = False, NodeTable(line, line.words[0].upper(), _RULE)
         else:
             super().take(line)
 
@@ -182,7 +204,7 @@ class _Dat(Printed):
     )
     def _title(self, line: Line, match: re.Match[str]) -> None:
         name = _ALL if match[1] else match[2].upper()
-        self._is_name, self.table = not name, NodeTable(line, name) if name else None
+        self._is_name, self.table = not name, NodeTable(line, name, _RULE) if name else None
 
     @on(r"NODE\s+FOOT-\s+(\S.*)$")
     def _header(self, line: Line, match: re.Match[str]) -> None:
@@ -211,7 +233,7 @@ class _Dat(Printed):
         if is_row:
             if not table.below or all(NUMBER.fullmatch(word) for word in words):
                 # Else counts of messages at the end of the file.
-                table.add(line, words, ", in global directions (no footnotes)")
+                table.lines.append(line)
         elif words[0] in _TRAILERS:
             values = [line.finite(word) for word in words[1:]]
             if len(values) != len(table.columns):

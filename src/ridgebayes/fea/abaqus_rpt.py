@@ -1,11 +1,10 @@
-"""Reports of Abaqus/Viewer: nodal values frame by frame, and X-Y data."""
+"""Reports of Abaqus/Viewer: nodal values frame by frame."""
 
 import math
 import re
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
@@ -16,7 +15,6 @@ from ridgebayes.fea.record import provenance
 
 _DASHES = re.compile(r"\s*-{9,}\s*$")
 _GAP = re.compile(r"\s{2,}")  # between names, which hold single blanks
-_NUMERIC = "+-.0123456789"  # what rows of X-Y reports begin with
 _AGREE = 1e-4  # of the sum of sizes: how far a total may be off its rows
 _MOVED = 1e-4  # of the largest displacement: how far undeformed coordinates may differ
 
@@ -67,7 +65,7 @@ def read_abaqus_rpt(
         try:
             rim = rims.table(one, *names)
             nodes = nodes or rims.nodes_of(rim)
-            if missing := set(nodes) - rim.rows.keys():
+            if missing := set(nodes) - set(rim.rows.nodes.tolist()):
                 raise LookupError(f"{len(missing)} nodes missing")
             forces = driven.table(one, "RF.RF2")
         except LookupError as lack:
@@ -82,7 +80,7 @@ def read_abaqus_rpt(
             "of both" + "".join(f"; {line}" for line in messages[:3])
         )
     moved = np.array([rim.of(nodes, "U.U1", "U.U2") for rim in used])
-    digits = 0.5 * 10.0 ** (1 - max(rim.digits for rim in used)) * float(np.abs(moved).max())
+    digits = 0.5 * 10.0 ** (1 - max(map(_digits, used))) * float(np.abs(moved).max())
     if sheet is not None and deck is not None:
         undeformed = sheet.coordinates(nodes, str(deck))
         rigid = sheet.coordinates(sheet.rigid_nodes(nodes), str(deck))
@@ -161,7 +159,7 @@ class _Report(Printed):
         if match[1] is None:
             self.others.add(line.text.strip())
         elif self.frame is not None:
-            self.table = NodeTable(line, match[1])
+            self.table = NodeTable(line, match[1], "averaged where elements meet")
             self.frame.tables.append(self.table)
 
     def row(self, line: Line, table: NodeTable) -> None:
@@ -172,7 +170,9 @@ class _Report(Printed):
             names = _GAP.split(self._header[0]) if self._header else []
             table.columns += names[names[:1] in (["Node"], ["Node Label"]) :]
             self._header = []
-        elif not table.rows and not self._pending and (not table.columns or not text[:1].isdigit()):
+        elif (
+            not table.lines and not self._pending and (not table.columns or not text[:1].isdigit())
+        ):
             self._header = [*self._header, text] if text else []
         elif not text or text[0].isalpha():
             table.whole = table.whole or not self._pending
@@ -181,10 +181,7 @@ class _Report(Printed):
         elif not table.whole:
             self._pending += line.words
             if len(self._pending) > len(table.columns):
-                table.add(line, self._pending, ", averaged where elements meet")
-                for word in self._pending[1:]:  # zeros at the end are not printed
-                    mantissa = re.split("[EeDd]", word)[0].strip("+-").replace(".", "")
-                    table.digits = max(table.digits, len(mantissa.lstrip("0")))
+                table.lines.append(line._replace(text=" ".join(self._pending)))
                 self._pending = []
 
 
@@ -198,7 +195,7 @@ class _Region:
 
     def table(self, frame: Frame, *columns: str) -> NodeTable:
         """Return the table that has some columns; LookupError if something of it is missing."""
-        some = [one for one in frame.tables if one.has(*columns) and one.rows and one.whole]
+        some = [one for one in frame.tables if one.has(*columns) and one.lines and one.whole]
         if self._name is not None:
             name = "." + self._name.upper()
             named = [one for one in some if f".{one.nodes.upper()}".endswith(name)]
@@ -216,16 +213,22 @@ class _Region:
 
     def nodes_of(self, table: NodeTable) -> list[int]:
         """Return the set's nodes, or all of the table."""
-        return self._nodes or list(table.rows)
+        return self._nodes or table.rows.nodes.tolist()
+
+
+def _digits(table: NodeTable) -> int:
+    """Return the most digits of a number of a table: zeros at the end are not printed."""
+    words = (word for line in table.lines for word in line.words[1:])
+    return max(len(re.sub(r"[EeDd].*|[-+.]", "", word).lstrip("0")) for word in words)
 
 
 def _force(table: NodeTable, nodes: list[int]) -> float:
     """Return the sum of RF2, checked against a printed total and against nothing at all."""
-    nodes = [node for node in nodes if node in table.rows]
     values = table.of(nodes, "RF.RF2")[:, 0]
+    values = values[~np.isnan(values)]
     force, size = math.fsum(values), math.fsum(np.abs(values))
     totals = table.trailers.get("TOTAL", [])
-    if len(totals) == len(table.columns) and len(nodes) == len(table.rows):
+    if len(totals) == len(table.columns) and len(values) == len(table.lines):
         total = totals[table.columns.index("RF.RF2")]
         if abs(total - force) > _AGREE * size:
             raise table.line.error(
@@ -255,89 +258,3 @@ def _undeformed(path: Path, at: FloatArray, moved: FloatArray) -> tuple[FloatArr
         )
     base = at[0] if how == "undeformed" else np.median(at - moved, axis=0)
     return np.asarray(base, dtype=float), f"COORD: coordinates of {how} nodes"
-
-
-def read_xy(path: Path) -> pd.DataFrame:
-    """Read an X-Y report.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A header, ``X`` and the curves' names, on one line or wrapped over several, then rows of
-        numbers set in columns by blanks. Several tables with the same X become one.
-
-    Returns
-    -------
-    DataFrame
-        A column of float for each curve, ``X`` first; the index, ``line``, is that of the file.
-
-    Raises
-    ------
-    InputError
-        With the line, if the header has another number of columns than the rows, a name stands
-        twice, a cell is no number, or there are no rows.
-    """
-    tables: list[tuple[list[str], dict[int, list[float]]]] = []  # names, and rows by line
-    header: list[str] = []
-    closed = False  # whether a blank line came below the header
-    for line in read_lines(path, unfinished=True):
-        text = line.text
-        if not text.strip() or _DASHES.match(text):
-            closed = True
-        elif text.lstrip()[0] not in _NUMERIC:
-            # Names; or what stands below the rows, such as a minimum, which no rows follow.
-            header, closed = [text] if closed else [*header, text], False
-        else:
-            if header:
-                tables.append((_columns(line, header), {}))
-                header = []
-            if not tables:
-                raise line.error("numbers before a header; expected X and names")
-            (names, rows), words = tables[-1], line.words
-            if len(words) != len(names):
-                raise line.error(
-                    f"{len(words)} values; expected {len(names)} as in the header, with decimal "
-                    "points"
-                )
-            rows[line.number] = [line.finite(word) for word in words]
-    if not tables:
-        raise InputError(f"{path}: no rows; expected a header, X and names, and rows of numbers")
-    frame, *others = (
-        pd.DataFrame.from_dict(rows, orient="index", columns=names) for names, rows in tables
-    )
-    for one in others:
-        line = Line(path, one.index[0], "")
-        if not np.array_equal(one.iloc[:, 0], frame.iloc[:, 0]):
-            raise line.error("another X; expected tables of the same X")
-        if twice := set(one.columns[1:]) & set(frame.columns):
-            raise line.error(f"{min(twice)!r} again; expected each name once")
-        frame = frame.assign(**{name: one[name].to_numpy() for name in one.columns[1:]})
-    return frame.rename_axis("line")
-
-
-def _columns(line: Line, header: list[str]) -> list[str]:
-    """Return the names above a row: they hold single blanks, and may be wrapped over lines."""
-    last, n = header[-1].strip(), len(line.words)
-    names = _GAP.split(last)
-    names = names if len(names) == n else last.split()
-    if len(header) > 1 or len(names) != n:
-        names = _wrapped(header, line.text)
-    if len(names) != n or not all(names):
-        raise line.error(
-            f"{n} values below the names {', '.join(map(repr, names))}; expected as many names"
-        )
-    if len(set(names)) < n:
-        twice = next(name for name in names if names.count(name) > 1)
-        raise line.error(f"{twice!r} again in the header; expected each name once")
-    return names
-
-
-def _wrapped(header: list[str], row: str) -> list[str]:
-    """Return names over several lines: each piece belongs to the number next to it."""
-    middles = [(m.start() + m.end()) / 2 for m in re.finditer(r"\S+", row)]
-    names: list[list[str]] = [[] for _ in middles]
-    for line in header:
-        for piece in re.finditer(r"\S+(?: \S+)*", line):
-            middle = (piece.start() + piece.end()) / 2
-            names[int(np.argmin([abs(middle - one) for one in middles]))].append(piece[0])
-    return [" ".join(pieces) for pieces in names]

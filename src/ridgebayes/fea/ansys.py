@@ -11,8 +11,7 @@ from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line, read_lines
-from ridgebayes.fea.problems import FileError
-from ridgebayes.fea.record import provenance
+from ridgebayes.fea.record import FileError, provenance
 from ridgebayes.fea.transitions import last_digit
 
 MARK = re.compile(rb"\*\*\*\*\* POST1 .* LISTING|LIST (?:ALL )?SELECTED NODES|PRINT .* PER NODE")

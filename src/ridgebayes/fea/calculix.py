@@ -186,9 +186,8 @@ def whole_levels(path: Path, run: RunDeck, sta: Path | None) -> tuple[list[Level
                 if np.isnan(driven).any():
                     del one.blocks["forces"]
     if sta is not None:
-        status = read_sta(sta)
-        messages.append(status.summary())
-        sure = status.converged(np.array([one.time for one in levels]))
+        sure, said = read_sta(sta, np.array([one.time for one in levels]))
+        messages.append(said)
         if n := int((~sure).sum()):
             messages.append(f"{n} levels ignored: they did not converge")
         levels = [one for one, keep in zip(levels, sure, strict=True) if keep]

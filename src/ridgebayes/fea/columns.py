@@ -1,8 +1,6 @@
 """Tables of any columns and units: CSV, TSV, Excel and Parquet to contact tables."""
 
-import re
 from collections.abc import Collection, Iterable, Mapping
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +8,12 @@ import pandas as pd
 
 from ridgebayes._types import BoolArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.abaqus_rpt import read_xy
-from ridgebayes.fea.delimited import Reading, TextTable, read_delimited
-from ridgebayes.fea.interpret import ColumnInterpreter, listed
+from ridgebayes.fea.delimited import Reading, read_delimited
+from ridgebayes.fea.interpret import ColumnInterpreter, ask_columns, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
-from ridgebayes.fea.missing import ask_columns
 from ridgebayes.fea.parquet import ParquetTable
-from ridgebayes.fea.problems import SHOWN, FileError, Source
 from ridgebayes.fea.quantities import ABOVE_0
-from ridgebayes.fea.record import Imported, provenance
+from ridgebayes.fea.record import SHOWN, FileError, Imported, TableFile, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
 from ridgebayes.fea.wide import melt_counts, melt_repeats
 from ridgebayes.runtime.reading import read_bytes
@@ -40,7 +35,6 @@ _DISGUISED = (
     (b"\x93NUMPY", "a NumPy file"),
     (b"\x89HDF", "an HDF5 file"),
 )
-_SEPARATED = re.compile(rb"^\s*[-+.\d][^\n]*[;,\t]", re.M)  # a row, not by blanks alone
 _OLD = (".xls", ".xlsm", ".xlsb", ".xltm", ".xlam")
 
 
@@ -233,7 +227,7 @@ def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], where: str) -> InputE
 
 
 def _validated(
-    raw: RawTable, rows: "pd.Index[int] | None", problems: FileError, source: Source
+    raw: RawTable, rows: "pd.Index[int] | None", problems: FileError, source: TableFile
 ) -> ContactTable:
     """Return the table, or refuse the rules that it breaks beside what was noted before."""
     frame, findings = checked(raw)
@@ -286,7 +280,7 @@ def _mapping_text(
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def open_table(path: Path, how: Reading, problems: FileError) -> Source:
+def open_table(path: Path, how: Reading, problems: FileError) -> TableFile:
     """Return the file, by its suffix; nothing in it is run."""
     suffix = path.suffix.lower()
     if suffix in _OLD:
@@ -313,10 +307,6 @@ def open_table(path: Path, how: Reading, problems: FileError) -> Source:
         return read_workbook(path, content, how, problems)
     if suffix == ".parquet":
         return ParquetTable(path, content)
-    if suffix == ".rpt" and not _SEPARATED.search(content):
-        curves = read_xy(path)
-        rows = zip(curves.index, curves.astype(str).to_numpy().tolist(), strict=True)
-        return TextTable(str(path), chain([(0, curves.columns.tolist())], rows), ",", how, problems)
     return read_delimited(str(path), content, how, problems)
 
 

@@ -4,10 +4,10 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain, islice
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,20 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.column_units import FORTRAN, NUMBER, is_unit, split_header
-from ridgebayes.fea.layout import FINITE, FORMULA, LOOKED_AT, clean_headers, filled, find_layout
-from ridgebayes.fea.problems import FileError, Source
-from ridgebayes.fea.separators import SEPARATORS, as_text, separated
-from ridgebayes.fea.words import NOTHING
+from ridgebayes.fea.layout import (
+    FINITE,
+    FORMULA,
+    LONGEST_HEAD,
+    LOOKED_AT,
+    SEPARATORS,
+    as_text,
+    clean_headers,
+    filled,
+    find_layout,
+    separated,
+)
+from ridgebayes.fea.record import FileError, TableFile
+from ridgebayes.fea.words import FORTRAN, NOTHING, NUMBER, is_unit, split_header
 from ridgebayes.runtime.text import clipped, count, some_of
 from ridgebayes.table.files import lossless, records
 
@@ -44,7 +53,7 @@ _WORDS = {".": "point", ",": "comma"}
 # What Python takes for blanks, but for control characters that only damage brings into a file.
 _BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
 
-_UNEVEN = ('"', "#", "=", "\r", "nan")  # quotes, comments, formulas, no blanks, no numbers
+_UNEVEN = ('"', "#", "=", "nan")  # quotes, comments, formulas, no numbers
 
 # Digits to the nearest float, which is the default from pandas 3.1 on.
 _IS_NEW = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
@@ -117,19 +126,23 @@ def read_delimited(where: str, content: bytes, how: Reading, problems: FileError
     if not text.strip():
         raise InputError(f"{where}: the file is empty")
     text, separator = separated(text, where, problems)
-    rows = ((line + how.skip_rows, cells) for line, cells in records(text, where, separator))
+
+    def rows(most: int | None) -> Iterator[_Row]:
+        some = records(text[:most], where, separator)
+        return ((line + how.skip_rows, cells) for line, cells in some)
+
     return TextTable(where, rows, separator, how, problems, text=text)
 
 
-class TextTable(Source):
+class TextTable(TableFile):
     """A table whose cells are text.
 
     Parameters
     ----------
     where : str
         Its name, for messages.
-    rows : iterator of (int, list of str)
-        Lines from 1, and their cells.
+    rows : callable
+        Returns lines from 1 and their cells, of that many characters at least, or all.
     separator : str
         Separator between cells.
     how : Reading
@@ -152,7 +165,7 @@ class TextTable(Source):
     def __init__(
         self,
         where: str,
-        rows: Iterator[_Row],
+        rows: Callable[[int | None], Iterable[_Row]],
         separator: str,
         how: Reading,
         problems: FileError,
@@ -162,7 +175,7 @@ class TextTable(Source):
     ) -> None:
         self._is_typed = frozenset(typed)
         self.where, self._separator, self._how, self._cell = where, separator, how, cell
-        head = list(islice(rows, LOOKED_AT))
+        head = islice(rows(LONGEST_HEAD), LOOKED_AT)
         full = [(line, cells) for line, cells in head if any(one.strip() for one in cells)]
         layout = find_layout(full or [(1, [""])], where, how.header_row)
         problems.messages += layout.messages
@@ -183,7 +196,7 @@ class TextTable(Source):
         }
         self._units = {new[name]: units[name] for name in new}  # that stand in the cells
         self.headers = tuple(new.get(name, name) for name in self.headers)
-        below = [row for row in chain(head, rows) if row[0] >= first[0][0]]
+        below = [row for row in rows(None) if row[0] >= first[0][0]]
         below, comments = self._without_comments(below)
         below, notes = _without_notes(below)
         told = f"{where}: passed over"
@@ -236,23 +249,23 @@ class TextTable(Source):
 
     def _read_even(self, text: str, first: int) -> bool:
         """Keep the rows for pandas, if they are cells and nothing else, as many in each."""
-        lines = text.split("\n", first - 1)[-1].split("\n") if text else []
-        rows = [line for line in lines if line.strip()]
-        body = "\n".join(rows)
-        width = len(self.headers)
-        small = body.lower()
-        is_odd = not rows or any(mark in small for mark in _UNEVEN) or self._how.empty
-        if is_odd or {line.count(self._separator) for line in rows} != {width - 1}:
+        body = text.split("\n", first - 1)[-1].rstrip("\n")
+        small, separator = body.lower(), self._separator
+        if not body or self._how.empty or any(mark in small for mark in _UNEVEN):
             return False
-        if sum(bool(cell.strip()) for cell in rows[-1].split(self._separator)) < 2:
+        code = np.frombuffer(f"{body}\n".encode(), dtype=np.uint8)
+        ends, marks = (np.flatnonzero(code == ord(one)) for one in ("\n", separator))
+        n_mark = np.diff(np.searchsorted(marks, ends), prepend=0)
+        is_row = np.diff(ends, prepend=-1) > 1
+        if (n_mark[is_row] != len(self.headers) - 1).any():
+            return False
+        begin, last = body.lstrip("\n").split("\n", 1)[0], body.rpartition("\n")[2]
+        if sum(bool(cell.strip()) for cell in last.split(separator)) < 2:
             return False  # a note, perhaps
-        if any(_WITH_UNIT.fullmatch(cell) for cell in rows[0].split(self._separator)):
+        if any(_WITH_UNIT.fullmatch(cell) for cell in begin.split(separator)):
             return False
         self._body, self._units = body, {}
-        numbers = np.arange(len(lines), dtype=np.int64)
-        if len(rows) < len(lines):
-            numbers = np.flatnonzero([bool(line.strip()) for line in lines])
-        self.lines = numbers + first + self._how.skip_rows
+        self.lines = np.flatnonzero(is_row) + first + self._how.skip_rows
         return True
 
     def _plain(self, wanted: list[str]) -> pd.DataFrame | None:

@@ -75,7 +75,7 @@ class ContactHistory:
 
 
 @dataclass(frozen=True)
-class Body:
+class RunBody:
     """Values that the user gives beside a run's files; lengths and stresses in the run's units.
 
     Parameters
@@ -123,14 +123,14 @@ class Body:
             )
 
 
-def table_of(history: ContactHistory, body: Body, *, brackets: bool = False) -> Imported:
+def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) -> Imported:
     """Tell at which load a body reaches each proximal corner beyond the first.
 
     Parameters
     ----------
     history : ContactHistory
         Contact of the run.
-    body : Body
+    body : RunBody
         Values that the run's files do not hold.
     brackets : bool, optional
         As `ridgebayes.fea.transitions.transitions_of`.
@@ -193,7 +193,7 @@ def table_of(history: ContactHistory, body: Body, *, brackets: bool = False) -> 
 def _table(
     history: ContactHistory,
     gaps: FloatArray,
-    body: Body,
+    body: RunBody,
     Q: IntArray,
     said: Sequence[str],
     brackets: bool,
@@ -237,7 +237,7 @@ def _table(
     return Imported(ContactTable.from_frame(frame, where=where), messages)
 
 
-def _corners(history: ContactHistory, body: Body, rim: Rim) -> tuple[FloatArray, float, str]:
+def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArray, float, str]:
     """Return the proximal corners as distance from the axis and height, their radius, and how."""
     assert history.x is not None
     where, R, b = history.where, rim.R, body.b_over_R * rim.R
@@ -281,7 +281,7 @@ def _radius(away: FloatArray, y: FloatArray, near: float, a: float, R: float) ->
     return round(radius / R, 9) if radius > _AT * R and start.any() else 0.0
 
 
-def _at_rest(position: FloatArray, body: Body, rim: Rim, where: str) -> FloatArray:
+def _at_rest(position: FloatArray, body: RunBody, rim: Rim, where: str) -> FloatArray:
     """Return positions seen from the ridges: tops at y = 0, where the body rests on the first."""
     near, far = (rim.R * (body.b_over_R / 2 + part * body.a_over_R) for part in _INSIDE)
     away = np.abs(position[..., 0] - rim.centre[0])
@@ -302,7 +302,7 @@ def _at_rest(position: FloatArray, body: Body, rim: Rim, where: str) -> FloatArr
     return position
 
 
-def _of_closed(history: ContactHistory, body: Body, rim: Rim) -> FloatArray:
+def _of_closed(history: ContactHistory, body: RunBody, rim: Rim) -> FloatArray:
     """Return -inf where a ridge is closed, inf where not, NaN where that is open.
 
     Shape (n_step, n_ridge), from the second ridge on. A face over two ridges leaves open which of

@@ -4,11 +4,10 @@ import functools
 import math
 import re
 from collections.abc import Callable, Container, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -26,8 +25,7 @@ _SHOWN = 60  # characters
 Handler = Any  # a method of a `Printed`, of a line and its match
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
+class Line(NamedTuple):
     """A line of a file.
 
     Parameters
@@ -167,74 +165,57 @@ class NodeTable:
         Where it begins.
     nodes : str
         Its set or region of nodes.
+    rule : str
+        Words for its rows, in messages.
     columns : list of str
         Names of the values.
-    rows : dict of int to list of float
-        Values by node.
+    lines : list of Line
+        Its rows, a node and its values.
     trailers : dict of str to list of float
         Values printed below the columns: ``TOTAL``, ``MAXIMUM``, ``MINIMUM``.
     whole : bool
         Whether its end was printed.
     below : bool
         Whether a blank line came after rows.
-    digits : int
-        Most digits of a number.
-    unit : float
-        Worth of the last printed digit of displacements, in the coarsest row.
     """
 
     line: Line
     nodes: str
+    rule: str
     columns: list[str] = field(default_factory=list)
-    rows: dict[int, list[float]] = field(default_factory=dict)
+    lines: list[Line] = field(default_factory=list)
     trailers: dict[str, list[float]] = field(default_factory=dict)
     whole: bool = False
     below: bool = False
-    digits: int = 0
-    unit: float = 0.0
 
     def has(self, *names: str) -> bool:
         """Return whether all of some columns are there."""
         return all(name in self.columns for name in names)
 
-    def add(self, line: Line, words: list[str], rule: str) -> None:
-        """Take a row, a node and its values; errors say the rule."""
-        if len(words) != len(self.columns) + 1:
-            columns = ", ".join(self.columns)
-            raise line.error(f"{len(words)} values; expected node, {columns}{rule}")
-        values = []
-        if _PLAIN.fullmatch(line.text):
-            with suppress(ValueError):
-                values = [float(word) for word in words[1:]]
-        if not (values and math.isfinite(sum(values))):
-            values = [line.finite(word) for word in words[1:]]
-        is_whole = words[0].isascii() and words[0].isdecimal()
-        is_fresh = is_whole and int(words[0]) not in self.rows
-        node = int(words[0]) if is_fresh else line.node(words[0], self.rows, rule)
-        self.rows[node] = values
-        for i, name in enumerate(self.columns):
-            if values[i] and name.endswith(("U1", "U2")):
-                self.unit = max(self.unit, _last_digit(words[1 + i]))
+    @functools.cached_property
+    def rows(self) -> NodeRows:
+        """Its rows as numbers."""
+        try:
+            return NodeRows.of_lines(self.lines, ", ".join(["node", *self.columns]))
+        except InputError as error:
+            raise InputError(f"{error}, {self.rule}") from None
 
-    def of(self, nodes: Iterable[int], *names: str) -> FloatArray:
-        """Return columns, shape (n_node, n_name); 0 for nodes without a row."""
-        at, zeros = [self.columns.index(name) for name in names], [0.0] * len(self.columns)
-        values = [[self.rows.get(node, zeros)[i] for i in at] for node in nodes]
-        return np.array(values, dtype=float).reshape(-1, len(at))
+    def of(self, nodes: Sequence[int], *names: str) -> FloatArray:
+        """Return columns, shape (n_node, n_name); NaN for nodes without a row."""
+        return self.rows.of(nodes)[:, [self.columns.index(name) for name in names]]
 
 
-def _last_digit(word: str) -> float:
-    """Return what the last printed digit is worth: 0.001 of 1.234, 1e-7 of 1.2345E-03."""
-    digits, _, power = word.partition("E")
-    if not (power[1:] or power).isdecimal():  # Fortran's other exponents, and none
-        match = NUMBER.fullmatch(word)
-        assert match is not None
-        digits, power = match[1], match[2] or match[3] or "0"
-    return _power_of_ten(int(power) - len(digits.partition(".")[2]))
+def last_digit_of(word: str) -> float:
+    """Return what the last printed digit is worth.
 
-
-@functools.cache
-def _power_of_ten(power: int) -> float:
+    Examples
+    --------
+    >>> last_digit_of("1.234"), last_digit_of("1.2345E-03")
+    (0.001, 1e-07)
+    """
+    match = NUMBER.fullmatch(word)
+    assert match is not None
+    power = int(match[2] or match[3] or 0) - len(match[1].partition(".")[2])
     return float(f"1e{power}")
 
 

@@ -6,15 +6,17 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.column_units import DIMENSIONS, split_header, unit_factor
-from ridgebayes.fea.problems import FileError
+from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import (
+    DIMENSIONS,
     corner_key,
     corners_of,
     count_term,
     is_number_of_repeats,
     key_of,
     repeats_of,
+    split_header,
+    unit_factor,
 )
 from ridgebayes.table.columns import NAMES, NUMBERS
 

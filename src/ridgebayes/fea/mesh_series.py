@@ -1,14 +1,11 @@
 """Deformed meshes over load: XDMF time series, PVD collections and lists of VTU files.
 
-Files are read here rather than by meshio, so that no size or path in them is taken on trust: see
-`ridgebayes.fea.mesh_files`.
+meshio reads them, after `ridgebayes.fea.mesh_files` has checked links, sizes and paths.
 """
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
-from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -16,15 +13,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import parse_number
-from ridgebayes.fea.mesh_files import (
-    Budget,
-    PlainXml,
-    Vtu,
-    Xdmf,
-    displacements,
-    is_beside,
-    one_named,
-)
+from ridgebayes.fea.mesh_files import is_beside, parse_xml, read_vtu, read_xdmf
 from ridgebayes.fea.record import FARTHEST, HUGE, provenance
 
 _ROUND = 5e-6  # of R: nodes so near to the circle are on it
@@ -117,7 +106,7 @@ def read_series(
 def _of_pvd(path: Path) -> tuple[list[Path], list[float]]:
     """Return the files that a collection lists, in its folder, and their times."""
     found: dict[float, Path] = {}
-    listed = PlainXml(path, Budget()).root.findall("Collection/DataSet")
+    listed = parse_xml(path).findall("Collection/DataSet")
     for one in listed:
         name, word = one.get("file", ""), one.get("timestep", "")
         time, target = parse_number(word.strip()), path.parent / name
@@ -158,38 +147,15 @@ class _States(NamedTuple):
 
 def _of_xdmf(path: Path, field: str) -> _States:
     """Read a time series of one mesh."""
-    file = Xdmf(path, Budget())
-    series = [
-        grid
-        for grid in file.root.iter("Grid")
-        if grid.get("GridType") == "Collection" and grid.get("CollectionType") == "Temporal"
-    ]
-    if file.root.tag != "Xdmf" or len(series) != 1:
-        raise file.error(f"{len(series)} time series; expected one <Grid> of a collection")
-    states = series[0].findall("Grid")
-    points = file.points(states)
-    moved, times = [], []
-    places = [f"{path}, state {number}" for number in range(1, len(states) + 1)]
-    for here, state in zip(places, states, strict=True):
-        times.append(_time(here, state))
-        given = state.findall("Attribute")
-        data = one_named(here, field, [a for a in given if a.get("Center") == "Node"], given)
-        moved.append(displacements(here, field, file.numbers(data), points))
+    points, moved, words = read_xdmf(path, field)
+    times = [parse_number(word.strip()) for word in words]
+    for k, (word, time) in enumerate(zip(words, times, strict=True), start=1):
+        if not 0 <= time <= HUGE:
+            raise InputError(
+                f"{path}, state {k}: time {word[:40]!r}; expected a load, from 0 to {HUGE:g}"
+            )
+    places = [f"{path}, state {k}" for k in range(1, len(moved) + 1)]
     return _States(points, np.array(moved), np.array(times), places)
-
-
-def _time(here: str, state: ET.Element) -> float:
-    clocks = state.findall("Time")
-    word = clocks[0].get("Value") if clocks else None
-    if not word:
-        raise InputError(f"{here}: no <Time Value=...>")
-    if len(clocks) > 1:
-        raise InputError(f"{here}: {len(clocks)} times; expected one")
-    time = parse_number(word)
-    if not 0 <= time <= HUGE:
-        expected = "a load, from 0 to " if math.isfinite(time) else "a finite number, 0 to "
-        raise InputError(f"{here}: time {word[:40]!r}; expected {expected}{HUGE:g}")
-    return time
 
 
 def _of_vtus(paths: Sequence[Path], field: str, loads: Sequence[float] | None) -> _States:
@@ -203,8 +169,7 @@ def _of_vtus(paths: Sequence[Path], field: str, loads: Sequence[float] | None) -
     for path, load in zip(paths, loads, strict=True):
         if not 0 <= load <= HUGE:
             raise InputError(f"{path}: loads of {load:g}; expected finite numbers, 0 to {HUGE:g}")
-    budget = Budget()
-    states = [Vtu(path, budget).state(field) for path in paths]
+    states = [read_vtu(path, field) for path in paths]
     points = states[0][0]
     for path, (here, _) in zip(paths, states, strict=True):
         if not np.array_equal(here, points):

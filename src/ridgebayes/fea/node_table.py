@@ -7,14 +7,12 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray
-from ridgebayes.fea.column_units import split_header
 from ridgebayes.fea.columns import open_table
 from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.problems import FileError
-from ridgebayes.fea.record import provenance
+from ridgebayes.fea.record import FileError, provenance
 from ridgebayes.fea.transitions import last_digit
-from ridgebayes.fea.words import OF_NODES, STATUS_RULE, plain, touching
+from ridgebayes.fea.words import OF_NODES, STATUS_RULE, plain, split_header, touching
 from ridgebayes.table.rules import as_text
 
 _CONTACT = ("gap", "pressure", "status")

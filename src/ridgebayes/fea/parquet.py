@@ -10,12 +10,12 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.layout import FINITE, clean_headers, filled
-from ridgebayes.fea.problems import FileError, Source
+from ridgebayes.fea.record import FileError, TableFile
 from ridgebayes.runtime.reading import refusing
 from ridgebayes.table.files import read_arrow
 
 
-class ParquetTable(Source):
+class ParquetTable(TableFile):
     """A Parquet file.
 
     Parameters

@@ -9,7 +9,10 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.column_units import (
+from ridgebayes.fea.delimited import Reading
+from ridgebayes.fea.mapping import Use
+from ridgebayes.fea.record import FileError
+from ridgebayes.fea.words import (
     DIMENSIONS,
     NUMBER,
     column_unit,
@@ -17,9 +20,6 @@ from ridgebayes.fea.column_units import (
     split_header,
     unit_factor,
 )
-from ridgebayes.fea.delimited import Reading
-from ridgebayes.fea.mapping import Use
-from ridgebayes.fea.problems import FileError
 from ridgebayes.table.columns import NAMES
 from ridgebayes.table.rules import as_text
 

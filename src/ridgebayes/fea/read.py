@@ -18,12 +18,11 @@ from ridgebayes.fea.columns import SUFFIXES, read_columns
 from ridgebayes.fea.deck import Deck, RunDeck, read_deck
 from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.febio import read_febio
-from ridgebayes.fea.history import Body, ContactHistory, table_of
+from ridgebayes.fea.history import ContactHistory, RunBody, table_of
 from ridgebayes.fea.map_files import parse_map, read_mapping
 from ridgebayes.fea.mesh_series import read_series
 from ridgebayes.fea.node_table import read_node_table
-from ridgebayes.fea.problems import FileError
-from ridgebayes.fea.record import Imported
+from ridgebayes.fea.record import FileError, Imported
 from ridgebayes.fea.words import COUNTS, NOT_READ
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.table import ContactTable
@@ -217,7 +216,7 @@ def _read(name: str, paths: Sequence[Path], given: Given) -> Imported:
     return table_of(history, body, brackets=given.brackets)
 
 
-def _history(name: str, paths: Sequence[Path], given: Given, body: Body) -> ContactHistory:
+def _history(name: str, paths: Sequence[Path], given: Given, body: RunBody) -> ContactHistory:
     """Return what the files of a run print."""
     path = paths[0]
     if name == "series":
@@ -336,7 +335,7 @@ def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
     return mapping, values
 
 
-def _body(given: Given) -> Body:
+def _body(given: Given) -> RunBody:
     assert given.texture is not None
     numbers = {}
     for key, text in _numbers(given).items():
@@ -346,7 +345,7 @@ def _body(given: Given) -> Body:
             raise InputError(
                 f"--{key} {text!r}: expected a plain number, in the units of the run"
             ) from None
-    return Body(
+    return RunBody(
         *given.texture,
         **numbers,
         symmetry=given.symmetry or "half",

@@ -1,16 +1,144 @@
-"""The result of an import: a table, and messages about the file."""
+"""The result of an import: a table and messages about the file, or all that is wrong with it."""
 
 import hashlib
-from collections.abc import Mapping
+import heapq
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import BoolArray, IntArray
 from ridgebayes.contact.hertz import load_of_half_width
+from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_bytes
-from ridgebayes.runtime.text import count, some_of
+from ridgebayes.runtime.text import clipped, count, some_of
 from ridgebayes.table.columns import CURVE, OK, TRANSITION
 from ridgebayes.table.table import ContactTable
+
+SHOWN = 3  # cells of one complaint that a message lists; the rest is counted
+_MOST = 20  # complaints
+
+
+class TableFile(Protocol):
+    """A table file whose header is known; rows are counted from 0 below it."""
+
+    where: str
+    headers: tuple[str, ...]
+    lines: IntArray | None  # of the rows, where the file has lines
+
+    def read(self, numeric: Collection[str], problems: "FileError") -> pd.DataFrame:
+        """Read all rows, the columns of these headers as numbers; note cells that are none."""
+
+    def spot(self, row: int, name: str) -> str:
+        """Return words for a cell, such as ``line 4``."""
+
+    def typed(self, row: int, name: str) -> str:
+        """Return a cell as it was typed."""
+
+
+@dataclass(eq=False, repr=False)
+class FileError(InputError):
+    """A file that cannot be imported as it was asked for: gathered, and raised once all is known.
+
+    Parameters
+    ----------
+    where : str
+        The file, for messages.
+    wrong, needs : list of str
+        Broken rules, and facts that the user has to give.
+    options : dict of str to str
+        Options that a second try needs, by name; ``?`` replaces values that only the user knows.
+    mapping : dict of str to str
+        The same of ``--map``.
+    known : dict of str to str
+        Recognised columns, as ``--map`` would name them.
+    is_broken : bool
+        Whether cells break rules that no option changes.
+    messages : list of str
+        Messages about the reading so far.
+    columns : str
+        The columns that there are, where one is missing.
+    """
+
+    where: str
+    wrong: list[str] = field(default_factory=list)
+    needs: list[str] = field(default_factory=list)
+    options: dict[str, str] = field(default_factory=dict)
+    mapping: dict[str, str] = field(default_factory=dict)
+    known: dict[str, str] = field(default_factory=dict)
+    is_broken: bool = False
+    messages: list[str] = field(default_factory=list)
+    columns: str = ""
+    _cells: dict[tuple[str, str], list[int]] = field(default_factory=dict)
+    _told: set[tuple[int, str]] = field(default_factory=set)
+
+    def __str__(self) -> str:
+        lines = [*self.wrong, *self.needs]
+        if len(lines) == 1:
+            return lines[0] if lines[0].startswith(self.where) else f"{self.where}: {lines[0]}"
+        counts = ((len(self.wrong), "rules broken"), (len(self.needs), "values missing or unclear"))
+        head = " and ".join(f"{n} {what}" for n, what in counts if n)
+        more = [f"and {len(lines) - _MOST} more"] if len(lines) > _MOST else []
+        return "\n  ".join([f"{self.where}: {head}", *lines[:_MOST], *more])
+
+    def __bool__(self) -> bool:
+        return bool(self.wrong or self.needs or self._cells)
+
+    def error(self, message: str) -> InputError:
+        """Return an error about the file that no option mends."""
+        return InputError(f"{self.where}: {message}")
+
+    def need(self, text: str, mapping: dict[str, str] | None = None, /, **options: str) -> None:
+        """Note what the user has to say, with the options that would say it."""
+        if text not in self.needs:
+            self.needs.append(text)
+        self.mapping |= mapping or {}
+        self.options |= {**options, **self.options}
+
+    def cells(self, bad: "BoolArray | IntArray | pd.Index[int]", header: str, rule: str) -> None:
+        """Note cells, by a mask over the file's rows or by rows; each cell is reported once."""
+        rows = np.flatnonzero(bad) if bad.dtype == bool else bad
+        fresh = [row for row in rows.tolist() if (row, header) not in self._told]
+        if fresh:
+            self._told |= {(row, header) for row in fresh}
+            self._cells.setdefault((header, rule), []).extend(fresh)
+
+    def rows(self) -> set[int]:
+        """Return the file's rows with a reported cell."""
+        return {row for row, _ in self._told}
+
+    def broken_rows(self) -> set[int]:
+        """Return the file's rows with a cell that no option mends."""
+        return {r for (_, rule), rows in self._cells.items() if "-empty" not in rule for r in rows}
+
+    def raise_all(self, source: TableFile | None = None) -> None:
+        """Raise what was noted, if anything was."""
+        # What --empty could mend is not broken.
+        self.is_broken = bool(self.wrong) or any("-empty" not in rule for _, rule in self._cells)
+        self.wrong += [] if source is None else self._of_cells(source)
+        self.needs += [f"the columns are {self.columns}"] if self.columns else []
+        if self.wrong or self.needs:
+            raise self
+
+    def _of_cells(self, source: TableFile) -> list[str]:
+        """Return a line for each complaint about cells, in the order of the file."""
+        found = []
+        for (header, rule), rows in self._cells.items():
+            first = heapq.nsmallest(SHOWN, rows)
+            spots = [source.spot(row, header) for row in first]
+            cells = [clipped(source.typed(row, header)) for row in first]
+            if len(rows) == 1:
+                text = f"{source.where}, {spots[0]}, column {header!r} = {cells[0]}: {rule}"
+            else:
+                pairs = [f"{spot} = {cell}" for spot, cell in zip(spots, cells, strict=True)]
+                shown = some_of(pairs, SHOWN, len(rows))
+                text = f"column {header!r}, {len(rows)} cells: {rule}: {shown}"
+            found.append((first[0], text))
+        return [text for _, text in sorted(found, key=lambda one: one[0])]
+
 
 FIRST = 4  # Q of the first load that a run can tell
 _UNSURE = 0.2  # rel_se

@@ -16,7 +16,7 @@ import numpy as np
 from ridgebayes.errors import InputError
 from ridgebayes.fea.delimited import Reading, TextTable
 from ridgebayes.fea.layout import LOOKED_AT, find_layout, known
-from ridgebayes.fea.problems import FileError
+from ridgebayes.fea.record import FileError
 from ridgebayes.runtime.reading import extra, refusing
 
 LARGEST = 2**30  # bytes of all members, unpacked
@@ -62,12 +62,12 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError)
         return _joined(path, found, typed, how, problems)
     width = max(map(len, rows))
     wide = ([*row, *[""] * (width - len(row))] for row in rows)
-    lines = islice(enumerate(wide, start=1), how.skip_rows, None)
+    lines = list(islice(enumerate(wide, start=1), how.skip_rows, None))
     problems.where = f"{path}, sheet {name!r}"
     letter = import_module("openpyxl.utils").get_column_letter
     return TextTable(
         problems.where,
-        lines,
+        lambda _: lines,
         "\t",
         how,
         problems,
@@ -102,7 +102,7 @@ def _joined(
         told = ", ".join(map(repr, left_out))
         problems.messages.append(f"sheets ignored, with another header: {told}")
     width = max(map(len, rows))
-    lines = enumerate(([*row, *[""] * (width - len(row))] for row in rows), start=1)
+    lines = [(i, [*row, *[""] * (width - len(row))]) for i, row in enumerate(rows, start=1)]
     problems.where = f"{path}, {len(names)} sheets"
     letter = import_module("openpyxl.utils").get_column_letter
 
@@ -111,7 +111,7 @@ def _joined(
         return f"sheet {name!r}, cell {letter(column)}{at}"
 
     plain = replace(how, header_row=None, skip_rows=0)
-    return TextTable(problems.where, lines, "\t", plain, problems, cell, typed)
+    return TextTable(problems.where, lambda _: lines, "\t", plain, problems, cell, typed)
 
 
 def _check_archive(content: bytes, where: str) -> None:

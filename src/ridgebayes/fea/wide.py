@@ -8,7 +8,7 @@ import pandas as pd
 
 from ridgebayes._types import IntArray
 from ridgebayes.fea.mapping import LOADS, Use
-from ridgebayes.fea.problems import FileError
+from ridgebayes.fea.record import FileError
 from ridgebayes.runtime.text import count
 
 Melted = tuple[pd.DataFrame, list[Use]]
