@@ -13,7 +13,7 @@ from ridgebayes.contact.all_events import Events, all_events
 from ridgebayes.contact.contact_solution import bearing_half_width, solve_contact
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.ridge_contacts import RidgeContacts
-from ridgebayes.contact.ridge_row import RidgeRow, touch_order
+from ridgebayes.contact.ridge_row import RidgeRow
 from ridgebayes.contact.rigid_profile import Profile
 
 TOL = 1e-8
@@ -98,15 +98,6 @@ def test_reaching_loads__end_with_the_reason_at_the_most_unknowns(monkeypatch):
     assert "b/R = 0.02; cap" in found.status[-1]
 
 
-def test_all_events__are_the_same_in_groups(monkeypatch):
-    profile = Profile(0.02, 0.015, corner=3e-3, offset=0.2)
-    whole = all_events(profile, W_max=0.02, n_max=100, rel_tol=TOL)
-    monkeypatch.setattr(module, "_GROUP", 60)
-    parts = all_events(profile, W_max=0.02, n_max=100, rel_tol=TOL)
-    assert parts.why == ""
-    np.testing.assert_allclose(parts.W, whole.W, rtol=TOL)  # tolerance
-
-
 def test_all_events__go_on_where_contact_covers_more_than_was_expected(monkeypatch):
     profile, given = Profile(0.03, 1e-4, corner=5e-3), []
 
@@ -136,17 +127,6 @@ def test_bearing_half_width__holds_what_is_in_contact(corner, W):
             assert max(middle - left, right - middle) <= half_width * (1 + 1e-12)  # rounding
 
 
-@pytest.mark.parametrize(
-    ("offset", "order"),
-    [(0.0, [0, 1, 2, 3]), (0.5, [0, 1, 2, 3]), (0.2, [0, -1, 1, -2]), (-0.2, [-1, 0, -2, 1])],
-)
-def test_touch_order__is_by_the_distance_from_the_centre(offset, order):
-    profile = Profile(0.02, 0.03, offset=offset)
-    assert touch_order(profile, 4).tolist() == order
-    apart = [min(abs(one.start), abs(one.stop)) for one in map(profile.ridge, order[1:])]
-    assert apart == sorted(apart)
-
-
 @pytest.mark.parametrize("corner", [0.3, 0.05])
 @pytest.mark.parametrize("w", [0.96, 0.999])
 def test_ridge_contacts__of_a_round_ridge_below_the_centre_have_a_closed_load(w, corner):
@@ -173,19 +153,6 @@ def test_ridge_contacts__do_not_turn_inside_out_where_both_ends_pull():
     contacts = RidgeContacts(field, np.array([1e-3]), np.ones((2, 1)), 0.0, 1.0)
     assert (contacts.steps < -0.5).all()
     assert (1 + contacts.steps).sum() > 0
-
-
-def test_ridge_row__of_the_first_ridges_is_that_of_all():
-    row = RidgeRow.of(Profile(0.02, 0.03, offset=0.2), 6, 5, 0.01)
-    part, few = row.first(3), np.arange(3)
-    rng = np.random.default_rng(1)
-    moments = rng.normal(size=(3, 5, 3)) * part.within[:, None]
-    whole = np.zeros((6, 5, 3))
-    whole[:3] = moments
-    fields = row.fields(whole)[:5]
-    rounding = 1e-15 * np.abs(fields).max()  # of one transform of all ridges
-    np.testing.assert_allclose(part.fields(moments), fields, rtol=1e-12, atol=rounding)
-    np.testing.assert_allclose(part.covered(moments, few), row.covered(whole, few)[:3], rtol=1e-10)
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.5, 0.2])

@@ -124,39 +124,6 @@ def test_outward__is_newtons_step_and_gains_twice_the_digits():
     assert 80 < errors[0] / errors[1] < 120
 
 
-def test_outward__strength_falls_as_claimed_and_not_with_another_free_end():
-    """Finite differences at a solution with a free end on either side of each interval."""
-    c, W = 0.3, 0.02
-    floor = np.array([[0.0], [0.02], [0.0]])
-    ends = np.array([-0.35, -0.3, -0.08, 0.06, 0.3, 0.36])
-
-    def solve(ends):
-        return solve_pressure(intervals_of(*ends.reshape(-1, 2)), floor, W, 60)
-
-    for _ in range(12):  # outermost and floor's ends are free, the two inner ones are corners
-        left, right = solve(ends).outward
-        ends = ends + np.array([-left[0], 0.0, -left[1], right[1], 0.0, right[2]])
-    base = solve(ends)
-    slopes = (base.coefficients * np.arange(60) ** 2).sum(axis=1) / (2 * base.intervals.half_width)
-    free = {0: (0, 0, -1.0), 2: (0, 1, -1.0), 3: (1, 1, 1.0), 5: (1, 2, 1.0)}
-    assert all(abs(base.singular[side][i]) < 1e-12 for side, i, _ in free.values())
-    h = 1e-5 * c
-    for moved, (side, i, way) in free.items():
-        step = np.zeros(6)
-        step[moved] = way * h
-        up, down = solve(ends + step), solve(ends - step)
-        changes = {
-            end: (up.singular[s][j] - down.singular[s][j]) / (2 * h)
-            for end, (s, j, _) in free.items()
-        }
-        scale = abs(changes[moved])
-        if side == 1:
-            # Discretisation: of a central difference.
-            assert changes[moved] == pytest.approx(slopes[i], rel=1e-6)
-        others = [abs(change) for end, change in changes.items() if end != moved]
-        assert max(others) < 1e-6 * scale
-
-
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("x", [0.0, 0.013, 0.031, -0.044, 0.07, 0.4])
 def test_recession__is_the_integral_of_the_logarithm(mirrored, x):
@@ -260,21 +227,6 @@ def test_tail__is_what_neighbours_add_not_what_a_kink_has():
     near = solve_pressure(intervals_of((-0.06, -0.001), (0.001, 0.06)), np.zeros((2, 1)), 4e-3, 6)
     far = solve_pressure(intervals_of((-0.06, -0.03), (0.03, 0.06)), np.zeros((2, 1)), 4e-3, 6)
     assert near.tail > 1e-2 > 1e-3 > far.tail
-
-
-def test_press__scales_with_the_length():
-    ends, height = np.array([(-0.05, -0.02), (0.03, 0.06)]), np.array([[1e-4, 1e-5], [0.0, 2e-5]])
-    usual = solve_pressure(intervals_of(*ends), height, 4e-3, 20)
-    for scale in (1e-3, 8.0):
-        scaled = solve_pressure(
-            intervals_of(*(scale * ends)), scale**2 * height, scale**2 * 4e-3, 20
-        )
-        # Rounding: 1e-11 of the dense solve; the logarithm's unit shifts the approach.
-        np.testing.assert_allclose(
-            scaled.coefficients, scale**2 * usual.coefficients, atol=1e-12 * scale**2 * usual.load
-        )
-        shifted = scale**2 * (usual.approach - usual.load * math.log(scale))
-        assert scaled.approach == pytest.approx(shifted, rel=1e-11)
 
 
 def test_surface_by_load__is_the_difference_of_two_loads_at_the_same_ends():

@@ -64,11 +64,3 @@ def test_harmonic__is_the_series_and_the_surface_within(s):
     np.testing.assert_allclose(found, KINKS.series(N) @ waves, rtol=0, atol=atol)
     if abs(s) <= 1:
         np.testing.assert_allclose(found, [depth(i, s) for i in range(3)], atol=1e-14)  # algebra
-
-
-def test_none__adds_nothing():
-    none = Kinks.none(2)
-    assert not none.series(9).any()
-    assert not none.strengths(np.linspace(0, math.pi, 5)).any()
-    assert not np.any(none.slopes())
-    assert not none.harmonic(np.array([[0.5, 3.0]])).any()

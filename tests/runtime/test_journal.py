@@ -32,17 +32,6 @@ def test_find__gives_what_was_kept_to_the_last_bit(journal):
 
 
 @pytest.mark.parametrize(
-    "other", [{**GIVEN, "tol": 1e-7}, {**GIVEN, "more": 1}, {"tol": 1e-8}, {**GIVEN, "tol": 1}]
-)
-def test_find__nothing_of_another_key(journal, other):
-    journal.keep(GIVEN, [1])
-    assert journal.find(other) is None
-    assert journal.n_damaged == 0
-    journal.keep(other, [2])
-    assert (journal.find(GIVEN), journal.find(other)) == ([1], [2])
-
-
-@pytest.mark.parametrize(
     "damage",
     [
         lambda text: "",
@@ -64,17 +53,6 @@ def test_find__what_is_damaged_counts_as_missing(journal, damage):
     assert (journal.n_found, journal.n_damaged) == (0, 1)
     journal.keep(GIVEN, [0.25])
     assert journal.find(GIVEN) == [0.25]
-
-
-def test_find__what_is_not_text_counts_as_missing(journal):
-    journal.keep(GIVEN, [0.25])
-    only(journal).write_bytes(b"\xff\xfe\x00")
-    assert journal.find(GIVEN) is None
-    path = only(journal)
-    path.unlink()
-    path.mkdir()
-    assert journal.find(GIVEN) is None
-    assert journal.n_damaged == 2
 
 
 def test_keep__leaves_whole_files_only(journal):

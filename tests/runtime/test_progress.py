@@ -59,15 +59,6 @@ def test_plain__one_line_a_stage_and_nothing_else(clock):
     assert out.getvalue() == "calibrate: 2.00 s\nevidence: 2.00 s\n"
 
 
-def test_plain__a_line_is_out_before_the_next_stage_begins(clock):
-    out = io.StringIO()
-    with Progress(2, out) as progress:
-        with progress.stage("first"):
-            assert out.getvalue() == ""
-        with progress.stage("second"):
-            assert out.getvalue() == "first: 0.00 s\n"
-
-
 @pytest.mark.parametrize(
     ("level", "told"),
     [
@@ -108,21 +99,6 @@ def test_stage__that_raises_is_timed_and_its_error_goes_on(clock):
     with pytest.raises(RuntimeError, match="half-way"):
         fail()
     assert progress.stages == [{"name": "evidence", "wall_s": 3.0, "cpu_s": 0.0}]
-
-
-def test_default__tells_on_standard_error(capsys):
-    with Progress(1) as progress, progress.stage("bands"):
-        pass
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.startswith("bands: ")
-
-
-def test_two_records__do_not_share_stages():
-    first, second = Progress(1, io.StringIO()), Progress(1, io.StringIO())
-    with first, first.stage("only here"):
-        pass
-    assert second.stages == []
 
 
 def test_terminal__a_bar_instead_of_lines(clock, monkeypatch):

@@ -18,21 +18,6 @@ def test_refusing__says_where_and_what_the_library_says():
         raise ValueError("no\nway")
 
 
-def test_refusing__cuts_what_the_library_says():
-    with pytest.raises(InputError, match=r"\Amine\.csv: xxxxx\Z"), refusing("mine.csv", most=5):
-        raise OSError(20 * "x")
-
-
-def test_refusing__lets_a_refusal_through():
-    with pytest.raises(InputError, match=r"\Amine\.csv, line 3: odd\Z"), refusing("other"):
-        raise InputError("mine.csv, line 3: odd")
-
-
-def test_refusing__lets_other_kinds_through():
-    with pytest.raises(TypeError, match="a bug"), refusing("mine.csv", ValueError):
-        raise TypeError("a bug")
-
-
 def test_decoded__has_no_mark_and_newlines_alone():
     assert decoded(b"\xef\xbb\xbfa\r\nb\rc\xc3\xa4", "t.csv") == "a\nb\ncä"
 
@@ -56,10 +41,6 @@ def test_read_toml__refuses_what_is_none(tmp_path, text):
     path.write_text(text)
     with pytest.raises(InputError, match=r"mine\.toml: not TOML: "):
         read_toml(path)
-
-
-def test_extra__returns_a_module_of_a_package():
-    assert extra("json.decoder", "none", "") is sys.modules["json.decoder"]
 
 
 def test_extra__says_what_to_install(monkeypatch):

@@ -130,11 +130,11 @@ class _Rounds:
     def _begin(self) -> FloatArray:
         """Return moments of sharp ridges covered in full; none of them pulls."""
         row, live = self._row, self._live
-        found, self._by_approach, _ = row.covered_in_full(live)
+        moments, self._by_approach, _ = row.covered_in_full(live)
         smooth = 0.5 * (np.abs(row.centre[live + 1]) - row.half_width) ** 2
         least = _KEPT * row.within[:, live] * smooth / (math.pi * row.weight.sum())
-        found[:, 0] = np.maximum(found[:, 0], least)
-        return found
+        moments[:, 0] = np.maximum(moments[:, 0], least)
+        return moments
 
     def events(self) -> tuple[FloatArray, BoolArray]:
         """Return the load of each event, and whether all conditions hold there."""
@@ -174,8 +174,8 @@ class _Rounds:
         arrived &= np.bincount(event, moving, minlength=len(live)) == 0
         if arrived.any():
             self._W[live[arrived] - self._first] = row.load(self._moments + change)[arrived]
-            found = self._holds(contacts, event, arrived) & self._free(field, approach)
-            self._ok[live[arrived] - self._first] = found[arrived]
+            holds = self._holds(contacts, event, arrived) & self._free(field, approach)
+            self._ok[live[arrived] - self._first] = holds[arrived]
         self._moments = self._mixing.mixed(self._moments, change)
         return arrived
 
@@ -220,13 +220,13 @@ class _Rounds:
             here.smallest_pressure >= -max(TENSION * math.sqrt(self._tol), 1e-6)
         )
         count, event = len(arrived), event[some]
-        found: BoolArray = np.bincount(event, ~holds, minlength=count) == 0
+        sound: BoolArray = np.bincount(event, ~holds, minlength=count) == 0
         if self._cut:
             inside = np.bincount(event, (ends >= 1.0).any(axis=0), minlength=count) == 0
             inside &= self._nearest > -1.0
             self.cut_off |= bool((arrived & ~inside).any())
-            found &= inside
-        return found
+            sound &= inside
+        return sound
 
     def _free(self, field: FloatArray, approach: FloatArray) -> BoolArray:
         """Return whether nothing is touched that an event leaves out, (n_live,)."""
@@ -315,8 +315,8 @@ class _Mixing:
 
     def keep(self, n: int, still: BoolArray) -> None:
         """Go on with some events on the first n ridges."""
-        self._moved = [one[:n, :, still] for one in self._moved]
-        self._changed = [one[:n, :, still] for one in self._changed]
+        self._moved = [step[:n, :, still] for step in self._moved]
+        self._changed = [step[:n, :, still] for step in self._changed]
         if self._last is not None:
             at, change = self._last
             self._last = at[:n, :, still], change[:n, :, still]

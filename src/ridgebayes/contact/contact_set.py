@@ -44,17 +44,17 @@ class ContactSet:
         That is without a width `spared` at both sides of each ridge, which round corners leave.
         """
         hertz = math.sqrt(2 * W)
-        tops = [one for one in self._segments if one.ridge is not None]
-        self._ends = {one: start[one] for one in self._segments if one in start}
+        tops = [segment for segment in self._segments if segment.ridge is not None]
+        self._ends = {segment: start[segment] for segment in self._segments if segment in start}
         if not self._ends:
-            for one in tops:
-                low, high = max(one.start + spared, -hertz), min(one.stop - spared, hertz)
+            for segment in tops:
+                low, high = max(segment.start + spared, -hertz), min(segment.stop - spared, hertz)
                 if low < high:
-                    self._ends[one] = self._within(one, low, high)
+                    self._ends[segment] = self._within(segment, low, high)
         if not self._ends:
             # The nearest corners: as wide as a body's slope there takes the load.
             tops = tops or self._segments
-            near = min(tops, key=lambda one: min(abs(one.start), abs(one.stop)))
+            near = min(tops, key=lambda segment: min(abs(segment.start), abs(segment.stop)))
             self._ends[near] = self._first(near, W)
 
     def _first(self, segment: RigidSegment, W: float) -> tuple[float, float]:
@@ -77,11 +77,11 @@ class ContactSet:
             low = -high
         return low, high
 
-    def move(self, found: PressureSolution) -> bool:
+    def move(self, pressing: PressureSolution) -> bool:
         """Move free ends by Newton's step, drop what shrinks to nothing; whether any did."""
         moved = False
         for i, segment in enumerate(self.touched):
-            low, high = (self._stepped(found, i, segment, side) for side in (0, 1))
+            low, high = (self._stepped(pressing, i, segment, side) for side in (0, 1))
             moved = moved or (low, high) != self._ends[segment]
             if high - low <= _NOTHING * (segment.stop - segment.start) and len(self._ends) > 1:
                 del self._ends[segment]
@@ -92,24 +92,30 @@ class ContactSet:
             self._ends[segment] = low, high
         return moved
 
-    def _stepped(self, found: PressureSolution, i: int, segment: RigidSegment, side: int) -> float:
+    def forget_steps(self) -> None:
+        """Let ends step back as far as they like: the load rises on."""
+        self._made.clear()
+
+    def _stepped(
+        self, pressing: PressureSolution, i: int, segment: RigidSegment, side: int
+    ) -> float:
         """Return the place of an end after its step; equations of docs/derivations/contact.md."""
         sign, limits = 2 * side - 1, (segment.start, segment.stop)
         end, limit = self._ends[segment][side], limits[side]
         room = abs(limit - end)
-        width = float(2 * found.intervals.half_width[i])
-        mean, strength = abs(found.coefficients[i, 0]), found.singular[side][i]
-        stuck = [one == at for one, at in zip(self._ends[segment], limits, strict=True)]
+        width = float(2 * pressing.intervals.half_width[i])
+        mean, strength = abs(pressing.coefficients[i, 0]), pressing.singular[side][i]
+        stuck = [place == at for place, at in zip(self._ends[segment], limits, strict=True)]
         if stuck[side] and strength >= -self._tol * mean:  # (5)
             return end
         most = (1 - _SHRINK) * width * (1.0 if sum(stuck) == 1 else 0.5)  # (9)
-        step = float(np.nan_to_num(found.outward[side][i], nan=0.0))  # (7)
+        step = float(np.nan_to_num(pressing.outward[side][i], nan=0.0))  # (7)
         if strength > 0 and step <= 0:  # no zero of pressure ahead (8)
             step = width
         elif strength < 0 and step >= 0:
             step = -most
         layer = sign * (end - segment.flat[side])
-        share = math.pi * mean / found.load
+        share = math.pi * mean / pressing.load
         if not stuck[side] and abs(step) <= self._near_enough(width, share, layer):
             return end
         step = min(max(step, -most), 2 * width)  # (9)
@@ -128,15 +134,15 @@ class ContactSet:
             near = min(near, 0.3 * TENSION * math.sqrt(self._tol) * layer)
         return max(near, _STEP * width)
 
-    def add_penetrated(self, found: PressureSolution) -> bool:
+    def add_penetrated(self, pressing: PressureSolution) -> bool:
         """Begin a contact on every segment that the surface penetrates; whether there was any."""
         before = len(self._ends)
-        scale = max(self._tol * found.load, 1e-15)
+        scale = max(self._tol * pressing.load, 1e-15)
         others = [segment for segment in self._segments if segment not in self._ends]
         if not others:
             return False
         places = [_places(segment) for segment in others]
-        surface = found.surface(np.concatenate(places))
+        surface = pressing.surface(np.concatenate(places))
         parts = np.split(surface, np.cumsum([len(x) for x in places])[:-1])
         for segment, x, above in zip(others, places, parts, strict=True):
             gap, (low, high) = above + segment.height(x), segment.flat
@@ -144,13 +150,13 @@ class ContactSet:
             if gap[i] > np.ptp(gap[max(i - 1, 0) : i + 2]):  # none is hidden between places
                 continue
             for _ in range(3):
-                x, gap = with_vertex(found, segment, x, gap)
+                x, gap = with_vertex(pressing, segment, x, gap)
             # On a sloping surface a contact that is too narrow to be kept penetrates by this much.
             start, stop = segment.start, segment.stop
             if gap.min() < -max(scale, 100 * _NOTHING * (stop - start) * max(-start, stop)):
                 inside = x[gap < 0]
                 if segment.ridge is not None and segment.corner == 0:
-                    self._ends[segment] = self._first(segment, found.load)
+                    self._ends[segment] = self._first(segment, pressing.load)
                     continue
                 middle, half = 0.5 * float(inside[0] + inside[-1]), 0.5 * float(np.ptp(inside))
                 least = math.sqrt(-segment.corner * float(gap.min()))
@@ -172,7 +178,7 @@ def _places(segment: RigidSegment) -> FloatArray:
 
 
 def with_vertex(
-    found: PressureSolution, segment: RigidSegment, x: FloatArray, gap: FloatArray
+    pressing: PressureSolution, segment: RigidSegment, x: FloatArray, gap: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return places and gaps with the lowest point of the parabola through the lowest three."""
     if len(x) < 3:
@@ -188,5 +194,5 @@ def with_vertex(
     place = int(np.searchsorted(x, at))
     if at in (x[i - 1], x[i], x[i + 1]):
         return x, gap
-    lowest = found.surface(np.array([at])) + segment.height(np.array([at]))
+    lowest = pressing.surface(np.array([at])) + segment.height(np.array([at]))
     return np.insert(x, place, at), np.insert(gap, place, lowest[0])

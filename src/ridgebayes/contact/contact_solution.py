@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.contact.contact_set import BEGUN, TENSION, ContactSet, with_vertex
+from ridgebayes.contact.contact_set import BEGUN, TENSION, ContactSet
 from ridgebayes.contact.intervals import (
     Intervals,
     PressureSolution,
@@ -22,7 +22,6 @@ from ridgebayes.contact.rigid_profile import Kinks, Profile, RigidSegment, falls
 from ridgebayes.errors import InputError
 
 _MAX_ITERATIONS = 200  # ends take steps in turn, more of them where few coefficients are used
-_N_CORNER, _N_VERTEX = 17, 4
 _N_LOOK, _LOOKS = 17, 5  # places in a groove; each look is at an eighth of the one before
 MOST_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
 
@@ -95,48 +94,51 @@ class ContactSolution:
         """
         return self.pressing.approach
 
-    def nearest_gap(self, segment: RigidSegment) -> tuple[float, float]:
-        """Return where the gap to a segment that is not touched is least, and the gap, over R."""
-        low, high = segment.flat
-        # Not by the flat's ends: corners of half a ridge leave none.
-        inner, towards = (low, -1.0) if abs(segment.start) < abs(segment.stop) else (high, 1.0)
-        n_place = _N_CORNER if segment.corner else 1
-        x = inner + towards * segment.corner * np.linspace(1.0, 0.0, n_place)
-        x = np.unique(x)  # the least corner is no longer than rounding
-        gap = self.pressing.surface(x) + segment.height(x)
-        for _ in range(_N_VERTEX):
-            x, gap = with_vertex(self.pressing, segment, x, gap)
-        i = int(np.argmin(gap))
-        return float(x[i]), float(gap[i])
+    def nearest_gaps(self, segments: Sequence[RigidSegment]) -> tuple[FloatArray, FloatArray]:
+        """Return where the gap to each of some segments that are not touched is least, and the gap.
 
-    def penetration(self, groove: int) -> float:
-        """Return how deep the surface hangs into the groove right of a ridge, over R."""
-        return float(self._deepest([groove])[0])
+        Shape (n_segment,), over R. A ridge is nearest over the corner towards the centre.
+        """
+        rows = np.arange(len(segments))
+        low, high = np.array([_nearest_part(segment) for segment in segments]).T
+        x = np.linspace(low, high, _N_LOOK, axis=1)
+        # Where no pressure acts the surface is convex: one minimum.
+        for _ in range(_LOOKS):
+            heights = [segment.height(at) for segment, at in zip(segments, x, strict=True)]
+            gap = self.pressing.surface(x) + heights
+            lowest = np.argmin(gap, axis=1)
+            nearest, least = x[rows, lowest], gap[rows, lowest]
+            i = np.clip(lowest, 1, _N_LOOK - 2)
+            x = np.linspace(x[rows, i - 1], x[rows, i + 1], _N_LOOK, axis=1)
+        return nearest, least
+
+    def rise_to_touch(self, segments: Sequence[RigidSegment]) -> float:
+        """Return by how much more load the first of some segments is touched: Newton's step."""
+        x, gap = self.nearest_gaps(segments)
+        return float((-gap / self.pressing.surface_by_load(x)).min())
 
     @cached_property
     def penetrations(self) -> dict[int, float]:
         """How deep the surface hangs into each groove between touched ridges, by ridge."""
-        numbers = [one.ridge for one in self.segments if one.ridge is not None]
-        if not numbers:
+        numbers = [segment.ridge for segment in self.segments if segment.ridge is not None]
+        first = min(numbers, default=0)
+        first = -1 if self.profile.mirrored and first >= 0 else first
+        grooves = list(range(first, max(numbers, default=first)))
+        if not grooves:
             return {}
-        first = -1 if self.profile.mirrored and min(numbers) >= 0 else min(numbers)
-        grooves = list(range(first, max(numbers)))
-        return dict(zip(grooves, self._deepest(grooves).tolist(), strict=True))
+        floors = [replace(self.profile.floor_after(groove), depth=0.0) for groove in grooves]
+        return dict(zip(grooves, (-self.nearest_gaps(floors)[1]).tolist(), strict=True))
 
-    def _deepest(self, grooves: Sequence[int]) -> FloatArray:
-        """Return how deep the surface hangs into each of some grooves, shape (n_groove,)."""
-        floors = [self.profile.floor_after(groove) for groove in grooves]
-        x = np.linspace(
-            [one.start for one in floors], [one.stop for one in floors], _N_LOOK, axis=1
-        )
-        rows, lowest = np.arange(len(x)), np.full(len(x), math.inf)
-        # Where no pressure acts the surface is convex: one minimum.
-        for _ in range(_LOOKS):
-            height = self.pressing.surface(x)
-            lowest = np.minimum(lowest, height.min(axis=1))
-            i = np.clip(np.argmin(height, axis=1), 1, _N_LOOK - 2)
-            x = np.linspace(x[rows, i - 1], x[rows, i + 1], _N_LOOK, axis=1)
-        return -lowest
+
+def _nearest_part(segment: RigidSegment) -> tuple[float, float]:
+    """Return the ends of the part of a segment that the surface comes nearest to."""
+    if segment.ridge is None:
+        return segment.start, segment.stop
+    low, high = segment.flat
+    # Not by the flat's ends: corners of half a ridge leave none.
+    if abs(segment.start) < abs(segment.stop):
+        return low - segment.corner, low
+    return high, high + segment.corner
 
 
 def solve_contact(
@@ -147,15 +149,16 @@ def solve_contact(
     n_coefficients: int | None = None,
     start: ContactSolution | None = None,
     ridges: range | None = None,
+    ahead: Sequence[RigidSegment] = (),
 ) -> ContactSolution:
-    """Press a parabola on ridges by a load.
+    """Press a parabola on ridges by a load, or up to the load that reaches another ridge.
 
     Parameters
     ----------
     profile : Profile
         The rigid side.
     W : float
-        Load: 4 (1 - nu^2)/pi times p/E.
+        Load: 4 (1 - nu^2)/pi times p/E. Where there are ridges ahead, the smallest load.
     rel_tol : float, optional
         Tolerance of the ends, over their interval's width, of tension and of penetration.
     n_coefficients : int, optional
@@ -164,6 +167,8 @@ def solve_contact(
         A solution at a load nearby, to begin with.
     ridges : range, optional
         Numbers of the only ridges there are: what happens up to the load that reaches the next.
+    ahead : sequence of RigidSegment, optional
+        Ridges beside those: the load is sought at which the gap over the first of them vanishes.
 
     Returns
     -------
@@ -188,34 +193,36 @@ def solve_contact(
         return too_many(profile, first * m)
     within = profile.segments(1.3 * hertz + 3 * profile.pitch)
     if ridges is not None:
-        within = [one for one in within if one.ridge is None or one.ridge in ridges]
+        within = [segment for segment in within if segment.ridge is None or segment.ridge in ridges]
     state = ContactSet(profile, within, rel_tol)
     state.begin(W, {} if start is None else start.covered, 0.5 * profile.a - half_width)
-    found, segments = None, []
-    status = "not converged: contact ends still move"
+    solution, least, step = no_solution(profile, "not converged: contact ends still move"), W, 0.0
     for _ in range(_MAX_ITERATIONS):
+        W += step
         intervals = state.intervals()
         if len(intervals.left) * m > MOST_UNKNOWNS:
             return too_many(profile, len(intervals.left) * m)
         try:
             height, kinks = _heights(state.touched, intervals)
-            found = solve_pressure(intervals, height, W, m, kinks)
-            segments = state.touched
+            pressing = solve_pressure(intervals, height, W, m, kinks)
         except np.linalg.LinAlgError:
-            status = "not converged: singular equations"
-            break
-        if state.move(found) or state.add_penetrated(found):
+            return replace(solution, status="not converged: singular equations")
+        solution = replace(solution, segments=tuple(state.touched), pressing=pressing)
+        moves = state.move(pressing)
+        # Ends at zero pressure do not change the gap to first order: load and ends step at once.
+        rise = max(solution.rise_to_touch(ahead), least - W) if ahead else 0.0
+        if abs(rise) > 1e-3 * rel_tol * W:
+            if rise * step >= 0:
+                state.forget_steps()
+            moves, step = True, rise
+        else:
+            step = 0.0
+        if moves or state.add_penetrated(pressing):
             continue
-        if not _resolved(found, rel_tol) and m < _MOST_COEFFICIENTS:
-            m = math.ceil(1.5 * m)  # a contact has come near its neighbour
-            continue
-        status = "ok"
-        break
-    if found is None:
-        return no_solution(profile, status)
-    if status == "ok":
-        status = _checked(found, W, rel_tol)
-    return ContactSolution(profile, tuple(segments), found, status)
+        if _resolved(pressing, rel_tol) or m >= _MOST_COEFFICIENTS:
+            return replace(solution, status=_checked(pressing, W, rel_tol))
+        m = math.ceil(1.5 * m)  # a contact has come near its neighbour
+    return solution
 
 
 def no_solution(profile: Profile, status: str) -> ContactSolution:
@@ -272,31 +279,31 @@ def _heights(segments: Sequence[RigidSegment], intervals: Intervals) -> tuple[Fl
     return height + added, kinks
 
 
-def _checked(found: PressureSolution, W: float, rel_tol: float) -> str:
+def _checked(pressing: PressureSolution, W: float, rel_tol: float) -> str:
     """Return ``ok``, or which condition does not hold."""
-    if not abs(found.load / W - 1) <= 1e-10:
-        return f"forces not in balance: {found.load / W - 1:.1e}"
-    if not _resolved(found, rel_tol):
-        return f"not converged: coefficient tail {found.tail:.1e}"
-    smallest = smallest_pressure(found)
+    if not abs(pressing.load / W - 1) <= 1e-10:
+        return f"forces not in balance: {pressing.load / W - 1:.1e}"
+    if not _resolved(pressing, rel_tol):
+        return f"not converged: coefficient tail {pressing.tail:.1e}"
+    smallest = smallest_pressure(pressing)
     if not smallest >= -max(TENSION * math.sqrt(rel_tol), 1e-6):
         return f"tension: {smallest:.1e} of the mean pressure"
     return "ok"
 
 
-def _resolved(found: PressureSolution, rel_tol: float) -> bool:
+def _resolved(pressing: PressureSolution, rel_tol: float) -> bool:
     """Return whether coefficients have decayed: loads err by under tail^2."""
-    return found.tail**2 <= rel_tol
+    return pressing.tail**2 <= rel_tol
 
 
-def smallest_pressure(found: PressureSolution) -> float:
+def smallest_pressure(pressing: PressureSolution) -> float:
     """Return the smallest q sqrt(1 - s^2) of any interval over its mean: negative is tension."""
-    width = found.intervals.half_width
-    ends = (end / width for end in found.singular)
-    pressure = np.column_stack([found.pressure_at_points(), *ends])
-    mean = found.coefficients[:, 0] / width
+    width = pressing.intervals.half_width
+    ends = (end / width for end in pressing.singular)
+    pressure = np.column_stack([pressing.pressure_at_points(), *ends])
+    mean = pressing.coefficients[:, 0] / width
     # Pressures of contacts that have only just started are rounding errors.
-    counts = found.forces * found.intervals.weight > BEGUN * found.load
+    counts = pressing.forces * pressing.intervals.weight > BEGUN * pressing.load
     return float((pressure.min(axis=1) / mean)[counts].min(initial=np.inf))
 
 
@@ -304,8 +311,8 @@ def solve_many_contacts(
     profile: Profile, W: Sequence[float] | FloatArray, *, rel_tol: float = 1e-8
 ) -> list[ContactSolution]:
     """Press by each of several loads; each begins where the next lower one ended."""
-    found: dict[int, ContactSolution] = {}
+    solutions: dict[int, ContactSolution] = {}
     last = None
     for i in np.argsort(W).tolist():
-        found[i] = last = solve_contact(profile, float(W[i]), rel_tol=rel_tol, start=last)
-    return [found[i] for i in sorted(found)]
+        solutions[i] = last = solve_contact(profile, float(W[i]), rel_tol=rel_tol, start=last)
+    return [solutions[i] for i in sorted(solutions)]

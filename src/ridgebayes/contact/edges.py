@@ -43,12 +43,12 @@ class EdgeForces:
     lateral: float
 
 
-def edge_forces(found: ContactSolution, nu: float) -> EdgeForces:
+def edge_forces(solution: ContactSolution, nu: float) -> EdgeForces:
     """Return the forces on the edges of a body pressed on ridges.
 
     Parameters
     ----------
-    found : ContactSolution
+    solution : ContactSolution
         A solution.
     nu : float
         Poisson's ratio.
@@ -60,18 +60,22 @@ def edge_forces(found: ContactSolution, nu: float) -> EdgeForces:
         corners alone the sum of `side` times G is the same.
     """
     profile, intervals, series = (
-        found.profile,
-        found.pressing.intervals,
-        found.pressing.coefficients,
+        solution.profile,
+        solution.pressing.intervals,
+        solution.pressing.coefficients,
     )
     half_width, modulus = intervals.half_width, 1 / (1 - nu**2)
-    floor = np.array([one.ridge is None for one in found.segments], dtype=bool)
-    corners = np.array([(one.start, one.stop) for one in found.segments]).reshape(-1, 2)
+    floor = np.array([segment.ridge is None for segment in solution.segments], dtype=bool)
+    corners = np.array([(segment.start, segment.stop) for segment in solution.segments]).reshape(
+        -1, 2
+    )
     ends = np.stack([intervals.left, intervals.right], axis=1)
-    strength = np.maximum(np.stack(found.pressing.singular, axis=1), 0.0)
+    strength = np.maximum(np.stack(solution.pressing.singular, axis=1), 0.0)
     K = 0.5 * math.pi * modulus * strength * np.sqrt(math.pi / half_width)[:, None]
     K = np.where((ends == corners) & ((profile.corner == 0) | floor)[:, None], K, 0.0)
-    number = np.array([profile.ridge_before(one) for one in found.segments], dtype=np.int64)
+    number = np.array(
+        [profile.ridge_before(segment) for segment in solution.segments], dtype=np.int64
+    )
     side = np.tile(np.array([-1, 1], dtype=np.int64), (len(number), 1))
     lateral = 0.0
     if profile.mirrored:

@@ -182,12 +182,12 @@ def _solve_batch(gap_ratio: float, n_known: int, n_last: int, rel_tol: float) ->
         if all(status == "ok" for status in solved.status):
             break
         n_check = math.ceil(1.4 * n_check)
-    known = 0 if best is None else best.F.size
+    n_best = 0 if best is None else best.F.size
     reason = (
         f"{n_coefficients:.6g} coefficients a strip are over the cap of {MAX_UNKNOWNS} unknowns"
     )
-    rest = HalfPlaneLoads.not_computed(n_last - max(known, n_known), reason)
-    return rest if best is None else best.part(slice(n_known, known)).joined(rest)
+    rest = HalfPlaneLoads.not_computed(n_last - max(n_best, n_known), reason)
+    return rest if best is None else best.part(slice(n_known, n_best)).joined(rest)
 
 
 def _solve_checked(

@@ -137,17 +137,17 @@ class PressureSolution:
         """Return how far the body's surface recedes at x, of any shape."""
         points = np.asarray(x, dtype=np.float64)
         flat = points.ravel()
-        found = self._recession(self._regular, flat)
+        height = self._recession(self._regular, flat)
         if self.kinks.angle.any():
-            found += self._of_kinks(flat)
-        return found.reshape(points.shape)
+            height += self._of_kinks(flat)
+        return height.reshape(points.shape)
 
     def _recession(self, series: FloatArray, flat: FloatArray) -> FloatArray:
         """Return the recession at x (n_point,) under pressures of given coefficients."""
         step = max(2_000_000 // series.size, 1)
         parts = np.split(flat, range(step, len(flat), step))
         felt = (potentials(self.intervals, part, series.shape[1]) for part in parts)
-        return np.concatenate([np.einsum("xin,in->x", each, series) for each in felt])
+        return np.concatenate([np.einsum("xin,in->x", block, series) for block in felt])
 
     def _of_kinks(self, x: FloatArray) -> FloatArray:
         """Return the kinks' contribution to the recession at x (n_point,), by all orders."""
@@ -232,11 +232,11 @@ def solve_pressure(
     whole = kinks.series(len(order))
     whole[:, : height.shape[1]] += height
     waves = np.cos(order * np.arccos(s)[..., None])
-    own = np.einsum("in,imn->im", np.where(used, whole, 0.0), waves)
+    rigid = np.einsum("in,imn->im", np.where(used, whole, 0.0), waves)
     # Relative to the first interval: a small load leaves only small differences of the parabola.
     first, depth = intervals.centre[0], whole[0, 0]
     right = np.zeros((n * m + 1, 2))
-    right[:-1, 0] = -0.5 * (x - first) * (x + first) - (own - depth).ravel()
+    right[:-1, 0] = -0.5 * (x - first) * (x + first) - (rigid - depth).ravel()
     right[-1] = load, 1.0
     solved, unit = np.linalg.solve(matrix, right).T
     coefficients, charge = -whole * order / math.pi, np.zeros(used.shape)
@@ -283,11 +283,11 @@ def potentials_around(
     centre: FloatArray, half_width: FloatArray, x: FloatArray, m: int, *, alone: int
 ) -> FloatArray:
     """Return `potentials` of intervals of which the first few have no mirror image."""
-    found = _potentials(centre, half_width, x, m)
+    sums = _potentials(centre, half_width, x, m)
     # A mirror image has coefficients of alternating sign about the mirrored centre.
     signs = (-1.0) ** np.arange(m)
-    found[:, alone:] += signs * _potentials(-centre[alone:], half_width[alone:], x, m)
-    return found
+    sums[:, alone:] += signs * _potentials(-centre[alone:], half_width[alone:], x, m)
+    return sums
 
 
 def _potentials(centre: FloatArray, half_width: FloatArray, x: FloatArray, m: int) -> FloatArray:
@@ -297,11 +297,11 @@ def _potentials(centre: FloatArray, half_width: FloatArray, x: FloatArray, m: in
     # 1/z without a difference of large numbers
     z = 1.0 / (size + np.sqrt(beyond * (2.0 + beyond)))
     order, inside = np.arange(1, m), np.nonzero(size == 1.0)
-    found = np.empty((*s.shape, m))
-    found[..., 0] = math.pi * (math.log(2.0) - np.log(half_width) + np.log(z))
-    waves = found[..., 1:]
+    values = np.empty((*s.shape, m))
+    values[..., 0] = math.pi * (math.log(2.0) - np.log(half_width) + np.log(z))
+    waves = values[..., 1:]
     waves[:] = np.copysign(z, s)[..., None]
     np.multiply.accumulate(waves, axis=-1, out=waves)
     waves[inside] = np.cos(order * np.arccos(s[inside])[:, None])
     waves *= math.pi / order
-    return found
+    return values

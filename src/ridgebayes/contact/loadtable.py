@@ -36,9 +36,9 @@ class HalfPlaneLoads:
     rel_error: FloatArray
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            if one.name != "status":
-                getattr(self, one.name).flags.writeable = False
+        for column in fields(self):
+            if column.name != "status":
+                getattr(self, column.name).flags.writeable = False
 
     def p_over_E(self, pitch_over_R: float, *, nu: float = 0.5) -> FloatArray:
         """Scale to one texture: p/E = (pitch/R)^2 F_k / (1 - nu^2).
@@ -66,13 +66,13 @@ class HalfPlaneLoads:
 
     def part(self, part: slice) -> "HalfPlaneLoads":
         """Return some of the transitions, as views."""
-        parts: list[Any] = [getattr(self, one.name)[part] for one in fields(self)]
+        parts: list[Any] = [getattr(self, column.name)[part] for column in fields(self)]
         return HalfPlaneLoads(*parts)
 
     def joined(self, other: "HalfPlaneLoads") -> "HalfPlaneLoads":
         """Return these transitions followed by those of another record."""
         joined: list[Any] = []
-        for name in (one.name for one in fields(self)):
+        for name in (column.name for column in fields(self)):
             a, b = getattr(self, name), getattr(other, name)
             joined.append(a + b if isinstance(a, tuple) else np.concatenate((a, b)))
         return HalfPlaneLoads(*joined)

@@ -17,7 +17,6 @@ from ridgebayes.contact.contact_solution import ContactSolution, solve_contact
 from ridgebayes.contact.ridge_row import touch_order
 from ridgebayes.contact.rigid_profile import Profile
 
-_MOST_STEPS = 60
 _TINY = np.array([1e-10, 1e-9, 1e-8, 1e-7, 1e-6])
 
 
@@ -64,8 +63,8 @@ def reaching_loads(
 
     Notes
     -----
-    *Cost.* As for `all_events`; from where a floor may be touched about ten solves of
-    `solve_contact` for each event, twice as many beside the centre.
+    *Cost.* As for `all_events`; from where a floor may be touched `solve_contact` for each
+    event.
     """
     if profile.corner < rel_tol * profile.a:  # loads change by less than the corner over a
         profile = replace(profile, corner=0.0)
@@ -98,63 +97,34 @@ def _one_by_one(
     profile: Profile, W: float, low: int, high: int, W_max: float, rel_tol: float
 ) -> Iterator[tuple[float, int, str]]:
     """Yield the events after a load at which ridges from one to another are touched; 0 is none."""
-    found = None
+    last = None
     if W == 0.0:
-        found = _smallest(profile, W_max, rel_tol)
-        first = [segment.ridge for segment in found.segments if segment.ridge is not None]
+        last = _smallest(profile, W_max, rel_tol)
+        first = [segment.ridge for segment in last.segments if segment.ridge is not None]
         # Where a floor alone is touched the ridges beside it, -1 and 0, are yet to be reached.
-        low, high, W = min(first, default=0), max(first, default=-1), found.W
-    status = "ok" if found is None else found.status
+        low, high, W = min(first, default=0), max(first, default=-1), last.W
+    status = "ok" if last is None else last.status
     while status == "ok":
         # To the right, and where the profile is no mirror image also to the left.
         sides = (high + 1,) if profile.mirrored else (high + 1, low - 1)
-        W, ridge, found = _reach(profile, W, range(low, high + 1), sides, found, W_max, rel_tol)
-        if W_max < W:
-            return
-        low, high, status = min(low, ridge), max(high, ridge), found.status
+        ahead, touched = [profile.ridge(number) for number in sides], range(low, high + 1)
+        last = solve_contact(profile, W, rel_tol=rel_tol, start=last, ridges=touched, ahead=ahead)
+        status = last.status
         if status == "ok":
+            W = last.W
+            if W_max < W:
+                return
+            ridge = sides[int(np.argmin(last.nearest_gaps(ahead)[1]))]
+            low, high = min(low, ridge), max(high, ridge)
             yield W, _count(profile, low, high), status
-    yield math.nan, _count(profile, low, high), status
+    yield math.nan, _count(profile, low, high + 1), status
 
 
 def _smallest(profile: Profile, W_max: float, rel_tol: float) -> ContactSolution:
     """Return the contact under a load as small as can be solved for."""
     # Round corners bear so little on a spot near rounding's size.
     for tiny in _TINY * min(W_max, profile.pitch**2):
-        found = solve_contact(profile, float(tiny), rel_tol=rel_tol)
-        if found.status == "ok":
+        smallest = solve_contact(profile, float(tiny), rel_tol=rel_tol)
+        if smallest.status == "ok":
             break
-    return found
-
-
-def _reach(
-    profile: Profile,
-    least: float,
-    ridges: range,
-    sides: tuple[int, ...],
-    start: ContactSolution | None,
-    W_max: float,
-    rel_tol: float,
-) -> tuple[float, int, ContactSolution]:
-    """Return the load that reaches a ridge beyond those given, infinite if above W_max, and which.
-
-    The gap over a ridge falls with the load, and by less the wider the contact is: each of Newton's
-    steps, from wherever it begins, ends below the load that is sought.
-    """
-    W, found = least, start
-    ahead = [profile.ridge(number) for number in sides]
-    for _ in range(_MOST_STEPS):
-        found = solve_contact(profile, W, rel_tol=rel_tol, start=found, ridges=ridges)
-        if found.status != "ok":
-            return W, sides[0], found
-        x, gap = np.array([found.nearest_gap(segment) for segment in ahead]).T
-        steps = -gap / found.pressing.surface_by_load(x)
-        nearest = int(np.argmin(steps))
-        step = max(float(steps[nearest]), least - W)
-        W += step
-        if W_max < W:
-            return math.inf, sides[nearest], found
-        if abs(step) <= 1e-3 * rel_tol * W:
-            return W, sides[nearest], found
-    assert found is not None  # there was a step
-    return W, sides[0], replace(found, status="not converged: the load that reaches a ridge")
+    return smallest

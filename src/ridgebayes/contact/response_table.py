@@ -100,8 +100,10 @@ class ResponseTable:
         self._columns = _OVER_RIDGE
         self._axes: list[Axis] = []
         if distinct is None:
-            found = [(columns, _axes(seen, columns)) for columns in (_OVER_RIDGE, _OVER_RADIUS)]
-            self._columns, self._axes = min(found, key=lambda one: math.prod(x.n for x in one[1]))
+            choices = [(columns, _axes(seen, columns)) for columns in (_OVER_RIDGE, _OVER_RADIUS)]
+            self._columns, self._axes = min(
+                choices, key=lambda choice: math.prod(x.n for x in choice[1])
+            )
             if math.prod(axis.n for axis in self._axes) > _MOST_NODES:
                 raise InputError(
                     "scene: too many values vary at once; expected certain widths and radius where "
@@ -110,14 +112,14 @@ class ResponseTable:
             if self._axes[1].n > 1:
                 self._margin = _CLOSEST_BETWEEN
             mesh = np.meshgrid(*(axis.nodes for axis in self._axes), indexing="ij")
-            rows = np.stack([one.ravel() for one in mesh], axis=1)
+            rows = np.stack([choice.ravel() for choice in mesh], axis=1)
         else:
             rows = distinct[:, self._columns]
         over_ridge = self._columns == _OVER_RIDGE
         profiles = [_profile(row, over_ridge=over_ridge) for row in rows]
         if self._axes:
             _refuse_narrow(profiles)
-        self._shapes = [_Shape(one) for one in profiles]
+        self._shapes = [_Shape(choice) for choice in profiles]
 
     def _weights(self, shapes: FloatArray) -> FloatArray:
         """Return the weight of each shape, (n, n_shape)."""
@@ -151,7 +153,7 @@ class ResponseTable:
         weights, unit = self._weights(shapes_of(profiles)), _units(profiles)
         used = np.flatnonzero((weights != 0).any(axis=0))
         weights, shapes = weights[:, used], [self._shapes[i] for i in used]
-        ends = np.array([np.log(one.interval(Q)) for one in shapes])
+        ends = np.array([np.log(shape.interval(Q)) for shape in shapes])
         low, high = (weights @ ends).T
         wanted = np.log(W / unit**2)
         y = (wanted - low) / (high - low)
@@ -159,8 +161,8 @@ class ResponseTable:
         near = np.where(kept == y, W, np.exp(low + kept * (high - low)) * unit**2)
         root = np.sqrt(np.clip(kept, 0.0, 1.0))
         values = np.zeros((len(profiles), _FIXED + 4 * Q))
-        for weight, one in zip(weights.T, shapes, strict=True):
-            values += weight[:, None] * one.values(Q)(root)
+        for weight, shape in zip(weights.T, shapes, strict=True):
+            values += weight[:, None] * shape.values(Q)(root)
         x, K = np.split(values[:, _FIXED:], 2, axis=1)
         mirrored = (profiles[:, 4] < 0)[:, None]
         x, K = np.where(mirrored, -x[:, ::-1], x), np.where(mirrored, K[:, ::-1], K)
@@ -172,8 +174,8 @@ class ResponseTable:
 
 def solved(profile: FloatArray, Q: int, W: float) -> ContactValues:
     """Return the contact of one body solved on its own, as `ResponseTable.at` returns it."""
-    found = solve_contact(Profile(*profile.tolist()), W, rel_tol=_TOL)
-    values = _measured(found, Q)
+    solution = solve_contact(Profile(*profile.tolist()), W, rel_tol=_TOL)
+    values = _measured(solution, Q)
     length, extent, penetration, share, largest = values[:_FIXED, None]
     x, K = np.split(values[None, _FIXED:], 2, axis=1)
     return ContactValues(np.array([W]), length, extent, penetration, share, largest, x, K)
@@ -231,12 +233,13 @@ def _profile(at: FloatArray, *, over_ridge: bool) -> Profile:
 
 def _refuse_narrow(profiles: list[Profile]) -> None:
     """Refuse sharp grooves so narrow that a grid of them takes hours."""
-    for one in profiles:
-        needed = coefficients_for(one, _TOL, 0.5 * one.a)
-        if one.corner == 0 and needed > _MOST_COEFFICIENTS:
+    for profile in profiles:
+        needed = coefficients_for(profile, _TOL, 0.5 * profile.a)
+        if profile.corner == 0 and needed > _MOST_COEFFICIENTS:
             raise InputError(
                 f"scene: groove_width: expected sharp grooves that vary to be wider than 0.6 % of "
-                f"ridge_width, got {100 * one.b / one.a:.2g} %; truncated(..) keeps draws above"
+                f"ridge_width, got {100 * profile.b / profile.a:.2g} %; truncated(..) keeps draws "
+                "above"
             )
 
 
@@ -253,11 +256,11 @@ class _Shape:
         W, counts = self._events
         while not len(counts) or counts[-1] <= Q:
             top = max(4 * W[-1] if len(W) else 0.0, 0.5 * ((Q / 2 + 2) * self._profile.pitch) ** 2)
-            found = reaching_loads(self._profile, W_max=top, rel_tol=_TOL)
-            failed = [text for text in found.status if text != "ok"]
+            reaching = reaching_loads(self._profile, W_max=top, rel_tol=_TOL)
+            failed = [text for text in reaching.status if text != "ok"]
             if failed:
                 raise ComputationError(f"contact of Q = {Q}: {failed[0]}")
-            W, counts = self._events = found.W, found.Q
+            W, counts = self._events = reaching.W, reaching.Q
         i = int(np.searchsorted(counts, Q, side="right"))
         if i == 0:
             if counts[0] - 1 < Q or self._first != Q:
@@ -312,41 +315,41 @@ class _Shape:
         inside, place = min(max(_INSIDE, _BEGUN / math.log(high / low)), 0.25), y
         for _ in range(_TRIES):
             W = low * (high / low) ** min(max(place, inside), 1 - inside)
-            found = solve_contact(self._profile, W, rel_tol=_TOL, start=start)
-            if start is not None and found.status != "ok":  # it may lead round in circles
-                found = solve_contact(self._profile, W, rel_tol=_TOL)
+            solution = solve_contact(self._profile, W, rel_tol=_TOL, start=start)
+            if start is not None and solution.status != "ok":  # it may lead round in circles
+                solution = solve_contact(self._profile, W, rel_tol=_TOL)
             inside *= 4
             further = min(max(y, inside), 1 - inside)
-            if (found.status == "ok" and found.Q == Q) or further == y or inside >= 0.25:
+            if (solution.status == "ok" and solution.Q == Q) or further == y or inside >= 0.25:
                 break
             place = further
-        return place, found
+        return place, solution
 
 
-def _free_ends(found: ContactSolution) -> tuple[bool, ...]:
+def _free_ends(solution: ContactSolution) -> tuple[bool, ...]:
     """Return whether each end lies on its segment's flat part."""
-    flats = ((segment.flat, ends) for segment, ends in found.covered.items())
+    flats = ((segment.flat, ends) for segment, ends in solution.covered.items())
     return tuple(x for flat, (a, b) in flats for x in (a > flat[0], b < flat[1]))
 
 
-def _measured(found: ContactSolution, Q: int) -> FloatArray:
+def _measured(solution: ContactSolution, Q: int) -> FloatArray:
     """Return the fields of `ContactValues` from its length on, as one array, shape (5 + 4 Q,)."""
-    if found.status != "ok" or found.Q != Q:
-        one = found.profile
+    if solution.status != "ok" or solution.Q != Q:
+        at = solution.profile
         raise ComputationError(
-            f"scene: groove_width {one.b / one.a:.3g}, corner_radius {one.corner / one.a:.3g} of "
-            f"ridge_width, offset {one.offset:.3g}: expected a contact that can be solved, got "
-            f"Q = {found.Q} for {Q}, {found.status}; a truncated distribution keeps to values "
-            "whose contact can be"
+            f"scene: groove_width {at.b / at.a:.3g}, corner_radius {at.corner / at.a:.3g} of "
+            f"ridge_width, offset {at.offset:.3g}: expected a contact that can be solved, got "
+            f"Q = {solution.Q} for {Q}, {solution.status}; a truncated distribution keeps to "
+            "values whose contact can be"
         )
-    first, last = found.ends
-    on_ridges = np.array([segment.ridge is not None for segment in found.segments])
-    share = (found.pressing.forces / found.pressing.load)[on_ridges]
-    times = found.pressing.intervals.weight[on_ridges]
-    deepest = max(found.penetrations.values(), default=math.nan)
-    edges = edge_forces(found, 0.0)
+    first, last = solution.ends
+    on_ridges = np.array([segment.ridge is not None for segment in solution.segments])
+    share = (solution.pressing.forces / solution.pressing.load)[on_ridges]
+    times = solution.pressing.intervals.weight[on_ridges]
+    deepest = max(solution.penetrations.values(), default=math.nan)
+    edges = edge_forces(solution, 0.0)
     kept = ~edges.is_floor
-    fixed = [found.contact_fraction * (last - first), last - first, deepest]
+    fixed = [solution.contact_fraction * (last - first), last - first, deepest]
     fixed += [share @ times, share.max()]
     return np.concatenate([fixed, edges.x[kept], edges.K[kept]])
 

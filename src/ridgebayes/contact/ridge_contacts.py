@@ -66,20 +66,20 @@ class RidgeContacts:
         """Coefficients by T_n(s) of field and rigid surface, without kinks, (m, n); and these."""
         of_t, of_s = self._places
         m = len(of_s)
-        found = of_s @ np.einsum("nk,njk->jk", self.field, of_t) * (2.0 / m)
-        found[0] *= 0.5
+        smooth = of_s @ np.einsum("nk,njk->jk", self.field, of_t) * (2.0 / m)
+        smooth[0] *= 0.5
         radius = np.full(len(self.force), self.radius)
         height, kinks = falls(self.ends - self.flat, self.share, radius)
-        found[:3] += height.T
-        return found, kinks
+        smooth[:3] += height.T
+        return smooth, kinks
 
     @cached_property
     def _regular(self) -> FloatArray:
         """Coefficients of the pressure without those of kinks, (m, n)."""
         smooth = self._surfaces[0]
-        found = smooth * (-np.arange(len(smooth)) / np.pi)[:, None]
-        found[0] = self.force
-        return found
+        regular = smooth * (-np.arange(len(smooth)) / np.pi)[:, None]
+        regular[0] = self.force
+        return regular
 
     @cached_property
     def _series(self) -> FloatArray:
@@ -92,15 +92,15 @@ class RidgeContacts:
         of_t, of_s = self._places
         m = len(of_s)
         a = self._regular - (np.arange(m) / np.pi)[:, None] * self._series
-        found: FloatArray = np.einsum("jk,njk->nk", of_s.T @ a, of_t) * (2.0 / m)
-        found[0] = self.force
-        return found
+        of_ridge: FloatArray = np.einsum("jk,njk->nk", of_s.T @ a, of_t) * (2.0 / m)
+        of_ridge[0] = self.force
+        return of_ridge
 
     @cached_property
     def level(self) -> FloatArray:
         """Mean height under the contact, lengths in half-widths of a ridge; the same for all."""
-        own = np.pi * self.force * (np.log(2.0) - np.log(self.share))
-        level: FloatArray = own + self._surfaces[0][0] + self._series[0]
+        by_force = np.pi * self.force * (np.log(2.0) - np.log(self.share))
+        level: FloatArray = by_force + self._surfaces[0][0] + self._series[0]
         return level
 
     @cached_property
@@ -137,6 +137,6 @@ class RidgeContacts:
         m = len(self.field)
         angle = np.linspace(0.0, np.pi, 2 * m + 1)
         waves = np.cos(np.arange(m) * angle[:, None])
-        found = (waves @ self._regular).T - self.kinks.strengths(angle) / np.pi
-        smallest: FloatArray = found.min(axis=1) / self.force
+        pressures = (waves @ self._regular).T - self.kinks.strengths(angle) / np.pi
+        smallest: FloatArray = pressures.min(axis=1) / self.force
         return smallest

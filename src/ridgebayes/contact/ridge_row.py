@@ -130,9 +130,9 @@ class RidgeRow:
     @cached_property
     def energies(self) -> FloatArray:
         """Projections on a ridge covered in full of its own potentials, (m,)."""
-        own = self_energies(self.m)
-        own[0] += math.pi * self.shift
-        return own
+        by_order = self_energies(self.m)
+        by_order[0] += math.pi * self.shift
+        return by_order
 
     @cached_property
     def norms(self) -> FloatArray:
@@ -144,11 +144,11 @@ class RidgeRow:
     @cached_property
     def shape(self) -> FloatArray:
         """Coefficients of the body's parabola on each ridge, (n + 2, m)."""
-        w, found = self.half_width, np.zeros((len(self.numbers), self.m))
-        found[:, 0] = 0.5 * self.centre**2 + 0.25 * w**2
-        found[:, 1] = self.centre * w
-        found[:, 2] = 0.25 * w**2
-        return found
+        w, coefficients = self.half_width, np.zeros((len(self.numbers), self.m))
+        coefficients[:, 0] = 0.5 * self.centre**2 + 0.25 * w**2
+        coefficients[:, 1] = self.centre * w
+        coefficients[:, 2] = 0.25 * w**2
+        return coefficients
 
     @cached_property
     def within(self) -> BoolArray:
@@ -165,14 +165,14 @@ class RidgeRow:
     def _matrix(self, m: int) -> FloatArray:
         """Return projections on each ridge of the first moments of each other, (n m, n m)."""
         numbers, n, middle = self.numbers[: self.n], self.n, len(self.by_distance) // 2
-        found = self.by_distance[numbers[:, None] - numbers + middle, :m, :m]
+        blocks = self.by_distance[numbers[:, None] - numbers + middle, :m, :m]
         if self.profile.mirrored:
             signs = (-1.0) ** np.arange(m)
-            found += self.by_distance[numbers[:, None] - self._images + middle, :m, :m] * signs
+            blocks += self.by_distance[numbers[:, None] - self._images + middle, :m, :m] * signs
             if self.over_ridge:  # the first ridge is its own image, and has nothing of odd order
-                found[:, 0] = self.by_distance[numbers + middle, :m, :m]
-                found[:, 0, :, 1::2] = found[0, :, 1::2] = 0.0
-        value: FloatArray = found.transpose(0, 2, 1, 3).reshape(n * m, n * m)
+                blocks[:, 0] = self.by_distance[numbers + middle, :m, :m]
+                blocks[:, 0, :, 1::2] = blocks[0, :, 1::2] = 0.0
+        value: FloatArray = blocks.transpose(0, 2, 1, 3).reshape(n * m, n * m)
         return value
 
     def _scales(self, m: int) -> tuple[FloatArray, FloatArray]:
@@ -190,11 +190,11 @@ class RidgeRow:
         rows, columns = self._scales(m_far)
         within = self.within[:, events]
         value: FloatArray = potentials * (within[:, None] / self.energies[:, None])
-        found = potentials[:, :m_far].reshape(n * m_far, -1) / rows[:, None]
-        found, _ = lapack.dtrtrs(self.factor, np.asfortranarray(found), lower=0, trans=1)
-        found[~np.repeat(within, m_far, axis=0)] = 0.0
-        found, _ = lapack.dtrtrs(self.factor, found, lower=0, trans=0, overwrite_b=1)
-        value[:, :m_far] = (found / columns[:, None]).reshape(n, m_far, -1)
+        first = potentials[:, :m_far].reshape(n * m_far, -1) / rows[:, None]
+        first, _ = lapack.dtrtrs(self.factor, np.asfortranarray(first), lower=0, trans=1)
+        first[~np.repeat(within, m_far, axis=0)] = 0.0
+        first, _ = lapack.dtrtrs(self.factor, first, lower=0, trans=0, overwrite_b=1)
+        value[:, :m_far] = (first / columns[:, None]).reshape(n, m_far, -1)
         return value
 
     def covered_in_full(self, events: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -208,11 +208,11 @@ class RidgeRow:
         charge = np.zeros((self.n, self.m, len(events)))
         charge[:, 0] = math.pi * within[:, 0]
         by_approach = self.covered(charge, events)
-        found = -self.covered((self.shape[: self.n] * self.norms)[..., None] * within, events)
+        moments = -self.covered((self.shape[: self.n] * self.norms)[..., None] * within, events)
         potentials = self.potentials(x)
         lift = felt(potentials, by_approach)
-        approach = (0.5 * x**2 + felt(potentials, found)) / (1 - lift)
-        return found + by_approach * approach, by_approach, lift
+        approach = (0.5 * x**2 + felt(potentials, moments)) / (1 - lift)
+        return moments + by_approach * approach, by_approach, lift
 
     @cached_property
     def _spectrum(self) -> tuple[NDArray[np.complex128], int]:
@@ -238,9 +238,9 @@ class RidgeRow:
         line = np.zeros((size, *moments.shape[1:]))
         line[numbers[: self.n] % size] = of_first
         if self.profile.mirrored:
-            own = int(self.over_ridge)
+            alone = int(self.over_ridge)
             signs = (-1.0) ** np.arange(self.m)[:, None]
-            line[self._images[own:] % size] = of_first[own:] * signs
+            line[self._images[alone:] % size] = of_first[alone:] * signs
         felt = fft.irfft(spectrum @ fft.rfft(line, axis=0), size, axis=0)
         value: FloatArray = felt[numbers % size]
         if self.over_ridge:
@@ -257,9 +257,9 @@ class RidgeRow:
         """Return potentials of all moments at x, (n_x, n, m)."""
         alone = int(self.over_ridge) if self.profile.mirrored else self.n
         half = np.full(self.n, self.half_width)
-        found = potentials_around(self.centre[: self.n], half, x, self.m, alone=alone)
-        found[..., 0] += math.pi * math.log(self.unit) * self.weight
-        return found
+        sums = potentials_around(self.centre[: self.n], half, x, self.m, alone=alone)
+        sums[..., 0] += math.pi * math.log(self.unit) * self.weight
+        return sums
 
     def outward(self, coefficients: FloatArray, ridges: IntArray) -> FloatArray:
         """Return coefficients on some ridges, (n_ridge, m), by t that rises from the centre."""
@@ -277,7 +277,7 @@ class RidgeRow:
         """Return how deep the surface hangs into the grooves next to the centre, (n_event,)."""
         first = int(self.numbers[0])
         floors = [self.profile.floor_after(k) for k in range(first - 1, first + 1)]
-        x = np.concatenate([one.start + _LOOKS * (one.stop - one.start) for one in floors])
+        x = np.concatenate([floor.start + _LOOKS * (floor.stop - floor.start) for floor in floors])
         size = self.n * self.m
         up = self.potentials(x).reshape(len(x), size) @ moments.reshape(size, -1)
         value: FloatArray = (approach - 0.5 * x[:, None] ** 2 - up).max(axis=0)

@@ -133,7 +133,7 @@ class Profile:
         Mirrored profiles: segments of the right half, and the segment that straddles the centre.
         """
         n = math.ceil(reach / self.pitch) + 1
-        found = []
+        within = []
         for number in range(-n - 1, n + 1):
             for segment in (self.ridge(number), self.floor_after(number)):
                 if segment.ridge is None and math.isinf(self.depth):
@@ -141,8 +141,8 @@ class Profile:
                 left = segment.start + segment.stop < -1e-9 * self.pitch
                 if min(abs(segment.start), abs(segment.stop)) > reach or (self.mirrored and left):
                     continue
-                found.append(segment)
-        return sorted(found, key=lambda segment: segment.start)
+                within.append(segment)
+        return sorted(within, key=lambda segment: segment.start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,14 +169,14 @@ class Kinks:
     def series(self, n_order: int) -> FloatArray:
         """Return h_n, n = 0 ... n_order - 1, shape (n, n_order)."""
         angle = self.angle.ravel()
-        found = np.zeros((len(angle), n_order))
+        coefficients = np.zeros((len(angle), n_order))
         for has, integral in (
             (np.flatnonzero(angle > _THIN), _closed_integral),
             (np.flatnonzero((angle > 0) & (angle <= _THIN)), _thin_integral),
         ):
             if len(has):
-                found[has] = integral(angle[has], n_order)
-        left, right = found.reshape(2, -1, n_order)
+                coefficients[has] = integral(angle[has], n_order)
+        left, right = coefficients.reshape(2, -1, n_order)
         left[:, 1::2] *= -1.0
         value: FloatArray = (left + right) * (self.bend[:, None] / np.pi)
         value[:, 0] *= 0.5
@@ -219,26 +219,26 @@ class Kinks:
             log = np.where(apart > 0, np.log(together / apart), 0.0)
         inner = np.sin(theta) + cosine * theta - sine * log
         value = (cosine - c) * inner + 0.5 * (np.sin(theta) * c - theta)
-        found: FloatArray = (self.bend[:, None] / np.pi * value).sum(axis=0)
-        return found
+        sums: FloatArray = (self.bend[:, None] / np.pi * value).sum(axis=0)
+        return sums
 
     def harmonic(self, s: FloatArray) -> FloatArray:
         """Return sums of h_n z^n cos(n theta) at s (n_point, n), of z and theta as in `intervals`.
 
         Within an interval that is h.
         """
-        found = np.zeros(s.shape)
+        sums = np.zeros(s.shape)
         size = np.maximum(np.abs(s), 1.0)
         z = 1 / (size + np.sqrt(size**2 - 1))
         for angle, sign in zip(self.angle, (-1.0, 1.0), strict=True):
             has = np.flatnonzero(angle)
-            found[:, has] += _continued(sign * s[:, has], z[:, has], angle[has])
-        found *= self.bend
+            sums[:, has] += _continued(sign * s[:, has], z[:, has], angle[has])
+        sums *= self.bend
         point, i = np.nonzero((z < _FAR) & self.angle.any(axis=0))
         few = self.few[i]
         zeta = np.copysign(z, s)[point, i, None]
-        found[point, i] = (few * zeta ** np.arange(_FEW)).sum(axis=1)
-        return found
+        sums[point, i] = (few * zeta ** np.arange(_FEW)).sum(axis=1)
+        return sums
 
 
 def _closed_integral(angle: FloatArray, n_order: int) -> FloatArray:

@@ -70,12 +70,12 @@ def stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
     p: list[float] = []
     ratio: list[float] = []
     for p_max, loads in _LOADS.items():
-        both = (
-            half_widths(Cylinder(None, p_max=p_max, nu=nu, edges=_EDGES, ogden=one), loads)
-            for one in (ogden, NEO_HOOKEAN)
+        widths = (
+            half_widths(Cylinder(None, p_max=p_max, nu=nu, edges=_EDGES, ogden=material), loads)
+            for material in (ogden, NEO_HOOKEAN)
         )
         try:
-            for load, width, soft in zip(loads, *both, strict=True):
+            for load, width, soft in zip(loads, *widths, strict=True):
                 p.append(load)
                 ratio.append(width / soft)
         except NotConvergedError:
@@ -83,5 +83,5 @@ def stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
     if len(p) < _ORDER:
         return np.zeros(_ORDER + 1), 0.0
     terms = np.sqrt(p)[:, None] ** np.arange(1, _ORDER + 1)
-    found = np.linalg.lstsq(terms, np.array(ratio) - 1.0, rcond=None)[0]
-    return np.concatenate([[0.0], found]), p[-1]
+    coefficients = np.linalg.lstsq(terms, np.array(ratio) - 1.0, rcond=None)[0]
+    return np.concatenate([[0.0], coefficients]), p[-1]

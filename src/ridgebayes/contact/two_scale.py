@@ -50,8 +50,8 @@ def _coefficients() -> FloatArray:
     nu, p, ratio = np.loadtxt(TABLE, delimiter=",", skiprows=1, unpack=True)
     terms = np.polynomial.polynomial.polyvander2d(np.sqrt(p), nu, [_ORDER_P, _ORDER_NU])
     first = _ORDER_NU + 1
-    found = np.linalg.lstsq(terms[:, first:], ratio - 1.0, rcond=None)[0]
-    return np.concatenate([np.zeros(first), found]).reshape(_ORDER_P + 1, first)
+    coefficients = np.linalg.lstsq(terms[:, first:], ratio - 1.0, rcond=None)[0]
+    return np.concatenate([np.zeros(first), coefficients]).reshape(_ORDER_P + 1, first)
 
 
 @cache
@@ -71,8 +71,8 @@ def _body(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:
         raise InputError(
             f"ogden: expected one poissons_ratio, {LEAST_NU:g} to 0.5, for a material of its own"
         )
-    found, reach = stiffening_of(float(nu.flat[0]), ogden)
-    return np.append(1.0, found[1:]), reach
+    coefficients, reach = stiffening_of(float(nu.flat[0]), ogden)
+    return np.append(1.0, coefficients[1:]), reach
 
 
 def reach(nu: float = 0.5, ogden: Ogden = NEO_HOOKEAN) -> float:
@@ -90,7 +90,9 @@ def _polynomial(
 ) -> tuple[FloatArray, FloatArray]:
     """Return r, and its derivative by the root of p."""
     of_p, whole = np.polynomial.polynomial, _coefficients()
-    ratio, slope = (of_p.polyval2d(root, nu, one) for one in (whole, of_p.polyder(whole, axis=0)))
+    ratio, slope = (
+        of_p.polyval2d(root, nu, matrix) for matrix in (whole, of_p.polyder(whole, axis=0))
+    )
     ratio, body = 1.0 + ratio, of_p.polyval(root, by_material)
     return ratio * body, slope * body + ratio * of_p.polyval(root, of_p.polyder(by_material))
 

@@ -49,34 +49,34 @@ class Journal:
         """Return whether anything was kept."""
         return self.folder.is_dir()
 
-    def find(self, given: dict[str, Any]) -> Any | None:
+    def find(self, key: dict[str, Any]) -> Any | None:
         """Return what was kept of a part, or None.
 
         Parameters
         ----------
-        given : dict
+        key : dict
             All that decides the part's content, in values that JSON has.
         """
         try:
-            content = json.loads(self._path(given).read_text(encoding="utf-8"))
-            found = content["found"]
-            sound = content["given"] == given and content["sha256"] == _digest(found)
+            content = json.loads(self._path(key).read_text(encoding="utf-8"))
+            kept = content["found"]
+            sound = content["given"] == key and content["sha256"] == _digest(kept)
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError):
-            sound, found = False, None
+            sound, kept = False, None
         self.n_found += sound
         self.n_damaged += not sound
-        return found if sound else None
+        return kept if sound else None
 
-    def keep(self, given: dict[str, Any], found: Any) -> None:
+    def keep(self, key: dict[str, Any], part: Any) -> None:
         """Write a finished part.
 
         Parameters
         ----------
-        given : dict
+        key : dict
             As in `find`.
-        found : object
+        part : object
             Its content, in values that JSON has.
 
         Raises
@@ -86,8 +86,8 @@ class Journal:
         OutputError
             If it cannot be written, such as on a full disk.
         """
-        content = {"given": given, "found": found, "sha256": _digest(found)}
-        path = self._path(given)
+        content = {"given": key, "found": part, "sha256": _digest(part)}
+        path = self._path(key)
         try:
             self.folder.mkdir(exist_ok=True)
         except OSError as error:
@@ -100,8 +100,8 @@ class Journal:
         if self.exists():
             shutil.rmtree(self.folder)
 
-    def _path(self, given: dict[str, Any]) -> Path:
-        return self.folder / f"{_digest(given)}.json"
+    def _path(self, key: dict[str, Any]) -> Path:
+        return self.folder / f"{_digest(key)}.json"
 
 
 def _digest(content: Any) -> str:

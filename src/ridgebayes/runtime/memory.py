@@ -32,12 +32,12 @@ class PeakMemory:
 
 def _family(process: int) -> list[int]:
     """Return a process and all below it."""
-    found = [process]
-    for one in found:  # which grows meanwhile
-        for path in (_PROC / str(one) / "task").glob("*/children"):
+    family = [process]
+    for member in family:  # which grows meanwhile
+        for path in (_PROC / str(member) / "task").glob("*/children"):
             with suppress(OSError):  # a thread or process that has just ended
-                found += map(int, path.read_text().split())
-    return found
+                family += map(int, path.read_text().split())
+    return family
 
 
 def _proportional_set_size(process: int) -> int:

@@ -189,20 +189,20 @@ def check_tree(file: "h5py.File", where: str) -> None:
             here = f"{where}: {_shown(group.name, key)}"
             if not isinstance(group.get(key, getlink=True), h5py.HardLink):
                 raise InputError(f"{here} is a link; expected none")
-            one = group[key]
-            place = h5py.h5o.get_info(one.id).addr
+            item = group[key]
+            place = h5py.h5o.get_info(item.id).addr
             if place in seen or len(seen) >= _MOST_OBJECTS:
                 raise InputError(f"{here}: expected each object once, at most {_MOST_OBJECTS}")
             seen.add(place)
-            if isinstance(one, h5py.Group):
-                groups.append(one)
+            if isinstance(item, h5py.Group):
+                groups.append(item)
                 continue
-            check_inside(one, here, text=True)
-            left -= one.size * one.dtype.itemsize
+            check_inside(item, here, text=True)
+            left -= item.size * item.dtype.itemsize
             if left < 0:
-                raise InputError(f"{here} is {one.shape}; expected at most {LARGEST} bytes in all")
-            if not bytes(one.attrs.get("NAME", b"")).startswith(_NO_VARIABLE):
-                check_stored(one, here)
+                raise InputError(f"{here} is {item.shape}; expected at most {LARGEST} bytes in all")
+            if not bytes(item.attrs.get("NAME", b"")).startswith(_NO_VARIABLE):
+                check_stored(item, here)
 
 
 def check_inside(data: Any, where: str, *, text: bool = False) -> None:

@@ -165,10 +165,10 @@ def exit_text(code: int | None) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of Python, this package and those its numbers and figures depend on."""
-    found = {"python": platform.python_version()}
+    by_package = {"python": platform.python_version()}
     for name in (*_SOLVING, *_SHOWING):
         try:
-            found[name] = version(name)
+            by_package[name] = version(name)
         except PackageNotFoundError:
-            found[name] = "unknown"
-    return found
+            by_package[name] = "unknown"
+    return by_package

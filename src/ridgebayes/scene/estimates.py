@@ -174,11 +174,10 @@ class _Base:
         if self.given.corner:
             round_ones = replace(self.sharp, corner=self.given.corner)
             found = solve_contact(round_ones, self.last.W, rel_tol=_ROUGH)
-        solutions = [one for one in (self.last, found) if one.status == "ok"]
+        solutions = [body for body in (self.last, found) if body.status == "ok"]
         if not solutions:
             raise _too_narrow(self.texture, found.status)
-        grooves = [(one, k) for one in solutions for k in range(-1, len(one.segments))]
-        deepest = max(one.penetration(groove) for one, groove in grooves)
+        deepest = max(max(solution.penetrations.values()) for solution in solutions)
         # Beyond the ridges looked at it grows as the pressure in the middle: with the root of W.
         return deepest * math.sqrt(self.W_max / self.last.W)
 
@@ -219,8 +218,7 @@ class _Base:
         first = solve_contact(other, W, rel_tol=_ROUGH, ridges=range(k))
         if first.status != "ok":
             return math.nan
-        x, gap = first.nearest_gap(ridge)
-        return -gap / (W * float(first.pressing.surface_by_load(np.array([x]))[0]))
+        return first.rise_to_touch([ridge]) / W
 
     def cost(self, n_solution: float, n_interval: float, m: float) -> float:
         unknowns = n_interval * m

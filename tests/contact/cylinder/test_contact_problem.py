@@ -36,12 +36,6 @@ def moved(one, du=None, rise=0.0):
     return State(u, one.p, one.pressure, one.shear, one.rise + rise)
 
 
-def level(faces):
-    """Segments of the ridges' tops, without their corners."""
-    tops = np.array([face.angle == 0.0 and not face.radius for face in faces.faces])
-    return tops[faces.face]
-
-
 def nothing_left_out():
     return np.zeros(len(body().problem.faces), dtype=bool)
 
@@ -72,22 +66,6 @@ def test_gap__has_the_derivative_by_the_nodes():
     expected = (touched(one).normal @ way / body().problem.faces.length)[where]
     # Finite difference: second order in the step; a ray that changes its edge has a kink.
     np.testing.assert_allclose((up - down) / (2 * STEP), expected, atol=1e-5)
-
-
-def test_gap__falls_by_what_the_ridges_rise_under_a_level_face():
-    one, problem = state(), body().problem
-    tops = level(problem.faces)
-    where = measured(one) & tops
-    fallen = touched(one).gap[where] - touched(moved(one, rise=1e-4)).gap[where]
-    np.testing.assert_allclose(fallen, 1e-4, rtol=1e-9)  # rounding
-
-
-def test_rise__is_the_whole_body_sinking():
-    one, problem = state(), body().problem
-    risen = touched(moved(one, rise=1e-4)).gap
-    sunk = touched(moved(one, du=-1e-4 * problem.up)).gap
-    where = measured(one)
-    np.testing.assert_allclose(risen[where], sunk[where], atol=1e-13)  # rounding
 
 
 @pytest.mark.parametrize(("pressed", "rubbed"), [(1, 0), (0, 1), (1, 1)])
@@ -121,45 +99,6 @@ def test_bending__of_a_convex_potential_is_the_part_that_stiffens():
         values = np.linalg.eigvalsh(sign * matrix[dofs][:, dofs].toarray())
         assert values.min() > -1e-12 * size  # rounding
         assert values.max() > 1e-3 * size
-
-
-def test_slip__of_a_level_shift_is_the_shift():
-    before, problem = state(), body().problem
-    tops = level(problem.faces)
-    shift = np.tile([1e-5, 0.0], problem.solid.n_node)
-    gaps = touched(moved(before, shift), before)
-    where = measured(before) & tops
-    slip = gaps.slip / problem.faces.length
-    np.testing.assert_allclose(slip[where], 1e-5, atol=1e-15)  # rounding
-
-
-def test_slip__of_ridge_and_body_together_is_nothing():
-    before, problem = state(), body().problem
-    gaps = touched(moved(before, 1e-4 * problem.up, rise=1e-4), before)
-    where = measured(before)
-    np.testing.assert_allclose(gaps.slip[where] / problem.faces.length[where], 0, atol=1e-14)
-
-
-def test_force__of_level_faces_is_pressure_and_shear_times_length():
-    one, problem = state(), body().problem
-    tops = level(problem.faces)
-    on = measured(one) & tops
-    one = State(one.u, one.p, np.where(on, one.pressure, 0), np.where(on, one.shear, 0), one.rise)
-    force = problem.force(one, touched(one)).reshape(-1, 2).sum(axis=0)
-    length = problem.faces.length
-    # Rounding. A pressure on a gap acts along the ridge's normal and the body's slope.
-    assert force[1] == pytest.approx(one.pressure @ length, rel=1e-12)
-    assert problem.load(one, touched(one)) == pytest.approx(one.pressure @ length, rel=1e-12)
-    tilted = State(one.u, one.p, 0 * one.pressure, one.shear, one.rise)
-    across = problem.force(tilted, touched(tilted)).reshape(-1, 2).sum(axis=0)
-    np.testing.assert_allclose(across, [one.shear @ length, 0.0], atol=1e-15)
-
-
-def test_left_out__segments_have_an_infinite_gap():
-    one, out = state(), body().problem.faces.of_ridge(1)
-    gap = body().problem.gaps(one, one, out).gap
-    assert np.isinf(gap[out]).all()
-    np.testing.assert_array_equal(gap[~out], touched(one).gap[~out])
 
 
 def test_apart__has_the_derivative_by_the_nodes_and_falls_with_the_rise():

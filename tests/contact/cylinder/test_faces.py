@@ -66,18 +66,6 @@ def test_wall__faces_the_groove_and_hangs_down(corner):
         assert (normals[:, 0] * outward > 0).all()
 
 
-def test_sharp_corner__has_a_segment_of_its_length_on_the_top():
-    for face in faces(Profile(A, B)):
-        if face.angle == 0.0:
-            np.testing.assert_allclose(np.diff(face.breaks)[[0, -1]], FINE.corner, rtol=1e-9)
-
-
-@pytest.mark.parametrize("corner", [0.0, 0.01])
-def test_segments__are_at_most_the_longest(corner):
-    rigid = Faces(faces(Profile(A, B, corner=corner, depth=0.02)))
-    assert rigid.length.max() < 1.3 * FINE.most  # whole numbers of segments
-
-
 def test_floors__fill_the_grooves():
     profile = Profile(A, B, depth=0.02)
     floors = [face for face in faces(profile) if face.ridge is None]
@@ -87,13 +75,6 @@ def test_floors__fill_the_grooves():
     ]
     np.testing.assert_allclose(spans, expected, atol=1e-15)  # rounding
     assert all(ends(face)[0, 1] == -0.02 for face in floors)
-
-
-def test_over_a_ridge__its_right_half_is_cut():
-    found = [face for face in faces(Profile(A, B, offset=0.5)) if face.ridge == 0]
-    assert all((ends(face)[:, 0] >= 0.0).all() for face in found)
-    top = [face for face in found if face.angle == 0.0]
-    assert [ends(face)[:, 0].tolist() for face in top] == [[0.0, 0.5 * A]]
 
 
 @pytest.mark.parametrize("corner", [0.0, 0.002, 0.025])
@@ -106,10 +87,6 @@ def test_first_height__lets_the_disk_touch_and_not_more(offset, corner):
     out = np.hypot(*np.concatenate(points).T).min() - 1.0
     # A point of an arc lies within 1e-5 radii of the touching one: 1e-10 of its radius.
     assert out == pytest.approx(0.0, abs=1e-11)
-
-
-def test_first_height__in_shallow_grooves_is_the_floors():
-    assert first_height(Profile(0.01, 0.2, depth=1e-3)) == pytest.approx(-1.0 + 1e-3, abs=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -130,22 +107,6 @@ def test_rays__integrate_each_segment():
     np.testing.assert_allclose(total, rigid.length, rtol=1e-12)  # rounding
     assert np.array_equal(rays.face, rigid.face[rays.segment])
     np.testing.assert_allclose(np.hypot(*rays.normal.T), 1.0, rtol=1e-14)
-
-
-def test_rays__rise_with_the_ridges():
-    rigid = Faces(faces(Profile(A, B)))
-    far = np.array([[0.0, -9.0], [1.0, -9.0]])
-    low, high = rigid.rays(far, 0.0), rigid.rays(far, 0.25)
-    np.testing.assert_allclose((high.point - low.point)[:, 1], 0.25, rtol=1e-14)  # rounding
-
-
-def test_projection__of_a_point_on_a_face_is_its_own_place():
-    for face in faces(Profile(A, B, corner=0.01)):
-        where = np.linspace(*face.breaks[[0, -1]], 7)
-        points, normals = face.at(where)
-        place, apart = face.of(points + 0.001 * normals)
-        np.testing.assert_allclose(place, where, atol=1e-14)  # rounding
-        np.testing.assert_allclose(apart, 0.001, atol=1e-15)
 
 
 def test_frames__are_tangent_and_normal_where_points_project_to():

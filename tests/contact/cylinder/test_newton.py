@@ -8,7 +8,7 @@ import pytest
 
 from ridgebayes.contact.cylinder import newton
 from ridgebayes.contact.cylinder.cylinder import Cylinder
-from ridgebayes.contact.cylinder.faces import Corner, proximal_corner
+from ridgebayes.contact.cylinder.faces import proximal_corner
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
 from ridgebayes.contact.rigid_profile import Profile
 
@@ -47,13 +47,6 @@ def test_load__leads_to_the_state_of_the_rise():
     same(solve(one.problem, pressed(0.01), Control("load", load(one, at)))[0], at)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("rise", [0.008, 0.02])
-def test_rise__leads_back_without_friction(rise):
-    there = solve(body().problem, pressed(), Control("rise", rise))[0]
-    same(solve(body().problem, there, Control("rise", pressed().rise))[0], pressed())
-
-
 def test_corner__leads_to_the_state_of_its_load_and_rise():
     one = body()
     corner = proximal_corner(one.profile, 1, one._height)
@@ -64,13 +57,6 @@ def test_corner__leads_to_the_state_of_its_load_and_rise():
     )
     same(solve(one.problem, pressed(), Control("load", load(one, by_corner)))[0], by_corner)
     same(solve(one.problem, pressed(), Control("rise", by_corner.rise))[0], by_corner)
-
-
-def test_corner__lets_its_own_ridge_carry_nothing():
-    one = body()
-    corner = proximal_corner(one.profile, 1, one._height)
-    found = solve(one.problem, pressed(), Control("corner", 0.0, corner))[0]
-    assert not found.pressure[one.problem.faces.of_ridge(1)].any()
 
 
 def test_solution__is_in_equilibrium_and_presses_only_where_it_touches():
@@ -161,27 +147,6 @@ def test_no_equilibrium__is_said():
         solve(body().problem, pressed(), Control("rise", 0.9))
 
 
-@pytest.mark.parametrize("rise", [1e-4, 1e-3])
-def test_first_contact__needs_no_state_in_contact(rise):
-    one = body()
-    found, steps = solve(one.problem, one.unloaded(), Control("rise", rise))
-    assert found.pressure.any()
-    assert steps < 10
-
-
-def test_load__of_an_untouched_body_is_reached():
-    one = body(ab=None)
-    found = solve(one.problem, one.unloaded(), Control("load", 1e-6))[0]
-    assert load(one, found) == pytest.approx(1e-6, rel=1e-8)  # the solver's tolerance
-
-
-def test_control__of_a_corner_leaves_out_its_ridge_alone():
-    faces = body().problem.faces
-    out = Control("corner", 0.0, Corner(1, (0.1, -1.0), 0.0)).left_out(faces)
-    assert np.array_equal(out, faces.of_ridge(1))
-    assert not Control("rise", 0.1).left_out(faces).any()
-
-
 # -------------------------------------------------------------------------------------- friction
 
 
@@ -218,14 +183,6 @@ def test_friction__of_a_body_below_half_pulls_the_contact_inwards(ab):
     assert (state.shear * one.problem.faces.length)[level].sum() > 0
 
 
-@pytest.mark.slow
-def test_friction__stiffens_and_ends_in_sticking():
-    loads = [load(*rubbed(friction, None)) for friction in (0.0, 0.05, 0.3, 10.0, 100.0)]
-    assert loads[0] < loads[1] < loads[2] <= loads[3] * (1 + 1e-9)
-    # Everything sticks: the coefficient is no longer in the equations. The solver's tolerance.
-    assert loads[4] == pytest.approx(loads[3], rel=1e-7)
-
-
 @pytest.mark.parametrize(("share", "slides"), [(1.0, True), (0.95, False), (-1.0, True)])
 def test_sliding__starts_with_what_slid_where_the_whole_body_did(share, slides):
     problem = body(friction=0.3).problem
@@ -238,15 +195,6 @@ def test_sliding__starts_with_what_slid_where_the_whole_body_did(share, slides):
     both = np.where(np.arange(len(pressure)) < len(pressure) // 2, 1.0, -1.0)
     assert not newton._sliding(problem, replace(state, shear=state.shear * both)).any()
     assert not newton._sliding(problem, still).any()
-
-
-@pytest.mark.slow
-def test_friction__without_compressibility_matters_little():
-    """At nu = 0.5 pressure moves a half-plane's surface up and down alone: Goodman, 1962."""
-    smooth, rough = (load(*rubbed(friction, None, 0.5)) for friction in (0.0, 10.0))
-    at_03 = load(*rubbed(10.0, None)) / load(*rubbed(0.0, None)) - 1
-    # Second order in the strains: a tenth of what it is at 0.3.
-    assert abs(rough / smooth - 1) < 0.1 * at_03
 
 
 def test_solve__says_that_a_stiffness_is_singular(monkeypatch):

@@ -11,7 +11,6 @@ from skfem import Basis, ElementQuad2, LinearForm
 from ridgebayes.contact.cylinder.material import Material
 from ridgebayes.contact.cylinder.mesh import disk_mesh
 from ridgebayes.contact.cylinder.solid import InvertedError, Solid
-from tests.contact.cylinder.energy import energy_density, stored_energy
 
 STRETCH = np.array([[1.15, 0.2], [-0.1, 0.95]])
 STEP = 1e-6
@@ -40,11 +39,6 @@ def inner_nodes(mesh):
     sides[:, :2] = np.sort(sides[:, :2], axis=1)
     found, counts = np.unique(sides, axis=0, return_counts=True)
     return np.setdiff1d(np.arange(len(mesh.points)), found[counts == 1])
-
-
-def turned(angle):
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s], [s, c]])
 
 
 def waves(points, size=0.05):
@@ -98,70 +92,7 @@ def test_patch__of_constant_stress_has_no_force_inside(nu):
     np.testing.assert_allclose(force.T @ body.points, area * stress, atol=1e-14)  # rounding
 
 
-def test_patch__of_matching_pressure_is_in_equilibrium_with_its_volume():
-    body = solid()
-    u, p = body.points @ (STRETCH - np.eye(2)).T, body.no_pressure()
-    change = np.linalg.det(STRETCH) - 1.0
-    p[:, 0] = change / body.material.compressibility
-    # Rounding of a sum over nine points.
-    np.testing.assert_allclose(volume_residual(body, u, p), 0.0, atol=1e-15)
-
-
-def test_gradients__of_a_linear_displacement_are_constant():
-    body = solid()
-    F = body.gradients(body.points @ (STRETCH - np.eye(2)).T)
-    # Rounding: differences of coordinates over the size of an element, 0.01.
-    np.testing.assert_allclose(F, np.broadcast_to(STRETCH, F.shape), atol=1e-13)
-
-
-@pytest.mark.parametrize("angle", [0.5, 3.0])
-def test_rigid_motion__at_finite_strain_has_no_force(angle):
-    body = solid()
-    u = body.points @ (turned(angle) - np.eye(2)).T + [0.3, -0.2]
-    force = body.force(u, body.no_pressure())
-    np.testing.assert_allclose(force, 0.0, atol=1e-14)  # rounding
-    assert stored_energy(body, u) == pytest.approx(0.0, abs=1e-14)  # rounding
-
-
-def test_force__turns_with_the_body():
-    body, Q = solid(), turned(0.8)
-    u, p = some_state(body)
-    found = body.force((body.points + u) @ Q.T - body.points, p)
-    np.testing.assert_allclose(found, body.force(u, p) @ Q.T, atol=1e-14)  # rounding
-
-
-def test_force__is_balanced():
-    """Of whatever state: no resultant, and no moment about deformed places."""
-    body = solid()
-    u, p = some_state(body)
-    force = body.force(u, p)
-    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-14)  # rounding
-    x, y = (body.points + u).T
-    assert x @ force[:, 1] - y @ force[:, 0] == pytest.approx(0.0, abs=1e-14)  # rounding
-
-
 # ----------------------------------------------------------------------------------------- energy
-
-
-@pytest.mark.parametrize("nu", [0.3, 0.5])
-def test_energy__of_constant_strain_is_its_density_times_the_area(nu):
-    body = solid(nu)
-    energy = stored_energy(body, body.points @ (STRETCH - np.eye(2)).T)
-    area = Basis(body.mesh.mesh, ElementQuad2(), intorder=8).dx.sum()
-    expected = area * float(energy_density(body.material, STRETCH))
-    assert energy == pytest.approx(expected, rel=1e-13)  # rounding
-    # Discretisation: edges are 0.3 at most, and parabolas miss h^4/480 of a circle's area.
-    assert area == pytest.approx(math.pi / 4, rel=0.3**4 / 480)
-
-
-def test_force__without_pressure_is_the_derivative_of_the_energy_that_ignores_volume():
-    body = solid(0.5)
-    u, _ = some_state(body)
-    du, _ = some_directions(body)
-    found = slope(lambda t: stored_energy(body, u + t * du))
-    expected = np.sum(body.force(u, body.no_pressure()) * du)
-    # Finite differences.
-    assert found == pytest.approx(expected, rel=1e-7)
 
 
 def test_volume_residual__is_the_change_of_area():
@@ -219,33 +150,6 @@ def test_stiffness__is_the_derivative_of_the_force_and_of_the_condensed_pressure
     tol = 2e-9 + 1e-14 * np.abs(condensed).max()
     np.testing.assert_allclose(total - condensed, direct, atol=tol)
     assert np.abs(direct).max() > 1e-2
-
-
-@pytest.mark.parametrize("nu", [0.3, 0.5])
-def test_stiffness__is_symmetric(nu):
-    body = solid(nu)
-    K = body.assemble(*some_state(body)).stiffness
-    assert K.shape == (2 * body.n_node, 2 * body.n_node)
-    assert abs(K - K.T).max() < 1e-14 * abs(K).max()  # rounding
-
-
-def test_stiffness__of_the_body_at_rest_is_positive_but_for_rigid_motions():
-    body = Solid(disk_mesh(lambda angle: np.full_like(angle, 0.3)), Material(0.3))
-    K = body.assemble(np.zeros_like(body.points), body.no_pressure()).stiffness.toarray()
-    values = np.linalg.eigvalsh(K)
-    np.testing.assert_allclose(values[:3], 0.0, atol=1e-13)  # rounding
-    assert values[3] > 1e-3
-
-
-@pytest.mark.parametrize("nu", [0.0, 0.3])
-def test_volume_residual__falls_with_the_pressure_by_the_compressibility(nu):
-    """And condensed pressures are those of its inverse."""
-    body = solid(nu)
-    u, p = some_state(body)
-    _, dp = some_directions(body)
-    change = slope(lambda t: volume_residual(body, u, p + t * dp))
-    back = -np.einsum("epq,eq->ep", body.assemble(u, p)._inverse, change)
-    np.testing.assert_allclose(back, dp, atol=1e-7)  # finite differences: rounding over the step
 
 
 def test_linear_step__is_the_derivative_at_finite_strain():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ridgebayes.contact.cylinder import surface
-from ridgebayes.contact.cylinder.surface import cast, distance, kink, shapes, slopes
+from ridgebayes.contact.cylinder.surface import cast, distance, kink, shapes
 
 UP = np.array([0.0, 1.0])
 STEP = 1e-6
@@ -64,14 +64,6 @@ NODES = [(k, i) for k in range(3) for i in range(2)]
 # ------------------------------------------------------------------------------------------ cast
 
 
-def test_shapes__interpolate_and_their_slopes_are_their_derivatives():
-    np.testing.assert_array_equal(shapes(np.array([0.0, 0.5, 1.0])), np.eye(3))
-    s = np.linspace(0.0, 1.0, 11)
-    np.testing.assert_allclose(shapes(s).sum(axis=-1), 1.0, rtol=1e-15)  # rounding
-    found = (shapes(s + STEP) - shapes(s - STEP)) / (2 * STEP)
-    np.testing.assert_allclose(slopes(s), found, atol=1e-9)  # finite differences: rounding
-
-
 def test_cast__of_vertical_rays_measures_up_to_the_circle():
     x = np.linspace(-0.8, 0.8, 33)
     off = []
@@ -118,14 +110,6 @@ def test_cast__finds_the_same_however_many_rays_share_a_box(monkeypatch, block):
         np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
 
 
-def test_cast__into_the_body_has_a_negative_gap():
-    point, normal, reach = rays([-0.1, 0.2], [-0.9, -0.8])
-    hits = cast(circle(64), point, normal, **reach)
-    expected = -np.sqrt([1 - 0.01, 1 - 0.04]) + [0.9, 0.8]
-    np.testing.assert_allclose(hits.gap, expected, atol=3e-7)  # discretisation: h^4/500
-    assert (hits.gap < 0).all()
-
-
 def test_cast__counts_entries_and_no_exits():
     """A ray that starts in the body and leaves it within reach meets nothing."""
     point, normal, reach = rays([0.05, 0.3], 0.8)
@@ -133,47 +117,6 @@ def test_cast__counts_entries_and_no_exits():
     backwards = cast(circle(64), point, -normal, **reach)
     assert len(backwards.ray) == 2
     assert (backwards.gap < 0).all()
-
-
-def test_cast__chooses_the_nearest_entry():
-    """Three squares one above the other: ahead or behind, exits on the way do not count."""
-    column = np.concatenate([SQUARE + 5.0 * i * UP for i in (2, 0, 1)])
-    point, normal, _ = rays(np.full(4, 0.3), [-1.5, 1.4, 1.6, 8.8])
-    hits = cast(column, point, normal, behind=np.full(4, 50.0), ahead=50.0)
-    np.testing.assert_array_equal(hits.ray, np.arange(4))
-    # Entries at -1, 4 and 9: rounding.
-    np.testing.assert_allclose(hits.gap, [0.5, -2.4, 2.4, 0.2], atol=1e-14)
-    np.testing.assert_array_equal(hits.edge, [4, 4, 8, 0])
-
-
-def test_cast__keeps_rays_in_order_and_each_once():
-    rim = dented()
-    rng = np.random.default_rng(2)
-    point, normal, reach = rays(rng.uniform(-0.7, 0.7, 200), rng.uniform(-1.1, -0.9, 200))
-    hits = cast(rim, point, normal, **reach)
-    np.testing.assert_array_equal(hits.ray, np.arange(200))
-    one = [cast(rim, point[[i]], normal[[i]], behind=np.array([0.5]), ahead=0.5) for i in range(50)]
-    np.testing.assert_array_equal([hit.edge[0] for hit in one], hits.edge[:50])
-    # Rounding: products of matrices of other shapes.
-    np.testing.assert_allclose([hit.gap[0] for hit in one], hits.gap[:50], atol=1e-15)
-
-
-def test_cast__drops_what_is_out_of_reach():
-    point, normal, _ = rays(np.full(6, 0.1), [-1.3, -1.19, -1.21, -0.95, -0.85, -0.85])
-    behind = np.array([0.1, 0.1, 0.1, 0.1, 0.1, 0.2])
-    ahead = 0.2
-    hits = cast(SQUARE, point, normal, behind=behind, ahead=ahead)
-    np.testing.assert_array_equal(hits.ray, [1, 3, 5])
-    np.testing.assert_allclose(hits.gap, [0.19, -0.05, -0.15], atol=1e-15)  # rounding
-    beside, normal, reach = rays([-1.1, 1.1, 0.0], -1.2)
-    np.testing.assert_array_equal(cast(SQUARE, beside, normal, **reach).ray, [2])
-
-
-def test_cast__without_any_hit_is_empty():
-    point, normal, reach = rays([5.0, 6.0], -1.0)
-    hits = cast(SQUARE, point, normal, **reach)
-    assert hits.gradient.shape == (0, 3, 2)
-    assert hits.hessian.shape == (0, 6, 6)
 
 
 def test_cast__meets_an_edge_that_bulges_past_its_nodes():
@@ -194,15 +137,6 @@ def test_cast__meets_an_edge_that_falls_back_before_it_rises():
     np.testing.assert_array_equal(hits.ray, [1, 2, 3])
     expected = (0.6 + np.sqrt(0.36 + 6.4 * np.array([-0.03, 0.0, 0.5]))) / 3.2
     np.testing.assert_allclose(hits.s, expected, rtol=1e-14)  # rounding
-
-
-def test_cast__through_a_node_is_met():
-    rim = circle(24)
-    at = rim[9:16, 0]
-    point, normal, reach = rays(at[:, 0], -1.2)
-    hits = cast(rim, point, normal, **reach)
-    np.testing.assert_array_equal(hits.ray, np.arange(7))
-    np.testing.assert_allclose(hits.gap, at[:, 1] + 1.2, atol=1e-15)  # rounding
 
 
 def test_cast__through_a_node_to_rounding_is_met():
@@ -261,19 +195,6 @@ def test_hessian__is_the_derivative_of_the_gradient():
     assert largest > 5.0
 
 
-def test_hessian__is_symmetric():
-    *_, hits, _ = oblique()
-    turned = hits.hessian.transpose(0, 2, 1)
-    np.testing.assert_allclose(hits.hessian, turned, atol=1e-13)  # rounding
-
-
-def test_gradient__of_a_rigid_shift_is_the_normal_as_seen_along_the_ray():
-    """Moving the whole rim along the ray adds to the gap, one to one."""
-    _, _, normal, _, hits, _ = oblique()
-    along = np.einsum("nki,ni->n", hits.gradient, normal[hits.ray])
-    np.testing.assert_allclose(along, 1.0, rtol=1e-13)  # rounding
-
-
 # ------------------------------------------------------------------------------------------ kink
 
 
@@ -299,18 +220,6 @@ def test_kink__is_the_jump_of_the_gaps_slope_at_a_node(lean):
     np.testing.assert_allclose(found, jump, atol=2e-3)
     np.testing.assert_allclose(found, sums[1] - sums[2], atol=2e-3)
     assert np.abs(found).max() > 0.1
-
-
-def test_kink__of_a_smooth_line_is_zero():
-    rim = joined(np.column_stack([np.linspace(0, 1, 9), np.linspace(0, 1, 9) ** 2]))
-    found = kink(rim, np.arange(3), np.tile([1.0, 0.0], (3, 1)), np.tile(UP, (3, 1)))
-    np.testing.assert_allclose(found, 0.0, atol=1e-14)  # rounding
-
-
-def test_kink__of_a_corner_is_the_difference_of_its_slopes():
-    rim = straight((0, 0), (1, -0.2), (2, 0.3))
-    found = kink(rim, np.array([0]), np.array([[1.0, 0.0]]), UP[None])
-    np.testing.assert_allclose(found, [0.5 + 0.2], rtol=1e-14)  # rounding
 
 
 # -------------------------------------------------------------------------------------- distance
@@ -407,23 +316,6 @@ def test_distance__has_the_derivative_by_the_nodes():
         moved = (distance(rim, point + shift)[0] - distance(rim, point - shift)[0]) / 2
         assert moved == pytest.approx(-gradient.sum(axis=0) @ shift, abs=1e-7 * STEP + 1e-14)
     assert 5 < at_nodes < 35
-
-
-def test_distance__of_a_point_on_the_rim_is_zero():
-    rim = dented()
-    at = shapes(np.array(0.3)) @ rim[7]
-    found, edge, gradient = distance(rim, at)
-    assert found == pytest.approx(0.0, abs=1e-15)  # rounding
-    assert edge == 7
-    out = -gradient.sum(axis=0)
-    tangent = slopes(np.array(0.3)) @ rim[7]
-    assert out @ tangent == pytest.approx(0.0, abs=1e-15)  # rounding
-    assert tangent[0] * out[1] - tangent[1] * out[0] < 0.0  # outward is on the right
-
-
-def test_distance__past_the_end_of_a_rim_is_not_zero():
-    rim = straight((0, 0), (1, 0), (2, 0))
-    assert abs(distance(rim, np.array([2.1, 0.0]))[0]) == pytest.approx(0.1, abs=1e-15)  # rounding
 
 
 @pytest.mark.parametrize("lean", [0.05, 1e-9, 0.0, -1e-9, -0.05])

@@ -168,13 +168,13 @@ class Cylinder:
         while now != p_over_E:
             goal = now + step if abs(p_over_E - now - step) > 1e-12 else p_over_E
             try:
-                found, n = solve(self.problem, state, Control("load", goal / self._per_load))
+                there, n = solve(self.problem, state, Control("load", goal / self._per_load))
             except NotConvergedError as failed:
                 step /= 3
                 if abs(step) < 1e-3 * p_over_E:
                     raise NotConvergedError(f"at p/E = {now:.5g}: {failed}") from None
                 continue
-            state, now = found, goal
+            state, now = there, goal
             step = min(step * (2.0 if n < 7 else 1.0), p_over_E - now, key=abs)
         return state
 
@@ -215,8 +215,8 @@ class Cylinder:
             low = after.ridge - (others if after.ridge >= 0 else 0)
             high = low + others
         corners = self._ahead(profile, low, high)
-        while found := self._next(state, corners, p_max, step, most_failures):
-            state, corner, step = found
+        while reached := self._next(state, corners, p_max, step, most_failures):
+            state, corner, step = reached
             low, high = min(low, corner.ridge), max(high, corner.ridge)
             count = self.first_count + (2 * high if self.mirrored else high - low)
             load = self.p_over_E(state)
@@ -224,14 +224,14 @@ class Cylinder:
             # Loads grow by more than the square of the corners' distance: a smooth body's do so,
             # grooves make it more, and at finite strain it is still 1 % more at p/E = 0.06.
             corners = self._ahead(profile, low, high)
-            further = min(abs(one.centre[0]) for one in corners)
+            further = min(abs(next_corner.centre[0]) for next_corner in corners)
             if 0.99 * load * (further / abs(corner.centre[0])) ** 2 > p_max:
                 return
 
     def _ahead(self, profile: Profile, low: int, high: int) -> list[Corner]:
         """Return the corners that may be reached next, ridges low to high being touched."""
         numbers = [high + 1] if self.mirrored else [low - 1, high + 1]
-        return [proximal_corner(profile, one, self._height) for one in numbers]
+        return [proximal_corner(profile, number, self._height) for number in numbers]
 
     def _next(
         self, state: State, corners: list[Corner], p_max: float, step: float, most_failures: int
@@ -242,7 +242,7 @@ class Cylinder:
         """
         rubbed = self.problem.friction > 0
         few, longest = (_FEW_RUBBED, _LONGEST_RUBBED) if rubbed else (_FEW, _LONGEST)
-        apart = [self.problem.corner_distance(state, one)[0] for one in corners]
+        apart = [self.problem.corner_distance(state, corner)[0] for corner in corners]
         which = int(np.argmin(apart))
         whole, now = apart[which], 1.0
         failures = 0
@@ -251,10 +251,10 @@ class Cylinder:
             control = Control("corner", goal * whole, corners[which])
             try:
                 if goal and not rubbed:
-                    found, n = solve(self.problem, state, control, enough=_PASSING)
+                    there, n = solve(self.problem, state, control, enough=_PASSING)
                     n += _SPARED
                 else:
-                    found, n = solve(self.problem, state, control)
+                    there, n = solve(self.problem, state, control)
             except NotConvergedError as failed:
                 step /= 3
                 failures += 2 if isinstance(failed, OutOfStepsError) else 1
@@ -262,14 +262,14 @@ class Cylinder:
                     why = f"at p/E = {self.p_over_E(state):.5g}: {failed}"
                     raise NotConvergedError(why) from None
                 continue
-            apart = [self.problem.corner_distance(found, one)[0] for one in corners]
+            apart = [self.problem.corner_distance(there, corner)[0] for corner in corners]
             sooner = int(np.argmin(apart))
             if sooner != which and apart[sooner] < 0:
                 # Another corner came first: from the state before, towards that one.
                 which = sooner
                 whole, now = self.problem.corner_distance(state, corners[which])[0], 1.0
                 continue
-            state, now = found, goal
+            state, now = there, goal
             if self.p_over_E(state) > p_max:
                 return None
             step *= 2.0 if n < few else 0.5 if n > _MANY and step >= _LONG else 1.0
@@ -310,12 +310,12 @@ def transition_curve(
     """
     counts, loads, status = [], [], []
     try:
-        for one in body.transitions(p_max, most_failures=most_failures, after=after):
-            counts.append(one.Q)
-            loads.append(one.p_over_E)
+        for transition in body.transitions(p_max, most_failures=most_failures, after=after):
+            counts.append(transition.Q)
+            loads.append(transition.p_over_E)
             status.append("ok")
             if seen is not None:
-                seen(one)
+                seen(transition)
     except NotConvergedError as failed:
         step = 2 if body.mirrored else 1
         before = after.Q if after is not None else body.first_count
@@ -342,7 +342,7 @@ class _Sizes:
             return cls(edge, Resolution(edge, _ARC, SEGMENT * edge, edge), spans, spans)
         edge = min(profile.a, 4 * profile.b, 0.5 * reach) / edges
         segments = [profile.ridge(k) for k in _ridges_within(profile, reach)]
-        spans = np.array([sorted((abs(one.start), abs(one.stop))) for one in segments])
+        spans = np.array([sorted((abs(segment.start), abs(segment.stop))) for segment in segments])
         at_corner, arc = edge, _ARC
         if profile.corner:
             quarter = profile.corner * math.pi / 2
@@ -362,10 +362,10 @@ class _Sizes:
         # A point of the rim comes to lie between its arc length and its abscissa, or beyond.
         edge = self.resolution.edge
         slack = 0.3 * np.minimum(theta, 1.0) ** 3 + 2 * edge
-        found = edge + _LOOSER * np.maximum(_outside(self.spans, theta) - slack, 0.0)
+        length = edge + _LOOSER * np.maximum(_outside(self.spans, theta) - slack, 0.0)
         if self.at_corner < edge:
-            found = np.minimum(found, self.at_corner + _LOOSER * _outside(self.windows, theta))
-        return np.asarray(found)
+            length = np.minimum(length, self.at_corner + _LOOSER * _outside(self.windows, theta))
+        return np.asarray(length)
 
 
 def _outside(spans: FloatArray, theta: FloatArray) -> FloatArray:

@@ -37,11 +37,11 @@ def elimination_order(groups: Sequence[IntArray], n: int) -> IntArray:
     >>> 0 in elimination_order([star], 5)[:3]  # the hub waits until one arm is left
     False
     """
-    member = np.concatenate([one.ravel() for one in groups])
-    sizes = np.concatenate([np.full(len(one), one.shape[1]) for one in groups])
+    member = np.concatenate([group.ravel() for group in groups])
+    sizes = np.concatenate([np.full(len(group), group.shape[1]) for group in groups])
     pointers = np.concatenate([[0], np.cumsum(sizes)])
-    each = sparse.csr_array((np.ones(len(member)), member, pointers), shape=(len(sizes), n))
-    graph = sparse.csc_array(each.T @ each + sparse.eye_array(n))
+    incidence = sparse.csr_array((np.ones(len(member)), member, pointers), shape=(len(sizes), n))
+    graph = sparse.csc_array(incidence.T @ incidence + sparse.eye_array(n))
     factor = splu(graph, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
     return np.argsort(factor.perm_c)
 

@@ -193,7 +193,7 @@ class Faces:
                 behind = np.minimum(face.below - point[:, 1], _BEHIND)
             number_of = np.full(len(where), number)
             some.append((point + up, normal, weight, segment, number_of, behind))
-        return Rays(*(np.concatenate([one[i] for one in some]) for i in range(6)))
+        return Rays(*(np.concatenate([columns[i] for columns in some]) for i in range(6)))
 
 
 @dataclass(frozen=True)
@@ -249,9 +249,9 @@ def ridge_faces(
     list of Face
         Tops, round corners, walls and floors.
     """
-    found: list[Face] = []
+    faces: list[Face] = []
     for number in numbers:
-        found += _ridge(profile, profile.ridge(number), height, resolution)
+        faces += _ridge(profile, profile.ridge(number), height, resolution)
     if math.isfinite(profile.depth):
         for number in range(numbers.start - 1, numbers.stop):
             segment = profile.floor_after(number)
@@ -259,8 +259,8 @@ def ridge_faces(
             if segment.stop > start:
                 n = math.ceil((segment.stop - start) / resolution.most)
                 breaks = np.linspace(start, segment.stop, n + 1)
-                found.append(Face(np.array([0.0, height - profile.depth]), 0.0, 0.0, breaks, None))
-    return found
+                faces.append(Face(np.array([0.0, height - profile.depth]), 0.0, 0.0, breaks, None))
+    return faces
 
 
 def plate(width: float, most: float) -> Face:

@@ -142,9 +142,9 @@ def _at_nodes(solid: Solid, values: FloatArray) -> FloatArray:
     root = np.sqrt(weights)
     fit = np.linalg.pinv(root[:, None] * _bilinear(points)) * root
     to_nodes = _bilinear(ElementQuad2.doflocs.T) @ fit
-    own = np.tensordot(values, to_nodes, (1, 1))  # (n_element, ..., 9)
+    of_element = np.tensordot(values, to_nodes, (1, 1))  # (n_element, ..., 9)
     total = np.zeros((solid.n_node, *values.shape[2:]))
-    np.add.at(total, solid.nodes, np.moveaxis(own, -1, 1))
+    np.add.at(total, solid.nodes, np.moveaxis(of_element, -1, 1))
     count = np.bincount(solid.nodes.ravel(), minlength=solid.n_node)
     return np.asarray((total.T / count).T)
 

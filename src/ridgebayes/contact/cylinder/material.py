@@ -63,10 +63,10 @@ class Material:
         slopes, cof, four = self._slopes(F), cofactor(F), (..., None, None, None, None)
         mixed = np.einsum("...ij,...kl->...ijkl", F, cof)
         mixed = mixed + np.moveaxis(mixed, (-4, -3), (-2, -1))
-        found = 2.0 * slopes.by_s[four] * eye4 + 2.0 * slopes.by_sJ[four] * mixed
-        found = found + 4.0 * slopes.by_ss[four] * np.einsum("...ij,...kl->...ijkl", F, F)
-        found = found + slopes.by_JJ[four] * np.einsum("...ij,...kl->...ijkl", cof, cof)
-        return np.asarray(found + (slopes.by_J + p)[four] * _COFACTOR)
+        tangent = 2.0 * slopes.by_s[four] * eye4 + 2.0 * slopes.by_sJ[four] * mixed
+        tangent = tangent + 4.0 * slopes.by_ss[four] * np.einsum("...ij,...kl->...ijkl", F, F)
+        tangent = tangent + slopes.by_JJ[four] * np.einsum("...ij,...kl->...ijkl", cof, cof)
+        return np.asarray(tangent + (slopes.by_J + p)[four] * _COFACTOR)
 
     def _slopes(self, F: FloatArray) -> "_Slopes":
         """Return the derivatives of the energy without its last part."""
@@ -130,7 +130,7 @@ def jacobian(F: FloatArray) -> FloatArray:
 
 def cofactor(F: FloatArray) -> FloatArray:
     """Return cof F = J F^-T = dJ/dF of plane gradients."""
-    found = np.empty_like(F)
-    found[..., 0, 0], found[..., 1, 1] = F[..., 1, 1], F[..., 0, 0]
-    found[..., 0, 1], found[..., 1, 0] = -F[..., 1, 0], -F[..., 0, 1]
-    return found
+    cof = np.empty_like(F)
+    cof[..., 0, 0], cof[..., 1, 1] = F[..., 1, 1], F[..., 0, 0]
+    cof[..., 0, 1], cof[..., 1, 0] = -F[..., 1, 0], -F[..., 0, 1]
+    return cof

@@ -131,12 +131,12 @@ def _split(
     left, right = low[~wide], high[~wide]
     add((left, left, right, right), (inner, outer, outer, inner))
     first, last, third = low[wide], high[wide], width[wide] / 3
-    one, two = first + third, last - third
-    add((first, first, one, one), (inner, outer, outer, middle))
-    add((one, one, two, two), (middle, outer, outer, middle))
-    add((two, two, last, last), (middle, outer, outer, inner))
-    add((first, one, two, last), (inner, middle, middle, inner))
-    return np.sort(np.concatenate([edges, one, two]))
+    low_third, high_third = first + third, last - third
+    add((first, first, low_third, low_third), (inner, outer, outer, middle))
+    add((low_third, low_third, high_third, high_third), (middle, outer, outer, middle))
+    add((high_third, high_third, last, last), (middle, outer, outer, inner))
+    add((first, low_third, high_third, last), (inner, middle, middle, inner))
+    return np.sort(np.concatenate([edges, low_third, high_third]))
 
 
 def _core(n: int) -> FloatArray:

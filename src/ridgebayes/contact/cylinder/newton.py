@@ -208,19 +208,19 @@ def _changed(
 
 def _guarded(problem: ContactProblem, state: State, moved: State) -> State:
     """Take a step, or the part of it that turns no element inside out."""
-    part, found = 1.0, moved
+    part, tried = 1.0, moved
     for _ in range(6):
-        if _least_volume(problem, found) > _LEAST_VOLUME:
-            return found
+        if _least_volume(problem, tried) > _LEAST_VOLUME:
+            return tried
         part *= 0.5
-        found = _between(state, moved, part)
+        tried = _between(state, moved, part)
     raise NotConvergedError("an element is turned inside out")
 
 
-def _between(one: State, other: State, part: float) -> State:
+def _between(state: State, other: State, part: float) -> State:
     """Return the state a part of the way from one to another."""
-    names = (each.name for each in fields(State))
-    return State(*((1 - part) * getattr(one, n) + part * getattr(other, n) for n in names))
+    names = (field.name for field in fields(State))
+    return State(*((1 - part) * getattr(state, n) + part * getattr(other, n) for n in names))
 
 
 def _least_volume(problem: ContactProblem, state: State) -> float:
@@ -389,9 +389,9 @@ class NewtonStep:
         return float((control.target - now) / slope)
 
     def _solved(self, right: FloatArray) -> FloatArray:
-        found = np.zeros_like(right)
-        found[..., self.problem.free] = self._factor.solve(right[..., self.problem.free].T).T
-        return found
+        solved = np.zeros_like(right)
+        solved[..., self.problem.free] = self._factor.solve(right[..., self.problem.free].T).T
+        return solved
 
     def _column(self, j: int) -> FloatArray:
         if j not in self._columns:

@@ -89,10 +89,10 @@ def small_strain_transitions(
         gaps = problem.gaps(start, start, control.left_out(problem.faces), ahead=_FAR)
         gaps = replace(gaps, normal=sparse.csr_array(gaps.normal @ vertical))
         step = NewtonStep(problem, control, start, gaps, inner, np.zeros(len(on)))
-        found, on = step.solve(on | problem.faces.of_ridge(len(loads)))
-        sunk = found.u.ravel() - found.rise * problem.up
+        pressed, on = step.solve(on | problem.faces.of_ridge(len(loads)))
+        sunk = pressed.u.ravel() - pressed.rise * problem.up
         left = gaps.gap + gaps.normal @ sunk / problem.faces.length
-        if (left[~on] < 0).any() or not found.pressure[on].min() > 0:
+        if (left[~on] < 0).any() or not pressed.pressure[on].min() > 0:
             raise ComputationError("small strain: no set of segments in contact fits")
-        loads.append(float(found.pressure @ problem.faces.length))
+        loads.append(float(pressed.pressure @ problem.faces.length))
     return 4 + 2 * np.arange(len(loads) - 1), np.array(loads[:-1])
