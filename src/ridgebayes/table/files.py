@@ -244,8 +244,8 @@ def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) ->
     else:  # the same, for long tables
         options: dict[str, Any] = {"header": 0, "dtype": str, "keep_default_na": False}
         frame = pd.read_csv(io.StringIO(text), names=header, **options)
-    own = {n: lossless(frame[n]) for n in set(header) - {column.name for column in contract}}
-    return RawTable(frame.assign(**own), where, lambda row: lines()[row + 1])
+    users = {n: lossless(frame[n]) for n in set(header) - {column.name for column in contract}}
+    return RawTable(frame.assign(**users), where, lambda row: lines()[row + 1])
 
 
 def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, list[str]]]:
