@@ -49,9 +49,9 @@ def mark_extrapolation(
     weights = shares([weight for _, weight in averaged])
     for (fit, _), is_heavy in zip(averaged, heavy_parts(weights), strict=True):
         if is_heavy:
-            known = CalibratedRange.of(fit)
-            flags |= known.texture_flags(a, b)
-            flags |= known.load_flags(largest, scene.nu) | known.count_flags(max(counts))
+            calibrated = CalibratedRange.of(fit)
+            flags |= calibrated.texture_flags(a, b)
+            flags |= calibrated.load_flags(largest, scene.nu) | calibrated.count_flags(max(counts))
     place = designs.columns.to_list().index("feasible") + 1
     designs.insert(place, "extrapolation", flags != 0)
     designs.insert(place + 1, "extrapolation_of", names_of(flags).astype(str))
@@ -81,5 +81,6 @@ def plain(rows: pd.DataFrame, place: int) -> Json:
     """Return a row as plain values."""
     row = rows.iloc[place].to_dict()
     return {
-        str(name): one.item() if isinstance(one, np.generic) else one for name, one in row.items()
+        str(name): value.item() if isinstance(value, np.generic) else value
+        for name, value in row.items()
     }

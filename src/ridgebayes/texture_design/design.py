@@ -23,7 +23,7 @@ from ridgebayes.texture_design.drawn_loads import drawn_loads
 from ridgebayes.texture_design.goal_values import GoalValues, Value
 from ridgebayes.texture_design.goals import LARGEST, Goal, Load, parse_goals, read_loads
 from ridgebayes.texture_design.lattice import lattice
-from ridgebayes.texture_design.limits import Limits, limits
+from ridgebayes.texture_design.limits import Limits
 from ridgebayes.texture_design.next_simulation import next_simulation
 from ridgebayes.texture_design.record import DESIGN_COLUMNS, Design
 from ridgebayes.texture_design.sensitivity import Sources, sobol_shares, what_to_measure
@@ -121,7 +121,7 @@ def design(
     made.check(min(min(texture) for texture in textures))
     draw = partial(Bodies.draw, scene, made)
     loads_of = drawn_loads(averaged, draw(_N_DRAW, seed).ratios(textures))
-    n = _N_SPREAD if any(one.is_spread for one in asked[0]) else _N_DRAW
+    n = _N_SPREAD if any(goal_.is_spread for goal_ in asked[0]) else _N_DRAW
     values = GoalValues(loads_of, lambda size: draw(size, seed), n)
     for goals in asked:
         designs = _map(values, goals, textures)
@@ -132,7 +132,10 @@ def design(
     if designs["feasible"].any():
         best = chosen(designs, objective)
     else:
-        best, limited = _nearest(Limits(values, goals, scene), designs, goals, made)
+        inside = designs[~designs["extrapolation"]]
+        nearest, rows = Limits(values, goals, scene), alike(inside if len(inside) else designs)
+        best = plain(rows, nearest.nearest(rows))
+        limited = nearest.at(best, made)
     texture = (float(best["a_over_R"]), float(best["b_over_R"]))
     tightest = goals[int(best.get("goal", 1)) - 1]
     value = values.at(tightest, *texture)
@@ -167,16 +170,18 @@ def _alternatives(
 ) -> list[tuple[Load, ...]]:
     """Return the loads of goals that name none; several of them for the smallest that will do."""
     if loads is None:
-        found: tuple[Load, ...] = (LARGEST,)
+        alternatives: tuple[Load, ...] = (LARGEST,)
         if objective == "min-load":
-            found = tuple(Load(i / _N_LOADS, "share") for i in range(1, _N_LOADS + 1))
+            alternatives = tuple(Load(i / _N_LOADS, "share") for i in range(1, _N_LOADS + 1))
     elif isinstance(loads, str):
-        found = read_loads(loads, "loads", body)
+        alternatives = read_loads(loads, "loads", body)
     else:
-        found = tuple(one for p in loads for one in read_loads(repr(float(p)), "loads", body))
-    if not found:
+        alternatives = tuple(
+            load for p in loads for load in read_loads(repr(float(p)), "loads", body)
+        )
+    if not alternatives:
         raise InputError("loads: expected at least one, got none")
-    return [(one,) for one in found] if objective == "min-load" else [found]
+    return [(load,) for load in alternatives] if objective == "min-load" else [alternatives]
 
 
 def _loads_of(goals: Sequence[Goal], scene: Scene) -> list[Json]:
@@ -190,11 +195,11 @@ def _map(values: GoalValues, goals: Sequence[Goal], textures: Sequence[Texture])
     """Return the value of the goal with the least margin at each texture."""
     rows = []
     for a, b in textures:
-        found: list[tuple[float, int, Value]] = []
+        candidates: list[tuple[float, int, Value]] = []
         for i, goal in enumerate(goals):
             value = values.at(goal, a, b)
-            found.append((goal.margin(value.value), i, value))
-        margin, i, value = min(found, key=lambda one: one[0])
+            candidates.append((goal.margin(value.value), i, value))
+        margin, i, value = min(candidates, key=lambda item: item[0])
         rows.append((a, b, value.value, value.se, margin >= 0, margin, i + 1))
     names = [name for name in DESIGN_COLUMNS if not name.startswith("extrapolation")]
     frame = pd.DataFrame(rows, columns=names)
@@ -211,22 +216,11 @@ def _leading(source: Fit | Comparison) -> list[list[tuple[Posterior, float]]]:
     """Return the posteriors of the two most probable forms."""
     if isinstance(source, Fit):
         return [source.averaged]
-    probable = sorted(source.probabilities.items(), key=lambda one: -one[1])[:2]
+    probable = sorted(source.probabilities.items(), key=lambda item: -item[1])[:2]
     return [source.fits[name].averaged for name, _ in probable]
-
-
-def _nearest(
-    found: Limits, designs: pd.DataFrame, goals: Sequence[Goal], tolerance: Tolerance
-) -> tuple[Json, Json]:
-    """Return the row that comes nearest to goals that no texture meets, and what would do there."""
-    rows = designs[~designs["extrapolation"]]
-    rows = alike(rows if len(rows) else designs)
-    place, factor = found.nearest(rows)
-    best = plain(rows, place)
-    return best, limits(found, best, goals, factor, tolerance)
 
 
 def _why(sources: Sources, goal: Goal, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return shares and what to measure, at one texture; a bound on the spread has no failure."""
-    found, measure = sobol_shares(sources, seed + 2), what_to_measure(sources, seed + 4)
-    return (found[found["of"] == "Q"], measure.iloc[:0]) if goal.is_spread else (found, measure)
+    sobol, measure = sobol_shares(sources, seed + 2), what_to_measure(sources, seed + 4)
+    return (sobol[sobol["of"] == "Q"], measure.iloc[:0]) if goal.is_spread else (sobol, measure)
