@@ -36,22 +36,22 @@ def command(asked: options.Friction) -> Answer:
     if asked.p_over_E is not None and asked.loads is not None:
         raise InputError("--p-over-E and --loads: expected one of them, got both")
     scene, warnings = Scene.from_toml(asked.scene), []
-    # Round edges have no forces, which interlocking is made of.
-    is_round = any(texture.corner_radius_over_R > 0 for texture in scene.textures)
-    model = FrictionModel(kappa=0) if is_round else FrictionModel()
+    model = None
+    if asked.model:  # round edges have no forces, which interlocking is made of
+        is_round = any(texture.corner_radius_over_R > 0 for texture in scene.textures)
+        model = FrictionModel(kappa=0) if is_round else FrictionModel()
     draws = InputDraws(
         read_run(asked.folder),
         scene,
         asked.loads or 20 if asked.p_over_E is None else parse_loads(asked.p_over_E),
         n=asked.n,
         rng=asked.seed,
-        edges=asked.edges or (asked.model and not is_round),
+        edges=asked.edges or (model is not None and model.kappa != 0),
     )
     sums: list[pd.DataFrame] = []
-    kept: list[FrictionInputs] | None = [] if asked.model else None
+    kept: list[FrictionInputs] = []
     with Progress(1) as progress, progress.stage("draws"):
-        blocks = _noted_blocks(draws, sums, kept, asked.edges, progress, with_edges=not is_round)
-        write_inputs(blocks, asked.out)
+        write_inputs(_noted(draws, sums, kept, model, asked.edges, progress), asked.out)
     means = (sums[0] / draws.n).reset_index()
     outside = float(means["extrapolation"].mean())
     summary = (
@@ -60,9 +60,9 @@ def command(asked: options.Friction) -> Answer:
     )
     if outside:
         warnings.append(f"{outside:.2%} of draws and loads lie beyond the calibrated range")
-    if kept is None:
+    if model is None:
         return Answer((summary, means.round(6)), means, [asked.out], warnings=warnings)
-    if is_round:
+    if not model.kappa:
         warnings.append(
             "bands without interlocking (kappa = 0): it needs sharp corners, and the scene has "
             "texture.corner_radius"
@@ -87,20 +87,19 @@ def _answer(friction: FrictionBands) -> tuple[str | pd.DataFrame, ...]:
     )
 
 
-def _noted_blocks(
+def _noted(
     draws: InputDraws,
     sums: list[pd.DataFrame],
-    kept: list[FrictionInputs] | None,
+    kept: list[FrictionInputs],
+    model: FrictionModel | None,
     edges: bool,
     progress: Progress,
-    *,
-    with_edges: bool,
 ) -> Iterator[xr.Dataset]:
     """Yield blocks of draws; keep their sum, alone in `sums`, and what friction needs."""
     done = 0
     for block in draws.blocks():
-        if kept is not None and done < _N_MODEL:
-            kept.append(FrictionInputs.of(block, edges=with_edges))
+        if model is not None and done < _N_MODEL:
+            kept.append(FrictionInputs.of(block, edges=model.kappa != 0))
         yield block if edges else block.drop_dims("edge", errors="ignore")
         sum_of_block = block[[*_SHOWN, "extrapolation"]].sum("draw").to_dataframe()
         sums[:] = [sums[0] + sum_of_block if sums else sum_of_block]

@@ -184,11 +184,7 @@ class ContactTable(ValidatedTable):
         if not isinstance(frame, pd.DataFrame):
             kind = type(frame).__name__
             raise InputError(f"{where}: expected a pandas.DataFrame, got {kind}")
-        return cls._validated(RawTable(frame.copy(), where))
-
-    @classmethod
-    def _validated(cls, raw: RawTable) -> "ContactTable":
-        return cls(validated(raw, checked), raw.where)
+        return cls(validated(RawTable(frame.copy(), where), checked), where)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw Q against load as steps, one curve per texture, without rows that are not ``ok``.
@@ -334,4 +330,5 @@ def read_table(source: ContactTable | pd.DataFrame | str | os.PathLike[str]) -> 
     """
     if isinstance(source, ContactTable):
         return source
-    return ContactTable._validated(raw_cells(source, "table", "ContactTable"))
+    raw = raw_cells(source, "table", "ContactTable")
+    return ContactTable(validated(raw, checked), raw.where)

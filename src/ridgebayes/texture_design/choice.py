@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import FloatArray, Json
+from ridgebayes._types import Json
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.extrapolation import CalibratedRange, names_of
 from ridgebayes.predict.q_distribution import heavy_parts, shares
@@ -17,19 +17,19 @@ _ALIKE = 1e-4  # of margins
 _SURE = 2.0  # standard errors by which a recommended texture lies inside
 
 
-def _margin(rows: pd.DataFrame) -> pd.Series:
-    return rows["margin"]
+def _pitch(rows: pd.DataFrame) -> pd.Series:
+    return rows["a_over_R"] + rows["b_over_R"]
 
 
 OBJECTIVES = {
-    "margin": _margin,
-    "max-pitch": lambda row: row["a_over_R"] + row["b_over_R"],
-    "min-pitch": lambda row: -row["a_over_R"] - row["b_over_R"],
+    "margin": _pitch,  # of margins that cannot be told apart, the coarsest
+    "max-pitch": _pitch,
+    "min-pitch": lambda rows: -_pitch(rows),
     "max-ridge": lambda row: row["a_over_R"],
     "min-ridge": lambda row: -row["a_over_R"],
     "max-groove": lambda row: row["b_over_R"],
     "min-groove": lambda row: -row["b_over_R"],
-    "min-load": _margin,  # at the smallest load at which any texture will do
+    "min-load": _pitch,  # as margin, at the smallest load at which any texture will do
 }
 
 
@@ -63,12 +63,10 @@ def chosen(designs: pd.DataFrame, objective: str) -> Json:
     for wanted in (~rows["extrapolation"], rows["margin"] >= _SURE * rows["probability_se"]):
         if wanted[rows.index].any():
             rows = rows[wanted[rows.index]]
-    if OBJECTIVES[objective] is _margin:  # of margins that cannot be told apart, the coarsest
-        rows, objective = alike(rows), "max-pitch"
+    rows = alike(rows) if objective in ("margin", "min-load") else rows
     # Sorted by margin, because `argmax` takes the first of equal rows.
     rows = rows.sort_values("margin", ascending=False, kind="stable")
-    key: FloatArray = OBJECTIVES[objective](rows).to_numpy().round(12)
-    return plain(rows, int(np.argmax(key)))
+    return plain(rows, int(np.argmax(OBJECTIVES[objective](rows).to_numpy().round(12))))
 
 
 def alike(rows: pd.DataFrame) -> pd.DataFrame:

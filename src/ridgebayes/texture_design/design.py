@@ -20,10 +20,10 @@ from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.choice import OBJECTIVES, alike, chosen, mark_extrapolation, plain
 from ridgebayes.texture_design.drawn_check import drawn_check
 from ridgebayes.texture_design.drawn_loads import drawn_loads
-from ridgebayes.texture_design.goal_values import GoalValues, Value
+from ridgebayes.texture_design.goal_values import GoalValues
 from ridgebayes.texture_design.goals import LARGEST, Goal, Load, parse_goals, read_loads
 from ridgebayes.texture_design.lattice import lattice
-from ridgebayes.texture_design.limits import Limits
+from ridgebayes.texture_design.limits import Limits, textures_in
 from ridgebayes.texture_design.next_simulation import next_simulation
 from ridgebayes.texture_design.record import DESIGN_COLUMNS, Design
 from ridgebayes.texture_design.sensitivity import Sources, sobol_shares, what_to_measure
@@ -132,8 +132,7 @@ def design(
     if designs["feasible"].any():
         best = chosen(designs, objective)
     else:
-        inside = designs[~designs["extrapolation"]]
-        nearest, rows = Limits(values, goals, scene), alike(inside if len(inside) else designs)
+        nearest, rows = Limits(values, goals, scene), alike(_inside(designs))
         best = plain(rows, nearest.nearest(rows))
         limited = nearest.at(best, made)
     texture = (float(best["a_over_R"]), float(best["b_over_R"]))
@@ -160,7 +159,7 @@ def design(
         },
         limited,
         *_why(sources, tightest, seed),
-        next_simulation(_leading(source), _inside(designs), seed),
+        next_simulation(_leading(source), textures_in(_inside(designs)), seed),
         about,
     )
 
@@ -195,21 +194,19 @@ def _map(values: GoalValues, goals: Sequence[Goal], textures: Sequence[Texture])
     """Return the value of the goal with the least margin at each texture."""
     rows = []
     for a, b in textures:
-        candidates: list[tuple[float, int, Value]] = []
-        for i, goal in enumerate(goals):
-            value = values.at(goal, a, b)
-            candidates.append((goal.margin(value.value), i, value))
-        margin, i, value = min(candidates, key=lambda item: item[0])
-        rows.append((a, b, value.value, value.se, margin >= 0, margin, i + 1))
+        at_goals = [values.at(goal, a, b) for goal in goals]
+        margins = [goal.margin(value.value) for goal, value in zip(goals, at_goals, strict=True)]
+        i = margins.index(min(margins))
+        rows.append((a, b, at_goals[i].value, at_goals[i].se, margins[i] >= 0, margins[i], i + 1))
     names = [name for name in DESIGN_COLUMNS if not name.startswith("extrapolation")]
     frame = pd.DataFrame(rows, columns=names)
     return frame if len(goals) > 1 else frame.drop(columns="goal")
 
 
-def _inside(designs: pd.DataFrame) -> list[Texture]:
-    rows = designs[~designs["extrapolation"]]
-    rows = rows if len(rows) else designs
-    return list(zip(rows["a_over_R"].tolist(), rows["b_over_R"].tolist(), strict=True))
+def _inside(designs: pd.DataFrame) -> pd.DataFrame:
+    """Return the textures inside the calibrated range; all if there is none."""
+    inside = designs[~designs["extrapolation"]]
+    return inside if len(inside) else designs
 
 
 def _leading(source: Fit | Comparison) -> list[list[tuple[Posterior, float]]]:

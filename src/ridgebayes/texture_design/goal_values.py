@@ -169,18 +169,18 @@ class GoalValues:
             self.parts.append(Part(drawn, weight, which, some))
             first += size
 
-    def at(self, goal: Goal, a: float, b: float, corners: Sequence[Corner] | None = None) -> Value:
+    def at(self, goal: Goal, a: float, b: float) -> Value:
         """Return the value of a goal at a texture: the worst of its cases and corners."""
         values = []
-        for corner in corners or self.corners:
+        for corner in self.corners:
             placed = [PlacedPart(part, a, b, corner) for part in self.parts]
             for case in goal.cases:
-                found = self._spread(placed, case) if goal.is_spread else self._mean(placed, case)
-                values.append(Value(*found, case, corner))
+                if goal.is_spread:
+                    value_and_se = self._spread(placed, case)
+                else:
+                    value_and_se = self._average([part.probability(case) for part in placed])
+                values.append(Value(*value_and_se, case, corner))
         return min(values, key=lambda candidate: goal.margin(candidate.value))
-
-    def _mean(self, placed: Sequence[PlacedPart], case: Case) -> tuple[float, float]:
-        return self._average([part.probability(case) for part in placed])
 
     def _spread(self, placed: Sequence[PlacedPart], case: Case) -> tuple[float, float]:
         """Return the standard deviation of Q, and its error by its influence function."""

@@ -18,6 +18,11 @@ from ridgebayes.texture_design.goal_values import GoalValues
 from ridgebayes.texture_design.goals import Case, Goal, Load
 
 
+def textures_in(rows: pd.DataFrame) -> list[Texture]:
+    """Return the widths over R of rows of a map."""
+    return list(zip(rows["a_over_R"].tolist(), rows["b_over_R"].tolist(), strict=True))
+
+
 class Limits:
     """The factors by which loads or widths have to change for goals to be met.
 
@@ -52,8 +57,8 @@ class Limits:
 
     def nearest(self, rows: pd.DataFrame) -> int:
         """Return the row of the texture whose loads have to change least; of equals the best."""
-        textures = list(rows[["a_over_R", "b_over_R"]].itertuples(index=False, name=None))
-        change = [max(low, -high, 0.0) for low, high in map(self._log_factors, textures)]
+        factors = map(self._log_factors, textures_in(rows))
+        change = [max(low, -high, 0.0) for low, high in factors]
         least = list(zip(change, -rows["margin"], strict=True))
         return least.index(min(least))
 

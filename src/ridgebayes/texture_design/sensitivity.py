@@ -93,9 +93,9 @@ class Sources:
 
     def may_be_measured_in_part(self, members: Sequence[str]) -> bool:
         """Return whether draws of these sources are functions of normal scores."""
-        known = {} if self.scene.uncertain is None else self.scene.uncertain.sources
+        sources = {} if self.scene.uncertain is None else self.scene.uncertain.sources
         return members == ["tolerance"] or all(
-            name in known and known[name].has_quantiles for name in members
+            name in sources and sources[name].has_quantiles for name in members
         )
 
     @property
@@ -109,7 +109,7 @@ class Sources:
         if self.tolerance.size and not self.tolerance.is_worst:
             places["tolerance"] = "tolerance"
         places |= {COEFFICIENTS: COEFFICIENTS}
-        if len({own.fit.form.name for own, _ in self.loads}) > 1:
+        if len({loads.fit.form.name for loads, _ in self.loads}) > 1:
             places |= {FORM: FORM}
         places |= {NOISE: NOISE, "score": NOISE}
         return {
@@ -121,20 +121,20 @@ class Sources:
     def measurable(self) -> dict[str, list[str]]:
         """Sources that could be known better, by what to measure."""
         joint = () if self.scene.uncertain is None else self.scene.uncertain.joint
-        found = {", ".join(correlated.of): list(correlated.of) for correlated in joint}
+        members = {", ".join(correlated.of): list(correlated.of) for correlated in joint}
         taken = {name for correlated in joint for name in correlated.of}
-        found |= {name: [name] for name in self._places if name not in taken}
+        members |= {name: [name] for name in self._places if name not in taken}
         if "tolerance" in self.groups and self.tolerance.size:
-            found["tolerance"] = ["tolerance"]
-        return found | {SIMULATION: [FORM, NOISE, COEFFICIENTS, "score"]}
+            members["tolerance"] = ["tolerance"]
+        return members | {SIMULATION: [FORM, NOISE, COEFFICIENTS, "score"]}
 
     def outcome(self, draws: Draws) -> tuple[FloatArray, FloatArray]:
         """Return Q at the case's highest load, and whether the case fails, both (n,)."""
         units = median_units(self.scene)
         highest = max(self.value.case.loads, key=lambda load: load.p_over_E(units)[0])
         Q, failed = np.full(len(draws["score"]), 2.0), np.zeros(len(draws["score"]))
-        for here, which, placed, own in self._placed(draws):
-            error = own.score(draws["score"][here], which)
+        for here, which, placed, drawn in self._placed(draws):
+            error = drawn.score(draws["score"][here], which)
             low, high = placed.window(self.value.case)
             met = np.ones(len(which), dtype=bool)
             met &= True if high is None else error <= high
@@ -150,10 +150,10 @@ class Sources:
 
     def probability(self, draws: Draws) -> FloatArray:
         """Return the probability of the case of each draw, its error left open, shape (n,)."""
-        found = np.empty(len(draws["score"]))
+        values = np.empty(len(draws["score"]))
         for here, _, placed, _ in self._placed(draws):
-            found[here] = placed.probability(self.value.case)
-        return found
+            values[here] = placed.probability(self.value.case)
+        return values
 
     @property
     def _places(self) -> list[str]:
@@ -166,17 +166,17 @@ class Sources:
         """Return draws of each posterior, at the texture."""
         n = len(draws["score"])
         bodies = Bodies.draw(self.scene, self.tolerance, n, 0, draws)
-        forms = np.array([own.fit.form.name for own, _ in self.loads])
+        forms = np.array([loads.fit.form.name for loads, _ in self.loads])
         weights = np.array([weight for _, weight in self.loads])
         names = list(dict.fromkeys(forms))
         by_form = np.array([weights[forms == name].sum() for name in names])
         form = np.searchsorted(np.cumsum(by_form / by_form.sum())[:-1], draws[FORM], side="right")
         placed = []
         for i, name in enumerate(names):
-            own = np.flatnonzero(forms == name)
-            ends = np.cumsum(weights[own] / weights[own].sum())[:-1]
+            of_form = np.flatnonzero(forms == name)
+            ends = np.cumsum(weights[of_form] / weights[of_form].sum())[:-1]
             noise = np.searchsorted(ends, draws[NOISE], side="right")
-            for k, j in enumerate(own.tolist()):
+            for k, j in enumerate(of_form.tolist()):
                 here = (form == i) & (noise == k)
                 if not here.any():
                     continue
