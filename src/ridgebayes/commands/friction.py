@@ -63,10 +63,7 @@ def command(asked: options.Friction) -> Answer:
     if model is None:
         return Answer((summary, means.round(6)), means, [asked.out], warnings=warnings)
     if not model.kappa:
-        warnings.append(
-            "bands without interlocking (kappa = 0): it needs sharp corners, and the scene has "
-            "texture.corner_radius"
-        )
+        warnings.append("bands without interlocking (kappa = 0): it needs sharp corners")
     friction = model.predict(FrictionInputs.joined(kept), rng=asked.seed)
     write_csv(friction.bands, mu_path)
     write_csv(friction.shares, shares_path)
@@ -76,9 +73,8 @@ def command(asked: options.Friction) -> Answer:
 
 def _answer(friction: FrictionBands) -> tuple[str | pd.DataFrame, ...]:
     """Return bands, and the shares of terms and inputs at the largest load."""
-    shares = friction.shares
-    last = (shares["load"] == shares["load"].max()) & (shares["kind"] != "scene")
-    shown = shares[last].round(3).astype(object)
+    last = friction.shares["load"] == friction.shares["load"].max()
+    shown = friction.shares[last & (friction.shares["kind"] != "scene")].round(3).astype(object)
     return (
         "Coefficient of friction before any measurement:",
         friction.bands.round(4),

@@ -9,8 +9,6 @@ from ridgebayes._types import Json
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.extrapolation import CalibratedRange, names_of
 from ridgebayes.predict.q_distribution import heavy_parts, shares
-from ridgebayes.scene.scene import Scene
-from ridgebayes.texture_design.bodies import median_units
 from ridgebayes.texture_design.goals import Goal
 
 _ALIKE = 1e-4  # of margins
@@ -36,22 +34,21 @@ OBJECTIVES = {
 def mark_extrapolation(
     designs: pd.DataFrame,
     averaged: Sequence[tuple[Posterior, float]],
-    scene: Scene,
     goals: Sequence[Goal],
+    largest: float,
+    nu: float,
 ) -> None:
     """Add what lies beyond what was calibrated, as `predict` says it."""
     a, b = designs["a_over_R"].to_numpy(), designs["b_over_R"].to_numpy()
     flags = np.zeros(len(designs), dtype=np.uint8)
     cases = [case for goal in goals for case in goal.cases]
     counts = [n for case in cases for n, _ in (*case.at_least, *case.below)]
-    units = median_units(scene)
-    largest = max(load.p_over_E(units)[0] for case in cases for load in case.loads)
     weights = shares([weight for _, weight in averaged])
     for (fit, _), is_heavy in zip(averaged, heavy_parts(weights), strict=True):
         if is_heavy:
             calibrated = CalibratedRange.of(fit)
             flags |= calibrated.texture_flags(a, b)
-            flags |= calibrated.load_flags(largest, scene.nu) | calibrated.count_flags(max(counts))
+            flags |= calibrated.load_flags(largest, nu) | calibrated.count_flags(max(counts))
     place = designs.columns.to_list().index("feasible") + 1
     designs.insert(place, "extrapolation", flags != 0)
     designs.insert(place + 1, "extrapolation_of", names_of(flags).astype(str))

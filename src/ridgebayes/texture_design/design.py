@@ -9,6 +9,7 @@ import pandas as pd
 
 from ridgebayes._types import Json, Rng, __version__
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.contact import two_scale
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
@@ -125,14 +126,17 @@ def design(
     values = GoalValues(loads_of, lambda size: draw(size, seed), n)
     for goals in asked:
         designs = _map(values, goals, textures)
-        mark_extrapolation(designs, averaged, scene, goals)
+        loads_asked = _loads_of(goals, scene)
+        p_over_E = [load["p_over_E"] for load in loads_asked]
+        mark_extrapolation(designs, averaged, goals, max(p_over_E), scene.nu)
         if designs["feasible"].any():
             break
     limited: Json | None = None
     if designs["feasible"].any():
         best = chosen(designs, objective)
     else:
-        nearest, rows = Limits(values, goals, scene), alike(_inside(designs))
+        nearest = Limits(values, goals, p_over_E, two_scale.checked(scene.ogden))
+        rows = alike(_inside(designs))
         best = plain(rows, nearest.nearest(rows))
         limited = nearest.at(best, made)
     texture = (float(best["a_over_R"]), float(best["b_over_R"]))
@@ -140,7 +144,7 @@ def design(
     value = values.at(tightest, *texture)
     sources = Sources(scene, made, loads_of, texture, value)
     about |= {
-        "loads": _loads_of(goals, scene),
+        "loads": loads_asked,
         "tolerance": vars(made),
         "averaged": [[fit.form.name, fit.noise.name, weight] for fit, weight in averaged],
         "seed": seed,

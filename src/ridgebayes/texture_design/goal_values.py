@@ -44,7 +44,7 @@ class Value:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class PosteriorDraws:
     """Draws of one posterior, each with a body.
 
     Parameters
@@ -73,12 +73,12 @@ class Part:
         return self._log_p[load]
 
 
-class PlacedPart:
+class PlacedDraws:
     """A part at one texture.
 
     Parameters
     ----------
-    part : Part
+    part : PosteriorDraws
         The part.
     a, b : float
         Texture.
@@ -86,7 +86,7 @@ class PlacedPart:
         See `Tolerance.corners`.
     """
 
-    def __init__(self, part: Part, a: float, b: float, corner: Corner) -> None:
+    def __init__(self, part: PosteriorDraws, a: float, b: float, corner: Corner) -> None:
         self._part = part
         calibrated = part.loads.fit.model.data.textures
         self._texture = (a, b) if part.bodies.is_certain and (a, b) in calibrated else None
@@ -166,14 +166,14 @@ class GoalValues:
             # Bodies are in no order, so draws of the posterior go with any.
             which = np.arange(size) * max(drawn.n_draw // size, 1) % drawn.n_draw
             some = bodies.some(slice(first, first + size))
-            self.parts.append(Part(drawn, weight, which, some))
+            self.parts.append(PosteriorDraws(drawn, weight, which, some))
             first += size
 
     def at(self, goal: Goal, a: float, b: float) -> Value:
         """Return the value of a goal at a texture: the worst of its cases and corners."""
         values = []
         for corner in self.corners:
-            placed = [PlacedPart(part, a, b, corner) for part in self.parts]
+            placed = [PlacedDraws(part, a, b, corner) for part in self.parts]
             for case in goal.cases:
                 if goal.is_spread:
                     value_and_se = self._spread(placed, case)
@@ -182,7 +182,7 @@ class GoalValues:
                 values.append(Value(*value_and_se, case, corner))
         return min(values, key=lambda candidate: goal.margin(candidate.value))
 
-    def _spread(self, placed: Sequence[PlacedPart], case: Case) -> tuple[float, float]:
+    def _spread(self, placed: Sequence[PlacedDraws], case: Case) -> tuple[float, float]:
         """Return the standard deviation of Q, and its error by its influence function."""
         ((_, load),) = case.at_least
         firsts, squares = [], []

@@ -9,11 +9,9 @@ import pandas as pd
 from scipy import optimize
 
 from ridgebayes._types import Json
-from ridgebayes.contact import two_scale
 from ridgebayes.contact.scaling import Texture
-from ridgebayes.scene.scene import Scene
 from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
-from ridgebayes.texture_design.bodies import Tolerance, median_units
+from ridgebayes.texture_design.bodies import Tolerance
 from ridgebayes.texture_design.goal_values import GoalValues
 from ridgebayes.texture_design.goals import Case, Goal, Load
 
@@ -32,8 +30,10 @@ class Limits:
         Values of goals.
     goals : sequence of Goal
         Goals that no texture meets.
-    scene : Scene
-        Scene of the design.
+    p_over_E : sequence of float
+        Loads of the goals, at the scene's medians.
+    largest : float
+        Largest load p/E that is looked at.
 
     Notes
     -----
@@ -43,15 +43,13 @@ class Limits:
     loads to the power of -1/2, but for tolerances that are lengths.
     """
 
-    def __init__(self, values: GoalValues, goals: Sequence[Goal], scene: Scene) -> None:
-        self._values, self._goals = values, goals
-        units = median_units(scene)
-        loads = [load for goal in goals for case in goal.cases for load in case.loads]
-        p_over_E = [float(load.p_over_E(units)[0]) for load in loads]
-        self.p_over_E = min(p_over_E), max(p_over_E)
-        self.largest = two_scale.checked(scene.ogden)
+    def __init__(
+        self, values: GoalValues, goals: Sequence[Goal], p_over_E: Sequence[float], largest: float
+    ) -> None:
+        self._values, self._goals, self._largest = values, goals, largest
+        self._p_over_E = min(p_over_E), max(p_over_E)
         self._part = max(values.parts, key=lambda part: part.weight)
-        # Of the loads of a count to reach the smallest, of a count to stay below the largest.
+        # The smallest load of each count to reach, and the largest of each count to stay below.
         self._reach = dict(sorted(self._mean_log_loads("at_least"), reverse=True))
         self._stay_below = dict(sorted(self._mean_log_loads("below")))
 
@@ -73,12 +71,12 @@ class Limits:
         why = f"{extreme} {row['probability']:.3g}, and {goal.level:.3g} was asked for."
         would = []
         if load is not None:
-            p = " to ".join(f"{load * p:.3g}" for p in dict.fromkeys(self.p_over_E))
+            p = " to ".join(f"{load * p:.3g}" for p in dict.fromkeys(self._p_over_E))
             would.append(f"{load:.3g} times the load (p/E {p})")
         if widths is not None:
             a, b = (widths * width for width in texture)
             would.append(f"{widths:.3g} times both widths (a/R {a:.3g}, b/R {b:.3g})")
-        met = f"no load to p/E {self.largest:g} and no other pitch would do"
+        met = f"no load to p/E {self._largest:g} and no other pitch would do"
         met = f"the goal would be met with {', or '.join(would)}" if would else met
         why += f" At a/R {texture[0]:.4g}, b/R {texture[1]:.4g} {met}."
         return {"load_factor": load, "width_factor": widths, "why": why}
@@ -91,7 +89,7 @@ class Limits:
             scaled = [_scaled(goal, math.exp(log_factor)) for goal in self._goals]
             return self._margin(scaled, texture)
 
-        bounds = 2 * math.log(LEAST_WIDTH), math.log(self.largest / self.p_over_E[1])
+        bounds = 2 * math.log(LEAST_WIDTH), math.log(self._largest / self._p_over_E[1])
         return _root(margin, low, high, bounds)
 
     def of_widths(self, texture: Texture, tolerance: Tolerance) -> float | None:
@@ -129,11 +127,8 @@ def _root(
 ) -> float | None:
     """Return the factor where a margin becomes 0, from its largest value towards a factor of 1."""
     low, high = np.clip(sorted((low, high)), *bounds)
-    best = float(low)
-    if low < high:
-        best = float(
-            optimize.minimize_scalar(lambda x: -margin(x), bounds=(low, high), method="bounded").x
-        )
+    largest = optimize.minimize_scalar(lambda x: -margin(x), bounds=(low, high), method="bounded")
+    best = float(largest.x)
     if margin(best) < 0:
         return None
     return math.exp(optimize.brentq(margin, best, 0.0))

@@ -20,7 +20,7 @@ from ridgebayes.runtime.randomness import stream, streams
 from ridgebayes.scene.scene import Scene
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
-from ridgebayes.texture_design.goal_values import Part, PlacedPart, Value
+from ridgebayes.texture_design.goal_values import PlacedDraws, PosteriorDraws, Value
 
 FORM, NOISE, COEFFICIENTS = "form", "error model", "coefficients"
 SIMULATION = "a simulation of this texture"
@@ -162,7 +162,7 @@ class Sources:
         joint = [name for correlated in self.scene.uncertain.joint for name in correlated.of]
         return list(dict.fromkeys([*self.scene.uncertain.sources, *joint]))
 
-    def _placed(self, draws: Draws) -> list[tuple[BoolArray, IntArray, PlacedPart, DrawnLoads]]:
+    def _placed(self, draws: Draws) -> list[tuple[BoolArray, IntArray, PlacedDraws, DrawnLoads]]:
         """Return draws of each posterior, at the texture."""
         n = len(draws["score"])
         bodies = Bodies.draw(self.scene, self.tolerance, n, 0, draws)
@@ -183,9 +183,9 @@ class Sources:
                 loads = self.loads[j][0]
                 place = (draws[COEFFICIENTS][here] * loads.n_draw).astype(np.int64)
                 which = self._order(loads)[place]
-                part = Part(loads, 1.0, which, bodies.some(here))
+                part = PosteriorDraws(loads, 1.0, which, bodies.some(here))
                 placed.append(
-                    (here, which, PlacedPart(part, *self.texture, self.value.corner), loads)
+                    (here, which, PlacedDraws(part, *self.texture, self.value.corner), loads)
                 )
         return placed
 
