@@ -17,7 +17,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "ridgebayes"
 BUDGETS = {
     "modules of the package": 273,
     "runtime": 855,
-    "distributions": 488,
+    "distributions": 460,
     "drawing": 1_058,
     "contact": 3_385,
     "table": 631,
@@ -30,7 +30,7 @@ BUDGETS = {
     "evidence": 605,
     "comparison": 1_179,
     "checks": 1_126,
-    "friction": 918,
+    "friction": 909,
     "texture_design": 1_281,
     "report": 1_916,
     "commands": 2_535,

@@ -1067,6 +1067,18 @@ def test_friction__with_the_model_writes_bands_and_shares(command, refused, run,
     refused([*words, "-o", "x.csv"], "x-mu.csv: exists")
 
 
+def test_friction__of_round_corners_leaves_interlocking_out_and_says_so(command, run, finger):
+    finger.write_text(FINGER.replace("[load]", 'corner_radius = "50 um"\n[load]'))
+    words = ("friction", run, finger, "--n", 20, "--loads", 2, "--model", "-o", "x.nc")
+    said = command(*words)
+    assert said.code == 0
+    assert "bands without interlocking (kappa = 0): it needs sharp corners" in said.err
+    drawn = rb.friction_inputs(read_run(run), finger, 2, n=20, rng=0)
+    expected = rb.FrictionModel(kappa=0).predict(drawn, rng=0)
+    pd.testing.assert_frame_equal(pd.read_csv("x-mu.csv"), expected.bands)
+    assert "interlocking" not in set(pd.read_csv("x-mu-shares.csv")["name"])
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

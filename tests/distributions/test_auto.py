@@ -1,6 +1,6 @@
 import pytest
 
-from ridgebayes.distributions.auto import AutoLogNormal, at_place, of_any_place
+from ridgebayes.distributions.auto import AutoLogNormal, at_place
 from ridgebayes.distributions.bounded import Truncated, Uniform
 from ridgebayes.distributions.distribution import LogNormal, Normal
 from ridgebayes.distributions.grammar import parse_distribution, priors_from_json, priors_to_json
@@ -17,13 +17,13 @@ from ridgebayes.distributions.grammar import parse_distribution, priors_from_jso
     ],
 )
 def test_text__has_its_median_settled_at_a_place_also_from_a_file(text, settled):
-    prior = of_any_place(*(parse_distribution(text, auto=auto) for auto in (1.0, 2.0)))
+    prior = parse_distribution(text, auto=True)
     assert at_place(prior, 66.0) == settled
     (back,) = priors_from_json(priors_to_json({"K": prior})).values()
     assert back == prior
     assert at_place(settled, 3.0) == settled
 
 
-def test_place__is_open_in_what_two_readings_do_not_share():
-    assert of_any_place(LogNormal(1.0, 0.1), LogNormal(2.0, 0.1)) == AutoLogNormal(1.0, 0.1)
+def test_place__is_open_until_it_is_settled():
+    assert parse_distribution("lognormal(auto, 10 %)", auto=True) == AutoLogNormal(1.0, 0.1)
     assert AutoLogNormal(1.0, 0.1) != LogNormal(1.0, 0.1)

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-from scipy import integrate, special, stats
+from scipy import special, stats
 
 from ridgebayes.distributions.distribution import Gamma, HalfNormal, LogNormal, Normal
-from ridgebayes.errors import InputError
 from ridgebayes.model.joint_prior import JointPrior
 
 PRIORS = [
@@ -19,13 +18,6 @@ def test_log_pdf__is_scipys_on_the_support(prior, oracle):
     x = oracle.ppf([1e-6, 0.01, 0.3, 0.5, 0.9, 1 - 1e-6])
     # Algebra: rounding of z, squared.
     np.testing.assert_allclose(prior.log_pdf(x), oracle.logpdf(x), rtol=1e-12)
-
-
-@pytest.mark.parametrize(("prior", "oracle"), PRIORS)
-def test_log_pdf__integrates_to_one(prior, oracle):
-    low, high = oracle.ppf([1e-15, 1 - 1e-15])
-    total, _ = integrate.quad(lambda x: np.exp(prior.log_pdf(np.array(x))), low, high)
-    assert total == pytest.approx(1, abs=1e-8)  # discretisation: quad's own tolerance
 
 
 @pytest.mark.parametrize("prior", [LogNormal(1.0, 0.1), HalfNormal(0.05), Gamma(2.0, 0.1)])
@@ -163,21 +155,3 @@ def test_joint_prior__is_the_sum_in_the_order_of_the_parameters():
     # Monte Carlo: 4.5 standard errors of a mean of 4,000.
     means = [1.0, 0.5 * np.sqrt(2 / np.pi), -1.0, 2.0 * np.exp(0.08)]
     assert np.all(np.abs(draws.mean(0) - means) < 4.5 * draws.std(0) / np.sqrt(4_000))
-
-
-@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
-def test_prior__refuses_scales_that_are_not_positive_and_finite(bad):
-    for kind, name, make in (
-        ("log-normal", "log_sd", lambda: LogNormal(1.0, bad)),
-        ("log-normal", "median", lambda: LogNormal(bad, 1.0)),
-        ("normal", "sd", lambda: Normal(0.0, bad)),
-        ("half-normal", "sd", lambda: HalfNormal(bad)),
-    ):
-        message = rf"{kind} distribution: expected finite and > 0, got {name} = {bad}"
-        with pytest.raises(InputError, match=message):
-            make()
-
-
-def test_prior__refuses_a_mean_that_is_not_finite():
-    with pytest.raises(InputError, match="normal distribution: expected finite, got mean = nan"):
-        Normal(np.nan, 1.0)

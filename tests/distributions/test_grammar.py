@@ -57,12 +57,6 @@ def test_parse__numbers_with_units_are_the_callers(tmp_path):
     assert parsed("truncated(normal(60 kPa, 5 %), 50 kPa, inf)").low == 50e3
 
 
-def test_parse__auto_is_a_median_where_it_is_known():
-    assert parse_distribution("lognormal(auto, 30 %)", "K", auto=66.0) == LogNormal(66.0, 0.3)
-    cut = parse_distribution("truncated(lognormal(auto, 30 %), 10, 90)", "K", auto=66.0)
-    assert cut == Truncated(LogNormal(66.0, 0.3), 10.0, 90.0)
-
-
 BAD = {
     "student(1, 2)": "expected one of normal(mean, sd), lognormal(median, log_sd)",
     "": "expected one of",

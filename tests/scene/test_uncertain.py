@@ -154,6 +154,15 @@ def test_scene_blocks__are_the_draws_of_the_whole():
         np.testing.assert_allclose(parts, getattr(whole, name), rtol=1e-14)
 
 
+def test_draw_scene__lengths_of_a_texture_are_over_the_radius(read):
+    lengths = 'corner_radius = "20 um"\ngroove_depth = "0.4 mm"\n[load]'
+    drawn = draw_scene(read(("8 mm", "normal(8 mm, 3 %)"), ("[load]", lengths)), 9, 3)
+    radius = drawn.physical["radius"]
+    assert np.ptp(radius) > 0
+    np.testing.assert_allclose(drawn.profile["corner"], 20e-6 / radius)
+    np.testing.assert_allclose(drawn.profile["depth"], 0.4e-3 / radius)
+
+
 def test_draw_scene__a_uniform_offset_is_anywhere():
     scene = Scene.from_dict(
         {"texture": {"ridge_width": 0.02, "groove_width": 0.02, "offset": "uniform"}}

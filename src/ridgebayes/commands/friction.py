@@ -27,71 +27,77 @@ _N_MODEL = 20_000  # draws that bands are made of: more would only cost memory
 
 def command(asked: options.Friction) -> Answer:
     """Do what the command line asks for."""
-    bands, shares = (
+    mu_path, shares_path = (
         asked.out.with_name(f"{asked.out.stem}-{name}.csv") for name in ("mu", "mu-shares")
     )
-    for path in (asked.out, bands, shares)[: 3 if asked.model else 1]:
+    for path in (asked.out, mu_path, shares_path)[: 3 if asked.model else 1]:
         refuse_existing(path, asked.force)
     check_name(asked.out)
     if asked.p_over_E is not None and asked.loads is not None:
         raise InputError("--p-over-E and --loads: expected one of them, got both")
+    scene, warnings = Scene.from_toml(asked.scene), []
+    model = None
+    if asked.model:  # round edges have no forces, which interlocking is made of
+        is_round = any(texture.corner_radius_over_R > 0 for texture in scene.textures)
+        model = FrictionModel(kappa=0) if is_round else FrictionModel()
     draws = InputDraws(
         read_run(asked.folder),
-        Scene.from_toml(asked.scene),
+        scene,
         asked.loads or 20 if asked.p_over_E is None else parse_loads(asked.p_over_E),
         n=asked.n,
         rng=asked.seed,
-        edges=asked.edges or asked.model,
+        edges=asked.edges or (model is not None and model.kappa != 0),
     )
     sums: list[pd.DataFrame] = []
-    kept: list[FrictionInputs] | None = [] if asked.model else None
+    kept: list[FrictionInputs] = []
     with Progress(1) as progress, progress.stage("draws"):
-        write_inputs(_told(draws, sums, kept, asked.edges, progress), asked.out)
-    table = (sums[0] / draws.n).reset_index()
-    outside = float(table["extrapolation"].mean())
-    told = (
-        f"{asked.out}: {draws.n} draws at {len(table)} loads; relative error of contacts up to "
+        write_inputs(_noted(draws, sums, kept, model, asked.edges, progress), asked.out)
+    means = (sums[0] / draws.n).reset_index()
+    outside = float(means["extrapolation"].mean())
+    summary = (
+        f"{asked.out}: {draws.n} draws at {len(means)} loads; relative error of contacts up to "
         f"{draws.contact_relative_error:.1g}. Means over draws:"
     )
-    warnings = []
     if outside:
         warnings.append(f"{outside:.2%} of draws and loads lie beyond the calibrated range")
-    if kept is None:
-        return Answer((told, table.round(6)), table, [asked.out], warnings=warnings)
-    found = FrictionModel().predict(FrictionInputs.joined(kept), rng=asked.seed)
-    write_csv(found.bands, bands)
-    write_csv(found.shares, shares)
-    parts = (told, table.round(6), *_answer(found))
-    files = [asked.out, bands, shares]
-    return Answer(parts, found.bands, files, warnings=warnings)
+    if model is None:
+        return Answer((summary, means.round(6)), means, [asked.out], warnings=warnings)
+    if not model.kappa:
+        warnings.append("bands without interlocking (kappa = 0): it needs sharp corners")
+    friction = model.predict(FrictionInputs.joined(kept), rng=asked.seed)
+    write_csv(friction.bands, mu_path)
+    write_csv(friction.shares, shares_path)
+    parts = (summary, means.round(6), *_answer(friction))
+    return Answer(parts, friction.bands, [asked.out, mu_path, shares_path], warnings=warnings)
 
 
-def _answer(found: FrictionBands) -> tuple[str | pd.DataFrame, ...]:
+def _answer(friction: FrictionBands) -> tuple[str | pd.DataFrame, ...]:
     """Return bands, and the shares of terms and inputs at the largest load."""
-    last = found.shares["load"] == found.shares["load"].max()
-    shown = found.shares[last & (found.shares["kind"] != "scene")].round(3).astype(object)
+    last = friction.shares["load"] == friction.shares["load"].max()
+    shown = friction.shares[last & (friction.shares["kind"] != "scene")].round(3).astype(object)
     return (
         "Coefficient of friction before any measurement:",
-        found.bands.round(4),
+        friction.bands.round(4),
         "Shares of its variance at the largest load:",
         shown.where(shown.notna(), "")[["kind", "name", "share", "share_se", "total"]],
     )
 
 
-def _told(
+def _noted(
     draws: InputDraws,
     sums: list[pd.DataFrame],
-    kept: list[FrictionInputs] | None,
+    kept: list[FrictionInputs],
+    model: FrictionModel | None,
     edges: bool,
     progress: Progress,
 ) -> Iterator[xr.Dataset]:
     """Yield blocks of draws; keep their sum, alone in `sums`, and what friction needs."""
     done = 0
     for block in draws.blocks():
-        if kept is not None and done < _N_MODEL:
-            kept.append(FrictionInputs.of(block, edges=True))
+        if model is not None and done < _N_MODEL:
+            kept.append(FrictionInputs.of(block, edges=model.kappa != 0))
         yield block if edges else block.drop_dims("edge", errors="ignore")
-        own = block[[*_SHOWN, "extrapolation"]].sum("draw").to_dataframe()
-        sums[:] = [sums[0] + own if sums else own]
+        sum_of_block = block[[*_SHOWN, "extrapolation"]].sum("draw").to_dataframe()
+        sums[:] = [sums[0] + sum_of_block if sums else sum_of_block]
         done += block.sizes["draw"]
         progress.count(done, draws.n)

@@ -14,7 +14,7 @@ class AutoLogNormal(LogNormal):
     Parameters
     ----------
     median : float, unit of the parameter
-        One of its medians, above 0.
+        Any, above 0.
     log_sd : float, dimensionless
         Standard deviation of log x, above 0.
 
@@ -40,23 +40,3 @@ def at_place(prior: Distribution, median: float) -> Distribution:
     if isinstance(prior, Truncated):
         return replace(prior, base=at_place(prior.base, median))
     return LogNormal(median, prior.log_sd) if isinstance(prior, AutoLogNormal) else prior
-
-
-def of_any_place(one: Distribution, other: Distribution) -> Distribution:
-    """Return what two readings of a text, of two medians for ``auto``, have in common.
-
-    Parameters
-    ----------
-    one, other : Distribution
-        Alike but for that median.
-
-    Examples
-    --------
-    >>> of_any_place(LogNormal(1.0, 0.05), LogNormal(2.0, 0.05))
-    AutoLogNormal(median=1.0, log_sd=0.05)
-    """
-    if isinstance(one, Truncated) and isinstance(other, Truncated):
-        return replace(one, base=of_any_place(one.base, other.base))
-    if isinstance(one, LogNormal) and isinstance(other, LogNormal) and one.median != other.median:
-        return AutoLogNormal(one.median, one.log_sd)
-    return one

@@ -12,8 +12,6 @@ from ridgebayes._types import FloatArray
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import InputError
 
-_LOG_2PI = math.log(2 * math.pi)
-
 
 @dataclass(frozen=True)
 class Uniform(Distribution):
@@ -66,9 +64,6 @@ class Uniform(Distribution):
         below, above = (np.asarray(x) - self.low) / width, (self.high - np.asarray(x)) / width
         value: FloatArray = np.where(below < above, special.ndtri(below), -special.ndtri(above))
         return value
-
-    def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
-        return (self.high - self.low) * np.exp(-0.5 * (np.square(u) + _LOG_2PI))
 
 
 @dataclass(frozen=True)
@@ -137,33 +132,23 @@ class Truncated(Distribution):
         return np.where(inside, self.base.log_pdf(x) - self._log_mass, -np.inf)
 
     def value_at(self, u: FloatArray | float) -> FloatArray:
-        return np.clip(self.base.value_at(self._base_score(u)), self.low, self.high)
-
-    def _base_score(self, u: FloatArray | float) -> FloatArray:
-        """Return the base's normal scores; from the tail whose probabilities are the smaller."""
         u, (low, high) = np.asarray(u, dtype=float), self._ends
+        # From the tail whose probabilities are the smaller.
         from_below = u < 0 if low < 0 < high else np.full(u.shape, high <= 0)
         sign = np.where(from_below, 1.0, -1.0)
         beyond = np.where(from_below, special.log_ndtr(low), special.log_ndtr(-high))
         inside = self._log_mass + special.log_ndtr(sign * u)
-        value: FloatArray = np.clip(
-            sign * special.ndtri_exp(np.logaddexp(beyond, inside)), low, high
-        )
-        return value
+        score = sign * special.ndtri_exp(np.logaddexp(beyond, inside))
+        return np.clip(self.base.value_at(np.clip(score, low, high)), self.low, self.high)
 
     def score(self, x: FloatArray | float) -> FloatArray:
         low, high = self._ends
-        own = np.clip(self.base.score(x), low, high)
-        below = _log_between(np.asarray(low), own) - self._log_mass
-        above = _log_between(own, np.asarray(high)) - self._log_mass
+        base = np.clip(self.base.score(x), low, high)
+        below = _log_between(np.asarray(low), base) - self._log_mass
+        above = _log_between(base, np.asarray(high)) - self._log_mass
         smaller = np.minimum(np.minimum(below, above), 0.0)
         value: FloatArray = np.where(below < above, 1.0, -1.0) * special.ndtri_exp(smaller)
         return value
-
-    def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
-        own = self._base_score(u)
-        log_slope = self._log_mass + 0.5 * (own - u) * (own + u)
-        return np.exp(log_slope) * self.base.slope_at(own, x)
 
 
 def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:

@@ -104,9 +104,8 @@ class Distribution(ABC):
             Normal scores.
         """
 
-    @abstractmethod
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
-        """Return d value_at / du.
+        """Return d value_at / du: the standard normal density over that of the values.
 
         Parameters
         ----------
@@ -120,6 +119,7 @@ class Distribution(ABC):
         ndarray of float, shape of `u`, unit of the parameter
             Slopes.
         """
+        return np.exp(-0.5 * (np.square(u) + _LOG_2PI) - self.log_pdf(x))
 
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
         """Draw values.
@@ -372,10 +372,6 @@ class Gamma(Distribution):
         low, high = special.gammainc(self.shape, z), special.gammaincc(self.shape, z)
         value: FloatArray = np.where(low < high, special.ndtri(low), -special.ndtri(high))
         return value
-
-    def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
-        u = np.asarray(u, dtype=float)
-        return np.exp(-0.5 * (u * u + _LOG_2PI) - self.log_pdf(x))
 
     def stretched(self, factor: float) -> "Gamma":
         """Return the distribution with its mean and width multiplied by a factor.

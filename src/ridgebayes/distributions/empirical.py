@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 from scipy import special
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+from scipy.optimize import elementwise
 
 from ridgebayes._types import FloatArray
 from ridgebayes.distributions.distribution import Distribution
@@ -143,17 +144,14 @@ class Empirical(Distribution):
 
     def score(self, x: FloatArray | float) -> FloatArray:
         y = np.log(x) if self._is_log else np.asarray(x, dtype=float)
-        slopes = self._curve(np.array(self.scores), 1)
-        ends = self._curve(np.array([self.scores[0], self.scores[-1]]))
-        below, above = (self.scores[i] + (y - ends[i]) / slopes[i] for i in (0, -1))
-        low = np.full(np.shape(y), self.scores[0])
-        high = np.full(np.shape(y), self.scores[-1])
-        for _ in range(60):  # halved to the last digit
-            middle = 0.5 * (low + high)
-            is_low = self._curve(middle) < y
-            low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
-        found = np.where(y < ends[0], below, 0.5 * (low + high))
-        value: FloatArray = np.where(y > ends[1], above, found)
+        ends = np.array([self.scores[0], self.scores[-1]])
+        low, high = self._curve(ends)
+        inside = elementwise.find_root(
+            lambda u, y: self._curve(u) - y, tuple(ends), args=(np.clip(y, low, high),)
+        ).x
+        # Beyond the ends the curve is a line.
+        beyond = np.minimum(y - low, 0) + np.maximum(y - high, 0)
+        value: FloatArray = inside + beyond / self._curve(inside, 1)
         return value
 
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:

@@ -50,7 +50,7 @@ def parse_distribution(
     *,
     number: Callable[[str], float] = float,
     folder: Path = Path(),
-    auto: float | None = None,
+    auto: bool = False,
 ) -> Distribution:
     """Return the distribution that a text describes.
 
@@ -64,8 +64,8 @@ def parse_distribution(
         Reads a number in the parameter's unit, such as ``60 kPa``; raises ValueError.
     folder : Path, optional
         Folder that files of samples are relative to.
-    auto : float, optional
-        Median that replaces ``auto``.
+    auto : bool, optional
+        Whether ``auto`` may be the median of a log-normal; `at_place` settles it.
 
     Raises
     ------
@@ -91,29 +91,22 @@ def parse_distribution(
     if name == "truncated":
         inner = parts.pop(0)
         arguments.append(parse_distribution(inner, where, number=number, folder=folder, auto=auto))
-    if name != "empirical":
-        names = usage[usage.index("(") + 1 : -1].split(", ")[len(arguments) :]
-        for part, parameter in zip(parts, names, strict=True):
-            arguments.append(_number(part, parameter, arguments, number, at, auto))
     try:
         if name == "empirical":
             sample = read_sample(folder / parts[0], parts[1], number)
             return Empirical.of(sample, f"{parts[1]} of {parts[0]}")
-        return Truncated(*arguments) if name == "truncated" else CLOSED[name](*arguments)
+        kind = Truncated if name == "truncated" else CLOSED[name]
+        if auto and name == "lognormal" and parts[0] == "auto":
+            kind, arguments = AutoLogNormal, [1.0]
+            parts.pop(0)
+        for part, field in zip(parts, fields(kind)[len(arguments) :], strict=True):
+            arguments.append(_number(part, field.name, arguments, number))
+        return kind(*arguments)
     except InputError as error:
         raise InputError(f"{at}{error}") from None
 
 
-def _number(
-    part: str,
-    name: str,
-    before: list[Any],
-    number: Callable[[str], float],
-    at: str,
-    auto: float | None,
-) -> float:
-    if part == "auto" and name == "median" and auto is not None:
-        return auto
+def _number(part: str, name: str, before: list[Any], number: Callable[[str], float]) -> float:
     if name in ("low", "high") and part in ("-inf", "inf"):
         return float(part)  # no unit; uniform ones refuse it themselves
     try:
@@ -121,13 +114,13 @@ def _number(
             return float(part) if name in _WITHOUT_UNIT else number(part)
         percent = float(part.removesuffix("%"))
     except ValueError:
-        raise InputError(f"{at}expected a number for {name}, got {clipped(part)}") from None
+        raise InputError(f"expected a number for {name}, got {clipped(part)}") from None
     if name == "log_sd":
         return percent / 100
     if name == "sd" and before:
         value: float = abs(before[0]) * percent / 100
         return value
-    raise InputError(f"{at}percent: expected only for sd after a mean, or log_sd, got {part!r}")
+    raise InputError(f"percent: expected only for sd after a mean, or log_sd, got {part!r}")
 
 
 def to_dict(distribution: Distribution) -> Json:
@@ -139,9 +132,11 @@ def to_dict(distribution: Distribution) -> Json:
 
 def from_dict(values: Json) -> Distribution:
     """Return the distribution that `to_dict` made plain values of."""
-    given: dict[str, Any] = dict(values)
-    kind = _KINDS[given.pop("kind")]
-    return kind(**{k: from_dict(v) if isinstance(v, dict) else v for k, v in given.items()})
+    fields_of_kind: dict[str, Any] = dict(values)
+    kind = _KINDS[fields_of_kind.pop("kind")]
+    return kind(
+        **{k: from_dict(v) if isinstance(v, dict) else v for k, v in fields_of_kind.items()}
+    )
 
 
 def priors_from_json(text: str) -> dict[str, Distribution]:

@@ -89,10 +89,10 @@ class FrictionInputs:
     def joined(cls, parts: "Sequence[FrictionInputs]") -> "FrictionInputs":
         """Return blocks of draws as one."""
         scene = {
-            name: np.concatenate([one.scene[name] for one in parts]) for name in parts[0].scene
+            name: np.concatenate([part.scene[name] for part in parts]) for name in parts[0].scene
         }
-        contact = np.concatenate([one.contact for one in parts])
-        beyond = np.concatenate([one.extrapolation for one in parts])
+        contact = np.concatenate([part.contact for part in parts])
+        beyond = np.concatenate([part.extrapolation for part in parts])
         return cls(parts[0].load, contact, scene, beyond)
 
 
@@ -177,7 +177,7 @@ def predicted(
         raise InputError(f"prob: expected above 0 and below 1, got {prob!r}")
     rng, n, n_draw = stream(seed, "friction", "bands"), _N_BATCH * _N, len(inputs.contact)
     # Columns: which draw of the contact, parameters, scores of the effects.
-    one, other = (
+    sample, other = (
         np.column_stack(
             [rng.integers(n_draw, size=n), draw(rng, n), rng.standard_normal((n, len(EFFECTS)))]
         )
@@ -185,25 +185,25 @@ def predicted(
     )
     groups = {"contact": [0]} | {k: [1 + j for j in columns] for k, columns in parameters.items()}
     for i, (name, j) in enumerate(zip(EFFECTS, _SCALES, strict=True)):
-        if one[:, 1 + j].any():
+        if sample[:, 1 + j].any():
             groups[name] = [1 + len(PARAMETERS) + i]
-    swaps = {name: one.copy() for name in groups}
+    swaps = {name: sample.copy() for name in groups}
     for name, columns in groups.items():
         swaps[name][:, columns] = other[:, columns]
     bands, shares, kept = [], [], np.empty((_N_KEPT, len(inputs.load)))
     for j, load in enumerate(inputs.load.tolist()):
         contact = inputs.contact[:, j]
-        by_term, mu = _evaluated(one, contact)
+        by_term, mu = _evaluated(sample, contact)
         kept[:, j] = mu[:_N_KEPT]
         lower, median, upper = np.quantile(mu, [0.5 - prob / 2, 0.5, 0.5 + prob / 2])
         at = (load, float(inputs.scene["p_over_E"][:, j].mean()))
         beyond = float(inputs.extrapolation[:, j].mean())
         bands.append((*at, mu.mean(), mu.std(), median, lower, upper, prob, beyond))
-        found = [("term", *row) for row in _term_shares(by_term, mu)]
+        rows = [("term", *row) for row in _term_shares(by_term, mu)]
         swapped = {name: _evaluated(points, contact)[1] for name, points in swaps.items()}
-        found += [("input", *row) for row in _sobol(mu, _evaluated(other, contact)[1], swapped)]
-        found += [("scene", *row) for row in _scene_shares(inputs, j, one, float(mu.var()))]
-        shares += [(*at, *row) for row in found]
+        rows += [("input", *row) for row in _sobol(mu, _evaluated(other, contact)[1], swapped)]
+        rows += [("scene", *row) for row in _scene_shares(inputs, j, sample, float(mu.var()))]
+        shares += [(*at, *row) for row in rows]
     return FrictionBands(
         pd.DataFrame(bands, columns=BAND_COLUMNS), pd.DataFrame(shares, columns=SHARE_COLUMNS), kept
     )
@@ -218,8 +218,8 @@ def _effects(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _evaluated(points: FloatArray, contact: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the terms with their effects, (n, 3), and mu at contacts of one load."""
     theta, effect = _effects(points)
-    found = terms(contact[points[:, 0].astype(np.int64)], theta) * effect[:, None]
-    return found, found.sum(axis=1)
+    shares_of_terms = terms(contact[points[:, 0].astype(np.int64)], theta) * effect[:, None]
+    return shares_of_terms, shares_of_terms.sum(axis=1)
 
 
 _Row = tuple[str, float, float, float, float]
@@ -234,26 +234,26 @@ def _term_shares(by_term: FloatArray, mu: FloatArray) -> list[_Row]:
     """Return cov(term, mu)/var(mu) of every term that is there."""
     batches = mu.reshape(_N_BATCH, _N)
     off = batches - batches.mean(axis=1, keepdims=True)
-    found = []
+    indices = []
     for name, values in zip(TERMS, by_term.T, strict=True):
         if values.any():
             share = (values.reshape(_N_BATCH, _N) * off).sum(axis=1) / (off * off).sum(axis=1)
-            found.append((name, *_mean_and_se(share), np.nan, np.nan))
-    return found
+            indices.append((name, *_mean_and_se(share), np.nan, np.nan))
+    return indices
 
 
-def _sobol(one: FloatArray, other: FloatArray, swapped: Mapping[str, FloatArray]) -> list[_Row]:
+def _sobol(row: FloatArray, other: FloatArray, swapped: Mapping[str, FloatArray]) -> list[_Row]:
     """Return first-order and total indices of every group, of each batch by itself."""
     from scipy import stats  # a third of a second that not every command spends
 
     of_batches = {
-        "f_A": one.reshape(_N_BATCH, _N),
+        "f_A": row.reshape(_N_BATCH, _N),
         "f_B": other.reshape(_N_BATCH, _N),
         "f_AB": np.stack([values.reshape(_N_BATCH, _N) for values in swapped.values()]),
     }
-    found = stats.sobol_indices(func=of_batches, n=_N)
-    first = found.first_order.reshape(_N_BATCH, -1).T  # one group alone comes without its axis
-    total = found.total_order.reshape(_N_BATCH, -1).T
+    summands = stats.sobol_indices(func=of_batches, n=_N)
+    first = summands.first_order.reshape(_N_BATCH, -1).T  # one group alone comes without its axis
+    total = summands.total_order.reshape(_N_BATCH, -1).T
     rows = zip(swapped, first, total, strict=True)
     return [(name, *_mean_and_se(share), *_mean_and_se(most)) for name, share, most in rows]
 
@@ -274,7 +274,7 @@ def _scene_shares(
             batches = zip(
                 np.array_split(value, _N_BATCH), np.array_split(mean, _N_BATCH), strict=True
             )
-            _, se = _mean_and_se(np.array([_between(*each) for each in batches]))
+            _, se = _mean_and_se(np.array([_between(*pair) for pair in batches]))
             yield name, _between(value, mean) / variance, se / variance, np.nan, np.nan
 
 

@@ -170,7 +170,7 @@ class FrictionFit(Tabular):
         drawn = {name: theta[..., PARAMETERS.index(name)] for name in self.model.unknown}
         rows: Variables = {str(name): (("row",), self.rows[name].to_numpy()) for name in self.rows}
         return {
-            "posterior": {name: (SAMPLE, one) for name, one in drawn.items()},
+            "posterior": {name: (SAMPLE, draws) for name, draws in drawn.items()},
             "sample_stats": stats,
             "observed_data": {"mu": rows.pop("mu")},
             "constant_data": rows,
@@ -337,15 +337,15 @@ def rows_of(
             raise InputError("inputs: expected a Fit or a Comparison for rows on ridges, got None")
         here = np.flatnonzero((widths == texture).all(axis=1))
         loads, at = np.unique(p[here], return_inverse=True)
-        scene, own = (
+        scene, draw_seed = (
             Scene.of([tuple(texture.tolist())], nu=nu),
             int(stream(seed, f"texture {i}").integers(2**31)),
         )
-        drawn = friction_inputs(source, scene, loads, n=_N_INPUT, rng=own, edges=edges)
-        found = FrictionInputs.of(drawn, edges=edges).contact
-        mean = found.mean(axis=0)
+        drawn = friction_inputs(source, scene, loads, n=_N_INPUT, rng=draw_seed, edges=edges)
+        contacts = FrictionInputs.of(drawn, edges=edges).contact
+        mean = contacts.mean(axis=0)
         scale = np.where(mean > 0, mean, 1.0)
-        off = ((found - mean) / scale).reshape(_N_INPUT, -1) / np.sqrt(_N_INPUT)
+        off = ((contacts - mean) / scale).reshape(_N_INPUT, -1) / np.sqrt(_N_INPUT)
         _, size, direction = np.linalg.svd(off, full_matrices=False)
         components = (size[:, None] * direction)[size > _NEGLIGIBLE].T.reshape(*mean.shape, -1)
         contact[here] = mean[at]
@@ -371,16 +371,16 @@ def _row_bands(
 
 
 def _to_json(model: FrictionModel) -> Json:
-    given = {name: getattr(model, name) for name in PARAMETERS}
-    return {k: to_dict(v) if isinstance(v, Distribution) else float(v) for k, v in given.items()}
+    priors = {name: getattr(model, name) for name in PARAMETERS}
+    return {k: to_dict(v) if isinstance(v, Distribution) else float(v) for k, v in priors.items()}
 
 
 def _fit_of(stored: Stored) -> FrictionFit:
     """Return the fit in a file; an error of any kind if there is none."""
     about = stored.attrs
-    given = json.loads(about["friction_model"])
+    values = json.loads(about["friction_model"])
     model = FrictionModel(
-        **{k: from_dict(v) if isinstance(v, dict) else float(v) for k, v in given.items()}
+        **{k: from_dict(v) if isinstance(v, dict) else float(v) for k, v in values.items()}
     )
     chains = chains_of(stored, len(model.unknown))
     observed, constant = stored.groups["observed_data"], stored.groups["constant_data"]

@@ -83,10 +83,14 @@ class FrictionDensity:
     @cached_property
     def _member(self) -> tuple[FloatArray, np.ndarray, sparse.csr_array]:
         """Return each row's groups, (n_row, n_group), pairs of them, and the kinds of groups."""
-        known = [np.unique(codes, return_inverse=True) for codes in self.rows.groups]
-        member = np.concatenate([np.eye(len(names))[codes] for names, codes in known], axis=1)
-        kind = np.repeat(np.arange(len(known)), [len(names) for names, _ in known])
-        pairs = sparse.csr_array([np.outer(one, one).ravel() for one in member])
+        codes_of_kinds = [np.unique(codes, return_inverse=True) for codes in self.rows.groups]
+        member = np.concatenate(
+            [np.eye(len(names))[codes] for names, codes in codes_of_kinds], axis=1
+        )
+        kind = np.repeat(
+            np.arange(len(codes_of_kinds)), [len(names) for names, _ in codes_of_kinds]
+        )
+        pairs = sparse.csr_array([np.outer(row, row).ravel() for row in member])
         return member, kind, pairs
 
     def log_density(self, u: FloatArray) -> FloatArray:

@@ -50,23 +50,23 @@ def write_inputs(blocks: xr.Dataset | Iterable[xr.Dataset], path: str | os.PathL
             kept = parts if isinstance(parts, list) else _bounded(parts, target)
             joined(list(kept)).to_netcdf(part, engine="h5netcdf")
         elif target.suffix == ".csv":
-            for i, one in enumerate(parts):
-                _frame(one).to_csv(part, mode="a" if i else "w", header=not i, index=False)
+            for i, block in enumerate(parts):
+                _frame(block).to_csv(part, mode="a" if i else "w", header=not i, index=False)
         else:
             _write_parquet(parts, part)
 
 
 def _bounded(parts: Iterable[xr.Dataset], path: Path) -> Iterator[xr.Dataset]:
     """Yield blocks, unless all together would be too large."""
-    for one in parts:
-        n, each = int(one.attrs["n_draw"]), one.nbytes / one.sizes["draw"]
-        if n * each > LARGEST_NETCDF:
+    for block in parts:
+        n, size = int(block.attrs["n_draw"]), block.nbytes / block.sizes["draw"]
+        if n * size > LARGEST_NETCDF:
             raise InputError(
-                f"{path}: {n:,} draws of {each:,.0f} bytes; expected at most "
-                f"{LARGEST_NETCDF / each:,.0f} in NetCDF, which is made in memory; Parquet and "
-                "CSV take any number"
+                f"{path}: {n:,} draws of {size:,.0f} bytes; expected at most "
+                f"{LARGEST_NETCDF / size:,.0f} in NetCDF, which is made in memory; Parquet and CSV "
+                "take any number"
             )
-        yield one
+        yield block
 
 
 def _write_parquet(parts: Iterable[xr.Dataset], path: Path) -> None:
@@ -76,22 +76,22 @@ def _write_parquet(parts: Iterable[xr.Dataset], path: Path) -> None:
     writer: Any = None
     with ExitStack() as open_files:
         held: list[Any] = []
-        for one in parts:
-            table = pa.Table.from_pandas(_frame(one), preserve_index=False)
+        for block in parts:
+            table = pa.Table.from_pandas(_frame(block), preserve_index=False)
             if writer is None:
-                about = {name: str(value) for name, value in one.attrs.items()}
+                about = {name: str(value) for name, value in block.attrs.items()}
                 schema = table.schema.with_metadata((table.schema.metadata or {}) | about)
                 writer = open_files.enter_context(parquet.ParquetWriter(path, schema))
             held.append(table.cast(writer.schema))
             # The writer keeps metadata of each row group in memory until the end.
-            if sum(each.num_rows for each in held) >= _GROUP:
+            if sum(rows.num_rows for rows in held) >= _GROUP:
                 writer.write_table(pa.concat_tables(held))
                 held = []
         if held:
             writer.write_table(pa.concat_tables(held))
 
 
-def _frame(one: xr.Dataset) -> pd.DataFrame:
+def _frame(block: xr.Dataset) -> pd.DataFrame:
     """Return a row a draw and load, or an edge of it."""
-    frame = one.to_dataframe().reset_index()
-    return frame[frame["edge_side"] != 0] if "edge" in one.dims else frame
+    frame = block.to_dataframe().reset_index()
+    return frame[frame["edge_side"] != 0] if "edge" in block.dims else frame

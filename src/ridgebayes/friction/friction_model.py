@@ -83,14 +83,14 @@ class FrictionModel:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            given = getattr(self, field.name)
-            if isinstance(given, str):
-                given = parse_distribution(given, field.name)
-                object.__setattr__(self, field.name, given)
-            low = given.support[0] if isinstance(given, Distribution) else given
+            value = getattr(self, field.name)
+            if isinstance(value, str):
+                value = parse_distribution(value, field.name)
+                object.__setattr__(self, field.name, value)
+            low = value.support[0] if isinstance(value, Distribution) else value
             if not isinstance(low, int | float | np.number) or not 0 <= low < math.inf:
                 rule = "expected a distribution of positive values, or a number >= 0"
-                raise InputError(f"{field.name}: {rule}, got {given!r}")
+                raise InputError(f"{field.name}: {rule}, got {value!r}")
         if not any(self._given[name] for name in COEFFICIENTS):
             raise InputError(f"expected one of {', '.join(COEFFICIENTS)} above 0, got none")
 
@@ -101,8 +101,8 @@ class FrictionModel:
     @property
     def priors(self) -> dict[str, Distribution]:
         """Priors of the unknown parameters."""
-        given = self._given.items()
-        return {name: one for name, one in given if isinstance(one, Distribution)}
+        values = self._given.items()
+        return {name: prior for name, prior in values if isinstance(prior, Distribution)}
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -123,9 +123,11 @@ class FrictionModel:
             Parameters in the order of the fields.
         """
         out = np.empty((*scores.shape[:-1], len(PARAMETERS)))
-        known = iter(np.moveaxis(scores, -1, 0))
-        for i, one in enumerate(self._given.values()):
-            out[..., i] = one.value_at(next(known)) if isinstance(one, Distribution) else one
+        unknown = iter(np.moveaxis(scores, -1, 0))
+        for i, value in enumerate(self._given.values()):
+            out[..., i] = (
+                value.value_at(next(unknown)) if isinstance(value, Distribution) else value
+            )
         return out
 
     def predict(

@@ -146,14 +146,9 @@ def joined(blocks: list[xr.Dataset]) -> xr.Dataset:
     """Return blocks of draws as one."""
     if len(blocks) == 1:
         return blocks[0]
-    n_edge = max(block.sizes.get("edge", 0) for block in blocks)
-    if n_edge:
-        blank = {"edge_x": np.nan, "edge_K": np.nan, "edge_G": np.nan, "edge_side": 0}
-        pads = [(0, n_edge - block.sizes["edge"]) for block in blocks]
-        both = zip(blocks, pads, strict=True)
-        blocks = [block.pad(edge=pad, constant_values=blank) for block, pad in both]
-        blocks = [block.assign_coords(edge=np.arange(n_edge)) for block in blocks]
-    return xr.concat(blocks, "draw", combine_attrs="override")
+    # Blocks differ in their largest number of edges; missing numbers are NaN.
+    blank = {"edge_side": np.int8(0)}
+    return xr.concat(blocks, "draw", join="outer", fill_value=blank, combine_attrs="override")
 
 
 class InputDraws:
@@ -266,23 +261,23 @@ class InputDraws:
         W = factor * np.where(is_large, half_plane, p)
         for count in np.unique(Q).tolist():
             i, j = here = np.nonzero(count == Q)
-            found = self._table.at(profiles[i], count, W[here])
+            contact = self._table.at(profiles[i], count, W[here])
             if math.isnan(self.contact_relative_error):
                 self.contact_relative_error = self._measure(profiles, Q, W, rng)
-            at, line = found.W / factor[here], 2 * p[here]
+            at, line = contact.W / factor[here], 2 * p[here]
             large = two_scale.load_of(at, nu[i], self._ogden)
-            own = np.where(is_large[here] & np.isfinite(large), large, at)
-            out["p_over_E_mechanics"][here] = own
-            out["contact_length_over_R"][here] = found.length
-            out["contact_fraction"][here] = found.length / found.extent
-            out["ridge_force_mean"][here] = line * found.share / count
-            out["ridge_force_max"][here] = line * found.largest_share
-            out["penetration_over_R"][here] = found.penetration * own / at
+            p_mechanics = np.where(is_large[here] & np.isfinite(large), large, at)
+            out["p_over_E_mechanics"][here] = p_mechanics
+            out["contact_length_over_R"][here] = contact.length
+            out["contact_fraction"][here] = contact.length / contact.extent
+            out["ridge_force_mean"][here] = line * contact.share / count
+            out["ridge_force_max"][here] = line * contact.largest_share
+            out["penetration_over_R"][here] = contact.penetration * p_mechanics / at
             if self._edges:
                 modulus = 1 / (1 - nu[i][:, None] ** 2)
-                K = np.maximum(found.K, 0.0) * modulus * (p[here] / at)[:, None]
+                K = np.maximum(contact.K, 0.0) * modulus * (p[here] / at)[:, None]
                 K[profiles[i, _CORNER] > 0] = np.nan
-                for name, column in (("x", found.x), ("K", K), ("G", 0.5 * K**2 / modulus)):
+                for name, column in (("x", contact.x), ("K", K), ("G", 0.5 * K**2 / modulus)):
                     out[f"edge_{name}"][i, j, : 2 * count] = column
                 out["edge_side"][i, j, : 2 * count] = np.tile([-1, 1], count)
         return out
@@ -293,12 +288,12 @@ class InputDraws:
         """Return three times the largest error of the table where some contacts are solved."""
         worst = _LEAST_ERROR / 3
         for i, j in zip(*(rng.integers(size, size=_N_CHECKED) for size in Q.shape), strict=True):
-            found = self._table.at(profiles[[i]], int(Q[i, j]), W[i, [j]])
+            contact = self._table.at(profiles[[i]], int(Q[i, j]), W[i, [j]])
             try:
-                exact = solved(profiles[i], int(Q[i, j]), float(found.W[0]))
+                exact = solved(profiles[i], int(Q[i, j]), float(contact.W[0]))
             except ComputationError:  # another count than the table's
                 return math.inf
-            worst = max(worst, _apart(found, exact))
+            worst = max(worst, _apart(contact, exact))
         return 3 * worst
 
     def _dataset(self, index: IntArray, values: dict[str, np.ndarray]) -> xr.Dataset:
@@ -326,24 +321,24 @@ def _steps(loads: int | ArrayLike) -> tuple[FloatArray, bool]:
             raise InputError(f"loads: expected 1 to {_MOST_LOADS} of them, got {loads}")
         return np.arange(1, int(loads) + 1) / int(loads), True
     try:
-        found = np.atleast_1d(np.asarray(loads, dtype=np.float64))
+        p_over_E = np.atleast_1d(np.asarray(loads, dtype=np.float64))
     except (TypeError, ValueError):
         raise InputError(f"loads: expected a number of loads, or loads, got {loads!r}") from None
-    within = (found > 0) & (found <= LARGEST_LOAD)
-    if found.ndim != 1 or not found.size or not within.all():
-        bad = found[~within][0] if (~within).any() else f"shape {found.shape}"
+    within = (p_over_E > 0) & (p_over_E <= LARGEST_LOAD)
+    if p_over_E.ndim != 1 or not p_over_E.size or not within.all():
+        bad = p_over_E[~within][0] if (~within).any() else f"shape {p_over_E.shape}"
         raise InputError(
             f"loads: expected a row of p/E, finite and > 0, at most {LARGEST_LOAD:g}, got {bad}"
         )
-    return found, False
+    return p_over_E, False
 
 
-def _apart(found: ContactValues, exact: ContactValues) -> float:
+def _apart(table: ContactValues, exact: ContactValues) -> float:
     """Return the largest relative error of a contact's quantities; of edges over their largest."""
     worst = 0.0
     for name in ("length", "extent", "penetration", "share", "largest_share", "x", "K"):
-        one, other = getattr(found, name), getattr(exact, name)
+        value, other = getattr(table, name), getattr(exact, name)
         scale = np.abs(other).max()
         if scale > 0:  # neither NaN, where one ridge alone is touched, nor round corners' K
-            worst = max(worst, float(np.abs(one - other).max() / scale))
+            worst = max(worst, float(np.abs(value - other).max() / scale))
     return worst

@@ -1,17 +1,19 @@
 """`FrictionTable`: measured coefficients of friction, validated once, at the door."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray, Tabular
+from ridgebayes._types import BoolArray
 from ridgebayes.runtime.text import count
 from ridgebayes.table.columns import CALIBRATION, HELD_OUT, Column, Findings, RawTable
-from ridgebayes.table.files import frame_digest, raw_cells, write_frame
+from ridgebayes.table.files import raw_cells
 from ridgebayes.table.rules import read_cells, validated
+from ridgebayes.table.table import ValidatedTable
 
 _WIDTH = "must be finite and > 0; of a smooth surface a_over_R and b_over_R are both empty"
 _LABEL = "any text on one line"
@@ -32,7 +34,7 @@ _RULES = {column.name: column.rule for column in COLUMNS}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrictionTable(Tabular):
+class FrictionTable(ValidatedTable):
     """Validated rows of measured friction.
 
     `read_friction_table` makes it. Your own columns follow those of the contract:
@@ -75,26 +77,8 @@ class FrictionTable(Tabular):
     [True, True]
     """
 
-    _frame: pd.DataFrame
     where: str = "friction table"
-
-    @property
-    def frame(self) -> pd.DataFrame:
-        """A copy of the rows: contract columns in their order, all filled, then the user's own."""
-        return self._frame.copy()
-
-    def to_dataframe(self) -> pd.DataFrame:
-        """Return a copy of the rows, as `frame`.
-
-        Returns
-        -------
-        pandas.DataFrame, shape (n_row, n_column)
-            Contract columns in their order, all filled, then the user's own.
-        """
-        return self.frame
-
-    def __len__(self) -> int:
-        return len(self._frame)
+    contract: ClassVar[Sequence[Column]] = COLUMNS
 
     def __repr__(self) -> str:
         subjects = count(self._frame["subject"].nunique(), "subject")
@@ -104,26 +88,6 @@ class FrictionTable(Tabular):
     def is_fitted(self) -> BoolArray:
         """Where rows are of role calibration, shape (n_row,)."""
         return (self._frame["role"] == CALIBRATION).to_numpy(dtype=bool)
-
-    def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the table, whole or not at all.
-
-        Parameters
-        ----------
-        path : str or path
-            Ends in ``.csv`` or ``.parquet``; an existing file is replaced.
-        """
-        write_frame(self._frame, Path(path))
-
-    def digest(self) -> str:
-        """Return the SHA-256 of the content: equal for equal rows in equal order.
-
-        Returns
-        -------
-        str
-            64 hexadecimal digits.
-        """
-        return frame_digest(self._frame, COLUMNS)
 
 
 def read_friction_table(
@@ -163,13 +127,13 @@ def read_friction_table(
 
 def _checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
     """Return the canonical frame, and every cell that breaks a rule."""
-    typed, empty, found = read_cells(raw.frame, COLUMNS)
+    typed, empty, findings = read_cells(raw.frame, COLUMNS)
     for name in ("p_over_E", "mu"):
-        found.add(empty[name], name, "must not be empty or NaN")
-        found.add(~(typed[name] > 0), name, _RULES[name])
+        findings.add(empty[name], name, "must not be empty or NaN")
+        findings.add(~(typed[name] > 0), name, _RULES[name])
     for name, other in (("a_over_R", "b_over_R"), ("b_over_R", "a_over_R")):
-        found.add(empty[name] & ~empty[other], name, _WIDTH)
-        found.add(~(typed[name] > 0) & ~empty[name], name, _WIDTH)
-    found.add(~(typed["mu_se"] >= 0), "mu_se", _RULES["mu_se"])
-    found.add(~np.isin(typed["role"], (CALIBRATION, HELD_OUT)), "role", _RULES["role"])
-    return pd.DataFrame(typed), found
+        findings.add(empty[name] & ~empty[other], name, _WIDTH)
+        findings.add(~(typed[name] > 0) & ~empty[name], name, _WIDTH)
+    findings.add(~(typed["mu_se"] >= 0), "mu_se", _RULES["mu_se"])
+    findings.add(~np.isin(typed["role"], (CALIBRATION, HELD_OUT)), "role", _RULES["role"])
+    return pd.DataFrame(typed), findings

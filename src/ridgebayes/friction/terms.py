@@ -34,6 +34,6 @@ def terms(contact: FloatArray, theta: FloatArray) -> FloatArray:
         Parameters in the order of `PARAMETERS`.
     """
     factors = coefficients(theta)
-    found = contact * factors[..., :3]
-    found[..., 0] += factors[..., 3]
-    return found
+    summands = contact * factors[..., :3]
+    summands[..., 0] += factors[..., 3]
+    return summands

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
-from ridgebayes.distributions.auto import at_place, of_any_place
+from ridgebayes.distributions.auto import at_place
 from ridgebayes.distributions.distribution import Distribution, LogNormal
 from ridgebayes.distributions.grammar import parse_distribution
 from ridgebayes.errors import InputError
@@ -109,8 +109,8 @@ def _resolved(
 ) -> Distribution:
     auto = float(default.median) if isinstance(default, LogNormal) else None
     if not isinstance(value, Distribution):
-        value = parse_distribution(value, where, folder=folder, auto=auto)
-    elif auto is not None:
+        value = parse_distribution(value, where, folder=folder, auto=auto is not None)
+    if auto is not None:
         value = at_place(value, auto)
     if default is not None and value.support[0] < default.support[0]:
         raise InputError(f"{where}: expected a distribution above 0, got {value.words}")
@@ -121,6 +121,4 @@ def _of_any_texture(value: object, where: str, folder: Path) -> Distribution:
     """Return the prior of slopes, in which the median of a texture is still open."""
     if isinstance(value, Distribution):
         return value
-    at = f"{where} {SLOPES}"
-    one, other = (parse_distribution(value, at, folder=folder, auto=auto) for auto in (1.0, 2.0))
-    return of_any_place(one, other)
+    return parse_distribution(value, f"{where} {SLOPES}", folder=folder, auto=True)

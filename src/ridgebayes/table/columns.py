@@ -146,10 +146,8 @@ def check_header(names: Sequence[Any], where: str, contract: Sequence[Column] = 
         if not isinstance(name, str) or not name:
             rule = "must have a name, as text"
         if rule is not None:
-            shown = repr(name)[:_LONGEST]
-            raise InputError(
-                f"{where}, header: column {i} = {shown}: {rule}; the columns are {there}"
-            )
+            at = f"column {i} = {repr(name)[:_LONGEST]}"
+            raise InputError(f"{where}, header: {at}: {rule}; the columns are {there}")
         before.add(name)
     required = [column.name for column in contract if column.default is None]
     if missing := [name for name in required if name not in names]:

@@ -82,7 +82,7 @@ def reference_fe() -> ContactTable:
     >>> len(table.calibration.textures), len(table.held_out.textures)
     (9, 2)
     """
-    own = read_table(data_path(CYLINDER_SWEEP)).frame
+    cylinder = read_table(data_path(CYLINDER_SWEEP)).frame
     other = read_table(data_path(CALCULIX_FE)).frame.assign(role="held-out")
     where = f"{CYLINDER_SWEEP} and {CALCULIX_FE}"
-    return ContactTable.from_frame(pd.concat([own, other], ignore_index=True), where=where)
+    return ContactTable.from_frame(pd.concat([cylinder, other], ignore_index=True), where=where)

@@ -1,7 +1,6 @@
 """Contact tables in files: to raw cells, and from a canonical frame."""
 
 import csv
-import functools
 import hashlib
 import io
 import json
@@ -237,15 +236,11 @@ def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) ->
     header = next(cells)[1]
     # Before the rows: with another separator every row would look ragged.
     check_header(header, where, contract)
-    lines = functools.cache(lambda: [line for line, _ in records(text, where)])
-    commas = {line.count(",") for line in text.split("\n") if line.strip()}
-    if '"' in text or commas != {len(header) - 1}:
-        frame = pd.DataFrame(_whole_rows(cells, header, where), columns=header, dtype=str)
-    else:  # the same, for long tables
-        options: dict[str, Any] = {"header": 0, "dtype": str, "keep_default_na": False}
-        frame = pd.read_csv(io.StringIO(text), names=header, **options)
-    own = {n: lossless(frame[n]) for n in set(header) - {column.name for column in contract}}
-    return RawTable(frame.assign(**own), where, lambda row: lines()[row + 1])
+    rows = _whole_rows(cells, header, where)
+    frame = pd.DataFrame([row for _, row in rows], columns=header, dtype=str)
+    extra_names = set(header) - {column.name for column in contract}
+    numbers = {name: lossless(frame[name]) for name in extra_names}
+    return RawTable(frame.assign(**numbers), where, lambda row: rows[row][0])
 
 
 def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, list[str]]]:
@@ -269,18 +264,18 @@ def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, 
 
 def _whole_rows(
     rows: Iterator[tuple[int, list[str]]], header: list[str], where: str
-) -> list[list[str]]:
-    """Return rows as long as the header; refuse others."""
+) -> list[tuple[int, list[str]]]:
+    """Return rows as long as the header, with their lines; refuse others."""
     width, columns, numbered = len(header), [*header, f"beyond {header[-1]}"], list(rows)
-    bad = [one for one in enumerate(numbered, start=1) if len(one[1][1]) != width]
+    bad = [(i, *row) for i, row in enumerate(numbered, start=1) if len(row[1]) != width]
     if bad:
         lines = [
             f"{where}, row {row} (line {line}): column {columns[min(len(cells), width)]}: "
             f"{clipped(','.join(cells))}: must have {width} cells as the header, has {len(cells)}"
-            for row, (line, cells) in bad[:SHOWN]
+            for row, line, cells in bad[:SHOWN]
         ]
         raise InputError(listed(where, lines, len(bad), len(bad)))
-    return [cells for _, cells in numbered]
+    return numbered
 
 
 def lossless(cells: "pd.Series[str]") -> "pd.Series[str] | pd.Series[float]":

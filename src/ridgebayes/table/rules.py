@@ -66,52 +66,52 @@ def checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
     -----
     *Cost*: array operations only, as long as number columns hold numbers.
     """
-    typed, empty, found = read_cells(raw.frame, contract.COLUMNS)
-    _check_cells(typed, empty, found)
+    typed, empty, findings = read_cells(raw.frame, contract.COLUMNS)
+    _check_cells(typed, empty, findings)
     textures = row_codes(typed["a_over_R"], typed["b_over_R"])
-    check_labels(typed, textures, found)
-    check_curves(typed, textures, found)
-    if not found:
+    check_labels(typed, textures, findings)
+    check_curves(typed, textures, findings)
+    if not findings:
         typed["Q"] = typed["Q"].astype(np.int64)
-    return pd.DataFrame(typed), found
+    return pd.DataFrame(typed), findings
 
 
-def read_number(cells: pd.DataFrame, column: Column, found: Findings) -> tuple[Any, BoolArray]:
+def read_number(cells: pd.DataFrame, column: Column, findings: Findings) -> tuple[Any, BoolArray]:
     """Return values, defaults filled, and where the cell was empty."""
     default = np.nan if column.default is None else column.default
     if column.name not in cells:
         return np.full(len(cells), default), np.ones(len(cells), dtype=bool)
     values, empty, text = as_numbers(cells[column.name])
-    found.add(text, column.name, "must be a number, with a point for decimals")
-    found.add(~np.isfinite(values) & ~empty, column.name, column.rule)
+    findings.add(text, column.name, "must be a number, with a point for decimals")
+    findings.add(~np.isfinite(values) & ~empty, column.name, column.rule)
     return np.where(empty, default, values), empty
 
 
-def read_text(cells: pd.DataFrame, column: Column, found: Findings) -> tuple[Any, BoolArray]:
+def read_text(cells: pd.DataFrame, column: Column, findings: Findings) -> tuple[Any, BoolArray]:
     """Return text, defaults filled, and where the cell was empty."""
     if column.name not in cells:
         words = pd.Series(column.default, index=range(len(cells)), dtype=str)
         return words, np.ones(len(cells), dtype=bool)
     words = as_text(cells[column.name])
-    _check_one_line(words, column.name, found)
+    _check_one_line(words, column.name, findings)
     empty = (words == "").to_numpy(dtype=bool)
     return words.mask(empty, column.default) if column.default else words, empty
 
 
-def own_column(cells: "pd.Series[Any]", name: str, found: Findings) -> "pd.Series[Any]":
+def own_column(cells: "pd.Series[Any]", name: str, findings: Findings) -> "pd.Series[Any]":
     """Return a column of the user's own: numbers, truth values and dates as they are, else text."""
     if cells.dtype.kind in "biufM":
         return cells
     words = as_text(cells)
-    _check_one_line(words, name, found)
+    _check_one_line(words, name, findings)
     return words
 
 
-def _check_one_line(words: "pd.Series[Any]", name: str, found: Findings) -> None:
+def _check_one_line(words: "pd.Series[Any]", name: str, findings: Findings) -> None:
     # A line break or a NUL does not come back from every CSV reader as it went in.
     codes, distinct = pd.factorize(words)
     control = pd.Series(distinct).str.contains(_CONTROL, regex=True).to_numpy(dtype=bool)
-    found.add(control[codes], name, "must be text on one line")
+    findings.add(control[codes], name, "must be text on one line")
 
 
 def read_cells(
@@ -119,22 +119,22 @@ def read_cells(
 ) -> tuple[dict[str, Any], dict[str, BoolArray], Findings]:
     """Return columns by name, which cells of the contract's are empty, and which cannot be read."""
     cells = frame.reset_index(drop=True)
-    found = Findings(len(cells))
+    findings = Findings(len(cells))
     typed: dict[str, Any] = {}
     empty: dict[str, BoolArray] = {}
     for column in columns:
         read = read_number if column.holds == "number" else read_text
-        typed[column.name], empty[column.name] = read(cells, column, found)
+        typed[column.name], empty[column.name] = read(cells, column, findings)
     for name in cells.columns:
         if name not in empty:
-            typed[name] = own_column(cells[name], name, found)
-    return typed, empty, found
+            typed[name] = own_column(cells[name], name, findings)
+    return typed, empty, findings
 
 
-def _check_cells(typed: dict[str, Any], empty: dict[str, BoolArray], found: Findings) -> None:
+def _check_cells(typed: dict[str, Any], empty: dict[str, BoolArray], findings: Findings) -> None:
     """Find the cells that are wrong by themselves or beside others of their row."""
     for name in ("a_over_R", "b_over_R", "Q"):
-        found.add(empty[name], name, "must not be empty or NaN")
+        findings.add(empty[name], name, "must not be empty or NaN")
     nu, kind, role, status = typed["nu"], typed["kind"], typed["role"], typed["status"]
     p, lower = typed["p_over_E"], typed["p_over_E_lower"]
     outside = {
@@ -148,29 +148,31 @@ def _check_cells(typed: dict[str, Any], empty: dict[str, BoolArray], found: Find
         "role": ~role.isin([contract.CALIBRATION, contract.HELD_OUT]).to_numpy(),
     }
     for name, broken in outside.items():
-        found.add(broken, name, contract.RULES[name])
+        findings.add(broken, name, contract.RULES[name])
 
     ok = (status == contract.OK).to_numpy()
     # " OK" is not `ok`: it would quietly leave the row out of every fit.
     nearly = status.str.strip().str.lower().eq(contract.OK).to_numpy() & ~ok
-    found.add(nearly, "status", "expected exactly 'ok', or a description of the failure")
+    findings.add(nearly, "status", "expected exactly 'ok', or a description of the failure")
 
     Q, count = typed["Q"], (kind == contract.COUNT).to_numpy()
-    centred = (typed["offset_over_R"] == 0) & found.sound("offset_over_R")
-    whole = found.sound("Q") & (np.abs(Q) <= contract.LARGEST_Q) & (np.round(Q) == Q)
-    found.add(~whole, "Q", contract.RULES["Q"])
-    odd = np.zeros(found.n_row, dtype=bool)
+    centred = (typed["offset_over_R"] == 0) & findings.sound("offset_over_R")
+    whole = findings.sound("Q") & (np.abs(Q) <= contract.LARGEST_Q) & (np.round(Q) == Q)
+    findings.add(~whole, "Q", contract.RULES["Q"])
+    odd = np.zeros(findings.n_row, dtype=bool)
     odd[whole] = Q[whole] % 2 == 1
-    found.add(odd & centred, "Q", "must be even where offset_over_R is 0")
-    found.add(whole & count & (Q < 2), "Q", "must be at least 2 for a count")
-    found.add(whole & ~count & (Q < 4), "Q", "must be at least 4 for a transition")
+    findings.add(odd & centred, "Q", "must be even where offset_over_R is 0")
+    findings.add(whole & count & (Q < 2), "Q", "must be at least 2 for a count")
+    findings.add(whole & ~count & (Q < 4), "Q", "must be at least 4 for a transition")
 
-    found.add(empty["p_over_E"] & ok, "p_over_E", "must not be empty or NaN where status is 'ok'")
-    above = (lower > p) & found.sound("p_over_E")
-    found.add(above, "p_over_E_lower", "must not be above p_over_E of its row")
+    findings.add(
+        empty["p_over_E"] & ok, "p_over_E", "must not be empty or NaN where status is 'ok'"
+    )
+    above = (lower > p) & findings.sound("p_over_E")
+    findings.add(above, "p_over_E_lower", "must not be above p_over_E of its row")
 
 
-def check_labels(typed: dict[str, Any], texture: IntArray, found: Findings) -> None:
+def check_labels(typed: dict[str, Any], texture: IntArray, findings: Findings) -> None:
     """Fill empty labels; find one label on two textures, which no result could tell apart.
 
     `texture` holds a code of (a_over_R, b_over_R) for each row.
@@ -181,19 +183,19 @@ def check_labels(typed: dict[str, Any], texture: IntArray, found: Findings) -> N
     names = pd.Series([texture_label(a[i], b[i]) for i in first], dtype=object).astype(str)
     filled = label.mask((label == "").to_numpy(), names.take(texture).reset_index(drop=True))
     typed["texture"] = filled
-    sound = np.flatnonzero(found.sound("a_over_R", "b_over_R", "texture"))
+    sound = np.flatnonzero(findings.sound("a_over_R", "b_over_R", "texture"))
     code = pd.factorize(filled)[0]
     _, owner, which = np.unique(code[sound], return_index=True, return_inverse=True)
     other = sound[owner][which]
     clash = texture[sound] != texture[other]
     rule = "one label names one texture, and row {other} gives it to another (a_over_R, b_over_R)"
-    found.add(sound[clash], "texture", rule, other[clash])
+    findings.add(sound[clash], "texture", rule, other[clash])
 
 
-def check_curves(typed: dict[str, Any], texture: IntArray, found: Findings) -> None:
+def check_curves(typed: dict[str, Any], texture: IntArray, findings: Findings) -> None:
     """Find what stands twice in a curve, and loads that do not rise with Q; as `check_labels`."""
     use = (typed["kind"] == contract.TRANSITION) & (typed["status"] == contract.OK)
-    sound = found.sound(*contract.REQUIRED, *contract.CURVE, "kind", "status")
+    sound = findings.sound(*contract.REQUIRED, *contract.CURVE, "kind", "status")
     rows = np.flatnonzero(use.to_numpy() & sound)
     if not len(rows):
         return
@@ -211,15 +213,15 @@ def check_curves(typed: dict[str, Any], texture: IntArray, found: Findings) -> N
         identical = same_Q & (content[now] == content[before])
 
     def tell(pairs: BoolArray, column: str, rule: str) -> None:
-        found.add(rows[now[pairs]], column, rule, rows[before[pairs]])
+        findings.add(rows[now[pairs]], column, rule, rows[before[pairs]])
 
     tell(identical, "Q", "identical row of one curve twice: row {other} is the same")
     tell(same_Q, "Q", "each Q must stand once in a curve, and row {other} has it too")
     rises, reached = same_curve & ~same_Q, "must rise with Q along a curve: row {other} has"
     tell(rises & (p[now] < p[before]), "p_over_E", f"{reached} a lower Q")
     # A load step went over two corners: that it was here is known of the first one alone.
-    both = f"{reached} a lower Q and this load; of one load step, keep the lowest Q"
-    tell(rises & (p[now] == p[before]), "p_over_E", both)
+    two_counts = f"{reached} a lower Q and this load; of one load step, keep the lowest Q"
+    tell(rises & (p[now] == p[before]), "p_over_E", two_counts)
 
 
 # Numbers as people write them; `float` alone would also take "1_000" and non-Latin digits.

@@ -1,10 +1,11 @@
 """`ContactTable`: the loads at which ridges were reached, validated once, at the door."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,7 @@ from ridgebayes import drawing
 from ridgebayes._types import Tabular
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import count
-from ridgebayes.table.columns import CALIBRATION, COLUMNS, CURVE, HELD_OUT, OK, RawTable
+from ridgebayes.table.columns import CALIBRATION, COLUMNS, CURVE, HELD_OUT, OK, Column, RawTable
 from ridgebayes.table.files import frame_digest, raw_cells, write_frame
 from ridgebayes.table.rules import checked, validated
 
@@ -25,7 +26,74 @@ _LEAST_CURVE = 3  # rows of a curve, for it to count as a copy
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactTable(Tabular):
+class ValidatedTable(Tabular):
+    """Rows that keep the rules of a contract of columns.
+
+    Parameters
+    ----------
+    where : str, optional
+        File or name that messages show.
+    """
+
+    _frame: pd.DataFrame
+    where: str = "table"
+    contract: ClassVar[Sequence[Column]]
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """A copy of the rows: contract columns in their order, all filled, then the user's own."""
+        return self._frame.copy()
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a copy of the rows, as `frame`.
+
+        Returns
+        -------
+        pandas.DataFrame, shape (n_row, n_column)
+            Contract columns in their order, all filled, then the user's own.
+        """
+        return self.frame
+
+    def _first_rows(self, n: int) -> pd.DataFrame:
+        return self._frame.head(n)
+
+    def __len__(self) -> int:
+        return len(self._frame)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the whole table or nothing; optional columns without content are left out.
+
+        Parameters
+        ----------
+        path : str or path
+            Ends in ``.csv`` or ``.parquet``; an existing file is replaced. CSV has no types: text
+            of the user's own columns that looks like numbers comes back as numbers.
+
+        Raises
+        ------
+        InputError
+            If the suffix is unknown, the folder does not exist, or pyarrow is missing.
+        OutputError
+            If the file cannot be written, such as on a full disk.
+        """
+        optional = [c for c in self.contract if c.default is not None and not c.always_written]
+        silent = [c.name for c in optional if self._frame[c.name].isin([c.default]).all()]
+        write_frame(self._frame.drop(columns=silent), Path(path))
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the content: equal for equal rows in equal order.
+
+        Returns
+        -------
+        str
+            64 hexadecimal digits, whatever the file format, the order of columns, and whether
+            defaults were written or left out.
+        """
+        return frame_digest(self._frame, self.contract)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactTable(ValidatedTable):
     """Validated rows of the contact table.
 
     `ContactTable.from_frame` and `read_table` make it. Your own columns follow those of the
@@ -88,8 +156,7 @@ class ContactTable(Tabular):
     (True, True)
     """
 
-    _frame: pd.DataFrame
-    where: str = "table"
+    contract: ClassVar[Sequence[Column]] = COLUMNS
 
     @classmethod
     def from_frame(cls, frame: pd.DataFrame, *, where: str = "table") -> "ContactTable":
@@ -117,29 +184,7 @@ class ContactTable(Tabular):
         if not isinstance(frame, pd.DataFrame):
             kind = type(frame).__name__
             raise InputError(f"{where}: expected a pandas.DataFrame, got {kind}")
-        return cls._validated(RawTable(frame.copy(), where))
-
-    @classmethod
-    def _validated(cls, raw: RawTable) -> "ContactTable":
-        return cls(validated(raw, checked), raw.where)
-
-    @property
-    def frame(self) -> pd.DataFrame:
-        """A copy of the rows: contract columns in their order, all filled, then the user's own."""
-        return self._frame.copy()
-
-    def to_dataframe(self) -> pd.DataFrame:
-        """Return a copy of the rows, as `frame`.
-
-        Returns
-        -------
-        pandas.DataFrame, shape (n_row, n_column)
-            Contract columns in their order, all filled, then the user's own.
-        """
-        return self.frame
-
-    def _first_rows(self, n: int) -> pd.DataFrame:
-        return self._frame.head(n)
+        return cls(validated(RawTable(frame.copy(), where), checked), where)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw Q against load as steps, one curve per texture, without rows that are not ``ok``.
@@ -161,8 +206,8 @@ class ContactTable(Tabular):
         by_curve, curves = ok.groupby(list(CURVE), sort=False, dropna=False), {}
         for _, rows in islice(by_curve, drawing.MOST_TEXTURES):
             rise = rows.sort_values("p_over_E")
-            told = [f"{name} {rise[name].iloc[0]}" for name in varying]
-            label = ", ".join([str(rise["texture"].iloc[0]), *told])
+            varied = [f"{name} {rise[name].iloc[0]}" for name in varying]
+            label = ", ".join([str(rise["texture"].iloc[0]), *varied])
             curves[label] = (rise["p_over_E"].to_numpy(), rise["Q"].to_numpy())
         return drawing.records.draw_curves(curves, by_curve.ngroups, ax)
 
@@ -187,9 +232,6 @@ class ContactTable(Tabular):
         values = np.asarray(self._frame[name]).view()
         values.flags.writeable = False
         return values
-
-    def __len__(self) -> int:
-        return len(self._frame)
 
     def __repr__(self) -> str:
         size = f"{count(len(self), 'row')}, {count(len(self.textures), 'texture')}"
@@ -226,12 +268,14 @@ class ContactTable(Tabular):
         )
         shared = codes[codes.duplicated("load", keep=False)]
         pairs = shared.merge(shared, on="load").query("curve_x != curve_y")
-        found = pairs.groupby(["curve_x", "curve_y"]).size().rename("n").reset_index()
+        pairs_of_curves = pairs.groupby(["curve_x", "curve_y"]).size().rename("n").reset_index()
         size = codes["curve"].value_counts()
-        other, own = (found[name].map(size) for name in ("curve_x", "curve_y"))
+        other, later = (pairs_of_curves[name].map(size) for name in ("curve_x", "curve_y"))
         # The later one of two equal curves; else the curve that lies within the other.
-        is_copy = (own < other) | (found["curve_x"] < found["curve_y"])
-        whole = found.loc[(found["n"] == own) & (own >= _LEAST_CURVE) & is_copy, "curve_y"]
+        is_copy = (later < other) | (pairs_of_curves["curve_x"] < pairs_of_curves["curve_y"])
+        whole = pairs_of_curves.loc[
+            (pairs_of_curves["n"] == later) & (later >= _LEAST_CURVE) & is_copy, "curve_y"
+        ]
         return rows._where(codes["curve"].isin(whole).to_numpy())
 
     @property
@@ -252,37 +296,6 @@ class ContactTable(Tabular):
         """The label of each of `textures`: the first it has in the table."""
         kept = self._frame.drop_duplicates(["a_over_R", "b_over_R"])["texture"]
         return tuple(str(label) for label in kept)
-
-    def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the whole table or nothing; optional columns without content are left out.
-
-        Parameters
-        ----------
-        path : str or path
-            Ends in ``.csv`` or ``.parquet``; an existing file is replaced. CSV has no types: text
-            of the user's own columns that looks like numbers comes back as numbers.
-
-        Raises
-        ------
-        InputError
-            If the suffix is unknown, the folder does not exist, or pyarrow is missing.
-        OutputError
-            If the file cannot be written, such as on a full disk.
-        """
-        optional = [c for c in COLUMNS if c.default is not None and not c.always_written]
-        silent = [c.name for c in optional if self._frame[c.name].isin([c.default]).all()]
-        write_frame(self._frame.drop(columns=silent), Path(path))
-
-    def digest(self) -> str:
-        """Return the SHA-256 of the content: equal for equal rows in equal order.
-
-        Returns
-        -------
-        str
-            64 hexadecimal digits, whatever the file format, the order of columns, and whether
-            defaults were written or left out.
-        """
-        return frame_digest(self._frame)
 
 
 def read_table(source: ContactTable | pd.DataFrame | str | os.PathLike[str]) -> ContactTable:
@@ -317,4 +330,5 @@ def read_table(source: ContactTable | pd.DataFrame | str | os.PathLike[str]) -> 
     """
     if isinstance(source, ContactTable):
         return source
-    return ContactTable._validated(raw_cells(source, "table", "ContactTable"))
+    raw = raw_cells(source, "table", "ContactTable")
+    return ContactTable(validated(raw, checked), raw.where)

@@ -133,7 +133,7 @@ class Bodies:
         tolerance: Tolerance,
         n: int,
         seed: int,
-        given: Mapping[str, FloatArray] | None = None,
+        draws: Mapping[str, FloatArray] | None = None,
     ) -> "Bodies":
         """Draw n of them; `given` as of `draw_scene`, with the scores of widths as ``tolerance``.
 
@@ -142,15 +142,15 @@ class Bodies:
         InputError
             As `draw_scene`; if both a tolerance and a distribution of the scene's widths are given.
         """
-        own = [name for name in scene.uncertain_names if name.endswith("_width")]
-        if tolerance.size and own:
+        widths = [name for name in scene.uncertain_names if name.endswith("_width")]
+        if tolerance.size and widths:
             raise InputError(
-                f"tolerance, and {', '.join(own)} of the scene: expected one of them, got both"
+                f"tolerance, and {', '.join(widths)} of the scene: expected one of them, got both"
             )
-        drawn = draw_scene(scene, n, seed, given)
+        drawn = draw_scene(scene, n, seed, draws)
         (texture,) = scene.textures
         nominal = {"a": texture.a_over_R, "b": texture.b_over_R}
-        score = (given or {}).get("tolerance")
+        score = (draws or {}).get("tolerance")
         if score is None:
             score = stream(seed, "tolerance").standard_normal((2, n))
         return cls(
@@ -188,15 +188,14 @@ class Bodies:
 
     def ratios(self, textures: Sequence[Texture]) -> tuple[float, float]:
         """Return a range that holds a/pitch of all of these textures as made."""
-        a, b = np.array(textures, dtype=float).T
-        share = self.tolerance.size / (min(a.min(), b.min()) if self.tolerance.is_length else 1)
-        score = np.array([[-1, 1], [1, -1]]) if self.tolerance.is_worst else self.score
-        made = 1 + share * score
-        low, high = made.min() / made.max(), made.max() / made.min()
-        factor = self.factor[0] / self.factor[1]
-        ends = np.array([low * factor.min() * (a / b).min(), high * factor.max() * (a / b).max()])
-        found = ends / (1 + ends)
-        return float(found[0]), float(found[1])
+        # It rises with a and falls with b, of every draw.
+        ridges, grooves = ((min(x), max(x)) for x in zip(*textures, strict=True))
+        ends = []
+        for a, b, corner in product(ridges, grooves, self.tolerance.corners):
+            ridge, groove = self.widths(a, b, corner)
+            ratio = ridge / (ridge + groove)
+            ends += [float(ratio.min()), float(ratio.max())]
+        return min(ends), max(ends)
 
 
 def median_units(scene: Scene) -> dict[str, FloatArray]:
@@ -205,7 +204,7 @@ def median_units(scene: Scene) -> dict[str, FloatArray]:
 
 
 def _units(drawn: SceneDraws, body: Body) -> dict[str, FloatArray]:
-    found = {"p/E": np.ones_like(drawn.nu), "share": drawn.p_over_E}
+    units = {"p/E": np.ones_like(drawn.nu), "share": drawn.p_over_E}
     of_one = np.ones_like(drawn.nu)
     medians = {"youngs_modulus": body.modulus, "radius": body.radius, "length": body.length}
     lengths = {"pressure": 1, "line load": 2, "force": 1}  # P' = 2 R p
@@ -213,5 +212,5 @@ def _units(drawn: SceneDraws, body: Body) -> dict[str, FloatArray]:
         if median is None:
             break
         of_one = of_one / (factor * drawn.physical.get(name, float(median)))
-        found[unit] = of_one
-    return found
+        units[unit] = of_one
+    return units

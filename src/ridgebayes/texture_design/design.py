@@ -9,6 +9,7 @@ import pandas as pd
 
 from ridgebayes._types import Json, Rng, __version__
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.contact import two_scale
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
@@ -20,10 +21,10 @@ from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.choice import OBJECTIVES, alike, chosen, mark_extrapolation, plain
 from ridgebayes.texture_design.drawn_check import drawn_check
 from ridgebayes.texture_design.drawn_loads import drawn_loads
-from ridgebayes.texture_design.goal_values import GoalValues, Value
+from ridgebayes.texture_design.goal_values import GoalValues
 from ridgebayes.texture_design.goals import LARGEST, Goal, Load, parse_goals, read_loads
 from ridgebayes.texture_design.lattice import lattice
-from ridgebayes.texture_design.limits import Limits, limits
+from ridgebayes.texture_design.limits import Limits, textures_in
 from ridgebayes.texture_design.next_simulation import next_simulation
 from ridgebayes.texture_design.record import DESIGN_COLUMNS, Design
 from ridgebayes.texture_design.sensitivity import Sources, sobol_shares, what_to_measure
@@ -121,24 +122,29 @@ def design(
     made.check(min(min(texture) for texture in textures))
     draw = partial(Bodies.draw, scene, made)
     loads_of = drawn_loads(averaged, draw(_N_DRAW, seed).ratios(textures))
-    n = _N_SPREAD if any(one.is_spread for one in asked[0]) else _N_DRAW
+    n = _N_SPREAD if any(goal_.is_spread for goal_ in asked[0]) else _N_DRAW
     values = GoalValues(loads_of, lambda size: draw(size, seed), n)
     for goals in asked:
         designs = _map(values, goals, textures)
-        mark_extrapolation(designs, averaged, scene, goals)
+        loads_asked = _loads_of(goals, scene)
+        p_over_E = [load["p_over_E"] for load in loads_asked]
+        mark_extrapolation(designs, averaged, goals, max(p_over_E), scene.nu)
         if designs["feasible"].any():
             break
     limited: Json | None = None
     if designs["feasible"].any():
         best = chosen(designs, objective)
     else:
-        best, limited = _nearest(Limits(values, goals, scene), designs, goals, made)
+        nearest = Limits(values, goals, p_over_E, two_scale.checked(scene.ogden))
+        rows = alike(_inside(designs))
+        best = plain(rows, nearest.nearest(rows))
+        limited = nearest.at(best, made)
     texture = (float(best["a_over_R"]), float(best["b_over_R"]))
     tightest = goals[int(best.get("goal", 1)) - 1]
     value = values.at(tightest, *texture)
     sources = Sources(scene, made, loads_of, texture, value)
     about |= {
-        "loads": _loads_of(goals, scene),
+        "loads": loads_asked,
         "tolerance": vars(made),
         "averaged": [[fit.form.name, fit.noise.name, weight] for fit, weight in averaged],
         "seed": seed,
@@ -157,7 +163,7 @@ def design(
         },
         limited,
         *_why(sources, tightest, seed),
-        next_simulation(_leading(source), _inside(designs), seed),
+        next_simulation(_leading(source), textures_in(_inside(designs)), seed),
         about,
     )
 
@@ -167,16 +173,18 @@ def _alternatives(
 ) -> list[tuple[Load, ...]]:
     """Return the loads of goals that name none; several of them for the smallest that will do."""
     if loads is None:
-        found: tuple[Load, ...] = (LARGEST,)
+        alternatives: tuple[Load, ...] = (LARGEST,)
         if objective == "min-load":
-            found = tuple(Load(i / _N_LOADS, "share") for i in range(1, _N_LOADS + 1))
+            alternatives = tuple(Load(i / _N_LOADS, "share") for i in range(1, _N_LOADS + 1))
     elif isinstance(loads, str):
-        found = read_loads(loads, "loads", body)
+        alternatives = read_loads(loads, "loads", body)
     else:
-        found = tuple(one for p in loads for one in read_loads(repr(float(p)), "loads", body))
-    if not found:
+        alternatives = tuple(
+            load for p in loads for load in read_loads(repr(float(p)), "loads", body)
+        )
+    if not alternatives:
         raise InputError("loads: expected at least one, got none")
-    return [(one,) for one in found] if objective == "min-load" else [found]
+    return [(load,) for load in alternatives] if objective == "min-load" else [alternatives]
 
 
 def _loads_of(goals: Sequence[Goal], scene: Scene) -> list[Json]:
@@ -190,43 +198,30 @@ def _map(values: GoalValues, goals: Sequence[Goal], textures: Sequence[Texture])
     """Return the value of the goal with the least margin at each texture."""
     rows = []
     for a, b in textures:
-        found: list[tuple[float, int, Value]] = []
-        for i, goal in enumerate(goals):
-            value = values.at(goal, a, b)
-            found.append((goal.margin(value.value), i, value))
-        margin, i, value = min(found, key=lambda one: one[0])
-        rows.append((a, b, value.value, value.se, margin >= 0, margin, i + 1))
+        at_goals = [values.at(goal, a, b) for goal in goals]
+        margins = [goal.margin(value.value) for goal, value in zip(goals, at_goals, strict=True)]
+        i = margins.index(min(margins))
+        rows.append((a, b, at_goals[i].value, at_goals[i].se, margins[i] >= 0, margins[i], i + 1))
     names = [name for name in DESIGN_COLUMNS if not name.startswith("extrapolation")]
     frame = pd.DataFrame(rows, columns=names)
     return frame if len(goals) > 1 else frame.drop(columns="goal")
 
 
-def _inside(designs: pd.DataFrame) -> list[Texture]:
-    rows = designs[~designs["extrapolation"]]
-    rows = rows if len(rows) else designs
-    return list(zip(rows["a_over_R"].tolist(), rows["b_over_R"].tolist(), strict=True))
+def _inside(designs: pd.DataFrame) -> pd.DataFrame:
+    """Return the textures inside the calibrated range; all if there is none."""
+    inside = designs[~designs["extrapolation"]]
+    return inside if len(inside) else designs
 
 
 def _leading(source: Fit | Comparison) -> list[list[tuple[Posterior, float]]]:
     """Return the posteriors of the two most probable forms."""
     if isinstance(source, Fit):
         return [source.averaged]
-    probable = sorted(source.probabilities.items(), key=lambda one: -one[1])[:2]
+    probable = sorted(source.probabilities.items(), key=lambda item: -item[1])[:2]
     return [source.fits[name].averaged for name, _ in probable]
-
-
-def _nearest(
-    found: Limits, designs: pd.DataFrame, goals: Sequence[Goal], tolerance: Tolerance
-) -> tuple[Json, Json]:
-    """Return the row that comes nearest to goals that no texture meets, and what would do there."""
-    rows = designs[~designs["extrapolation"]]
-    rows = alike(rows if len(rows) else designs)
-    place, factor = found.nearest(rows)
-    best = plain(rows, place)
-    return best, limits(found, best, goals, factor, tolerance)
 
 
 def _why(sources: Sources, goal: Goal, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return shares and what to measure, at one texture; a bound on the spread has no failure."""
-    found, measure = sobol_shares(sources, seed + 2), what_to_measure(sources, seed + 4)
-    return (found[found["of"] == "Q"], measure.iloc[:0]) if goal.is_spread else (found, measure)
+    sobol, measure = sobol_shares(sources, seed + 2), what_to_measure(sources, seed + 4)
+    return (sobol[sobol["of"] == "Q"], measure.iloc[:0]) if goal.is_spread else (sobol, measure)

@@ -42,7 +42,7 @@ def drawn_check(
         Draws and their seed.
     """
     bodies = draw_bodies(n, seed)
-    a, b = (np.broadcast_to(one, n) for one in bodies.widths(*texture, value.corner))
+    a, b = (np.broadcast_to(width, n) for width in bodies.widths(*texture, value.corner))
     textures, seen = textures_of(a, b), Spread(MOST_TEXTURES)
     seen.add(textures)
     loads = value.case.loads

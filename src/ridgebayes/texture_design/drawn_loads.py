@@ -4,6 +4,7 @@ Loads of a body scale with the square of the pitch. The other factor is smooth i
 is computed at some nodes and kept as a Chebyshev series for each draw.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -74,7 +75,7 @@ class DrawnLoads:
         """Return the series in a/pitch of location and scale at a pitch of 1."""
         if count not in self._series:
             at_nodes = [self._at((x, 1 - x), count) for x in self._nodes.tolist()]
-            self._series[count] = self._fitted(*(np.stack(one) for one in zip(*at_nodes)))  # noqa: B905
+            self._series[count] = self._fitted(*(np.stack(column) for column in zip(*at_nodes)))  # noqa: B905
         return self._series[count]
 
     def at(
@@ -84,6 +85,15 @@ class DrawnLoads:
         x = (ratio - self._middle) / self._half
         location, scale = (_evaluate(one[:, which], x) for one in self.series(count))
         return np.nan_to_num(location, nan=np.inf), np.maximum(scale, _LEAST_SCALE)
+
+    def mean_log_load(self, texture: Texture, count: int) -> float:
+        """Return the mean of a count's log load at a texture; infinite if a draw has none."""
+        if count <= 2:
+            return -math.inf
+        a, b = texture
+        x = (a / (a + b) - self._middle) / self._half
+        mean = float(chebyshev.chebval(x, self.series(count)[0].mean(axis=1)))
+        return math.inf if math.isnan(mean) else mean + 2 * math.log(a + b)
 
     def at_calibrated(self, texture: Texture, count: int) -> tuple[FloatArray, FloatArray]:
         """Return location and scale at a texture that was calibrated on, shape (n_draw,)."""
@@ -98,19 +108,19 @@ class DrawnLoads:
         sigma = self._loads.theta[:, self.fit.model.n_coefficient]
         if self._loads.offsets is None:
             return location, sigma
-        offset, variance = (one[:, 0] for one in self._loads.offsets.at(texture, Q))
+        offset, variance = (part[:, 0] for part in self._loads.offsets.at(texture, Q))
         if self.df is None:
             return location + offset, np.sqrt(sigma**2 + variance)
         return location + offset + np.sqrt(variance) * self._score, sigma
 
     def _fitted(self, location: FloatArray, scale: FloatArray) -> tuple[Series, Series]:
-        both = []
+        series_pair = []
         for values in (location, scale):
             with np.errstate(invalid="ignore"):
                 series = self._to_series @ values
                 left = np.cumsum(np.abs(series[::-1]).max(axis=1))[::-1]  # of each term and further
-            both.append(series[: max(int(np.sum(~(left < _LEAST_TERM))), 1)])
-        return both[0], both[1]
+            series_pair.append(series[: max(int(np.sum(~(left < _LEAST_TERM))), 1)])
+        return series_pair[0], series_pair[1]
 
 
 def drawn_loads(

@@ -44,7 +44,7 @@ class Value:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class PosteriorDraws:
     """Draws of one posterior, each with a body.
 
     Parameters
@@ -73,12 +73,12 @@ class Part:
         return self._log_p[load]
 
 
-class PlacedPart:
+class PlacedDraws:
     """A part at one texture.
 
     Parameters
     ----------
-    part : Part
+    part : PosteriorDraws
         The part.
     a, b : float
         Texture.
@@ -86,10 +86,10 @@ class PlacedPart:
         See `Tolerance.corners`.
     """
 
-    def __init__(self, part: Part, a: float, b: float, corner: Corner) -> None:
+    def __init__(self, part: PosteriorDraws, a: float, b: float, corner: Corner) -> None:
         self._part = part
-        known = part.loads.fit.model.data.textures
-        self._texture = (a, b) if part.bodies.is_certain and (a, b) in known else None
+        calibrated = part.loads.fit.model.data.textures
+        self._texture = (a, b) if part.bodies.is_certain and (a, b) in calibrated else None
         wide, groove = part.bodies.widths(a, b, corner)
         pitch = wide + groove
         self._ratio = wide / pitch
@@ -116,8 +116,8 @@ class PlacedPart:
 
     def window(self, case: Case) -> tuple[FloatArray | None, FloatArray | None]:
         """Return between which errors the case happens; None for no bound."""
-        above = [self.threshold(*one) for one in case.below]
-        below = [self.threshold(*one) for one in case.at_least]
+        above = [self.threshold(*bound) for bound in case.below]
+        below = [self.threshold(*bound) for bound in case.at_least]
         low = np.maximum.reduce(above) if above else None
         return low, np.minimum.reduce(below) if below else None
 
@@ -162,33 +162,33 @@ class GoalValues:
         bodies = draw_bodies(sum(sizes))
         self.corners = bodies.tolerance.corners
         self.parts, first = [], 0
-        for (own, weight), size in zip(loads, sizes, strict=True):
+        for (drawn, weight), size in zip(loads, sizes, strict=True):
             # Bodies are in no order, so draws of the posterior go with any.
-            which = np.arange(size) * max(own.n_draw // size, 1) % own.n_draw
+            which = np.arange(size) * max(drawn.n_draw // size, 1) % drawn.n_draw
             some = bodies.some(slice(first, first + size))
-            self.parts.append(Part(own, weight, which, some))
+            self.parts.append(PosteriorDraws(drawn, weight, which, some))
             first += size
 
-    def at(self, goal: Goal, a: float, b: float, corners: Sequence[Corner] | None = None) -> Value:
+    def at(self, goal: Goal, a: float, b: float) -> Value:
         """Return the value of a goal at a texture: the worst of its cases and corners."""
         values = []
-        for corner in corners or self.corners:
-            placed = [PlacedPart(part, a, b, corner) for part in self.parts]
+        for corner in self.corners:
+            placed = [PlacedDraws(part, a, b, corner) for part in self.parts]
             for case in goal.cases:
-                found = self._spread(placed, case) if goal.is_spread else self._mean(placed, case)
-                values.append(Value(*found, case, corner))
-        return min(values, key=lambda one: goal.margin(one.value))
+                if goal.is_spread:
+                    value_and_se = self._spread(placed, case)
+                else:
+                    value_and_se = self._average([part.probability(case) for part in placed])
+                values.append(Value(*value_and_se, case, corner))
+        return min(values, key=lambda candidate: goal.margin(candidate.value))
 
-    def _mean(self, placed: Sequence[PlacedPart], case: Case) -> tuple[float, float]:
-        return self._average([one.probability(case) for one in placed])
-
-    def _spread(self, placed: Sequence[PlacedPart], case: Case) -> tuple[float, float]:
+    def _spread(self, placed: Sequence[PlacedDraws], case: Case) -> tuple[float, float]:
         """Return the standard deviation of Q, and its error by its influence function."""
         ((_, load),) = case.at_least
         firsts, squares = [], []
-        for part, one in zip(self.parts, placed, strict=True):
+        for part, at_texture in zip(self.parts, placed, strict=True):
             first, square = np.full(len(part.which), 2.0), np.full(len(part.which), 4.0)
-            for n, reached in one.reached(load):
+            for n, reached in at_texture.reached(load):
                 first, square = first + 2 * reached, square + (4 * n - 4) * reached
             firsts.append(first)
             squares.append(square)

@@ -99,8 +99,8 @@ class Case:
         """Return whether it and another can never both happen: Q never falls as the load rises."""
         return any(
             n >= m and low.unit == high.unit and low.value <= high.value
-            for one, two in permutations((self, other))
-            for n, low in one.at_least
+            for case, two in permutations((self, other))
+            for n, low in case.at_least
             for m, high in two.below
         )
 
@@ -158,10 +158,10 @@ def parse_goals(
 unit='p/E')),)),), 0.95)
     """
     texts = [text] if isinstance(text, str) else list(text)
-    parts = [part for one in texts for part in re.split(r";|\band\b", _plain(one))]
+    parts = [part for goalm in texts for part in re.split(r";|\band\b", _plain(goalm))]
     goals = tuple(_goal(part.strip(), tuple(loads), body) for part in parts)
-    for one, other in permutations(goals, 2):
-        _refuse_contradiction(one, other)
+    for goalm, other in permutations(goals, 2):
+        _refuse_contradiction(goalm, other)
     return goals
 
 
@@ -175,10 +175,10 @@ def _plain(text: object) -> str:
 
 def _goal(text: str, loads: tuple[Load, ...], body: Body) -> Goal:
     where = f"goal {clipped(text)}"
-    found = _PROBABILITY.fullmatch(text) or _SPREAD.fullmatch(text)
-    if found is None:
+    match = _PROBABILITY.fullmatch(text) or _SPREAD.fullmatch(text)
+    if match is None:
         raise InputError(f"{where}: expected one {_USAGE}")
-    parts = found.groupdict()
+    parts = match.groupdict()
     rule = "worst"
     has_own = parts["at"] is not None
     if has_own:
@@ -197,8 +197,8 @@ def _goal(text: str, loads: tuple[Load, ...], body: Body) -> Goal:
         return Goal(text, cases, level, is_spread=True)
     if not 0 < level < 1:
         raise InputError(f"{where}: expected a probability between 0 and 1, got {level:g}")
-    given = None if has_own else body  # of what may stand in brackets behind Q
-    cases = tuple(_event(parts["event"], load, given, where) for load in loads)
+    body_of_Q = None if has_own else body  # of what may stand in brackets behind Q
+    cases = tuple(_event(parts["event"], load, body_of_Q, where) for load in loads)
     if parts["op"] == "<=":
         cases, level = tuple(_complement(case, where) for case in cases), 1 - level
     if rule == "every":
@@ -216,19 +216,19 @@ def _event(text: str, load: Load, body: Body | None, where: str) -> Case:
         raise InputError(f"{where}: expected an event {_USAGE}")
     at_least, below = [], []
     for left, op, right in (terms[i : i + 3] for i in range(0, len(terms) - 2, 2)):
-        found = [_Q.fullmatch(term) for term in (left, right)]
-        if (found[0] is None) == (found[1] is None):
+        matches = [_Q.fullmatch(term) for term in (left, right)]
+        if (matches[0] is None) == (matches[1] is None):
             raise InputError(
                 f"{where}: expected Q on one side of each {op!r}, a count on the other"
             )
-        count, match = (right, found[0]) if found[0] else (left, found[1])
+        count, match = (right, matches[0]) if matches[0] else (left, matches[1])
         assert match is not None
         here = load
         if match["load"] is not None:
             if body is None:
                 raise InputError(f"{where}: expected Q(load) or 'at p/E = ..', got both")
             here = _load(match["load"], where, body)
-        low, high = _bounds(count, op if found[0] else _FLIPPED[op], where)
+        low, high = _bounds(count, op if matches[0] else _FLIPPED[op], where)
         at_least += [] if low is None else [(low, here)]
         below += [] if high is None else [(high, here)]
     return Case(tuple(at_least), tuple(below))
@@ -294,13 +294,13 @@ def _load(text: str, where: str, body: Body) -> Load:
     return Load(value, unit)
 
 
-def _refuse_contradiction(one: Goal, other: Goal) -> None:
+def _refuse_contradiction(goal: Goal, other: Goal) -> None:
     """Refuse goals on events that exclude each other and are wanted with more than 1 in all."""
-    if one.is_spread or other.is_spread or one.level + other.level <= 1:
+    if goal.is_spread or other.is_spread or goal.level + other.level <= 1:
         return
-    for case in one.cases:
+    for case in goal.cases:
         if any(case.excludes(rival) for rival in other.cases):
             raise InputError(
-                f"goal: {clipped(one.text)} and {clipped(other.text)} contradict each other: "
+                f"goal: {clipped(goal.text)} and {clipped(other.text)} contradict each other: "
                 "the two events exclude each other, and their probabilities would exceed 1"
             )

@@ -20,12 +20,15 @@ def lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[T
     if unknown:
         raise InputError(f"sizes: expected a, b and step, got {sorted(unknown)[0]!r}")
     ranges = [CalibratedRange.of(fit) for fit in fits]
-    calibrated = {"a": [one.ridge for one in ranges], "b": [one.groove for one in ranges]}
+    calibrated = {
+        "a": [calibrated_range.ridge for calibrated_range in ranges],
+        "b": [calibrated_range.groove for calibrated_range in ranges],
+    }
     bounds = {}
-    for name, known in calibrated.items():
+    for name, ranges_of_width in calibrated.items():
         low, high = sizes.get(name) or (
-            max(one[0] for one in known) / 1.5,
-            min(one[1] for one in known) * 1.5,
+            max(calibrated_range[0] for calibrated_range in ranges_of_width) / 1.5,
+            min(calibrated_range[1] for calibrated_range in ranges_of_width) * 1.5,
         )
         if not LEAST_WIDTH <= low <= high <= LARGEST_WIDTH:
             raise InputError(f"{name}: expected bounds 0 < LO <= HI over R, got {low:g}:{high:g}")

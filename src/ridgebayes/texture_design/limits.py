@@ -1,28 +1,28 @@
 """Limits of a goal that no texture meets: which load, or which widths, would do."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pandas as pd
+from scipy import optimize
 
 from ridgebayes._types import Json
-from ridgebayes.contact import two_scale
 from ridgebayes.contact.scaling import Texture
-from ridgebayes.scene.scene import Scene
 from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
-from ridgebayes.texture_design.bodies import Tolerance, median_units
+from ridgebayes.texture_design.bodies import Tolerance
 from ridgebayes.texture_design.goal_values import GoalValues
 from ridgebayes.texture_design.goals import Case, Goal, Load
 
-_FACTORS = 1.25 ** np.arange(1, 17)  # to 36: further from all that was calibrated
-_N_BISECTION = 10  # a factor is computed to 0.02 %
-_MOST_TEXTURES = 32  # that are compared where the goal is equally far from many
+
+def textures_in(rows: pd.DataFrame) -> list[Texture]:
+    """Return the widths over R of rows of a map."""
+    return list(zip(rows["a_over_R"].tolist(), rows["b_over_R"].tolist(), strict=True))
 
 
 class Limits:
-    """The factors by which loads or widths have to change for a goal to be met.
+    """The factors by which loads or widths have to change for goals to be met.
 
     Parameters
     ----------
@@ -30,121 +30,108 @@ class Limits:
         Values of goals.
     goals : sequence of Goal
         Goals that no texture meets.
-    scene : Scene
-        Scene of the design.
+    p_over_E : sequence of float
+        Loads of the goals, at the scene's medians.
+    largest : float
+        Largest load p/E that is looked at.
+
+    Notes
+    -----
+    Counts are reached from some factor of the loads on, and stay below others up to some factor.
+    The probability of a goal is largest between the factors of its mean log loads, and the factor
+    that just meets it lies between the largest probability and 1. Factors of widths are those of
+    loads to the power of -1/2, but for tolerances that are lengths.
     """
 
-    def __init__(self, values: GoalValues, goals: Sequence[Goal], scene: Scene) -> None:
-        self._values, self._goals = values, goals
-        units = median_units(scene)
-        loads = [load for goal in goals for case in goal.cases for load in case.loads]
-        p_over_E = [float(load.p_over_E(units)[0]) for load in loads]
-        self.p_over_E = min(p_over_E), max(p_over_E)
-        self.largest = two_scale.checked(scene.ogden)
+    def __init__(
+        self, values: GoalValues, goals: Sequence[Goal], p_over_E: Sequence[float], largest: float
+    ) -> None:
+        self._values, self._goals, self._largest = values, goals, largest
+        self._p_over_E = min(p_over_E), max(p_over_E)
+        self._part = max(values.parts, key=lambda part: part.weight)
+        # The smallest load of each count to reach, and the largest of each count to stay below.
+        self._reach = dict(sorted(self._mean_log_loads("at_least"), reverse=True))
+        self._stay_below = dict(sorted(self._mean_log_loads("below")))
 
-    def nearest(self, rows: pd.DataFrame) -> tuple[int, float | None]:
-        """Return the row of the texture whose loads have to change least, and their factor.
+    def nearest(self, rows: pd.DataFrame) -> int:
+        """Return the row of the texture whose loads have to change least; of equals the best."""
+        factors = map(self._log_factors, textures_in(rows))
+        change = [max(low, -high, 0.0) for low, high in factors]
+        least = list(zip(change, -rows["margin"], strict=True))
+        return least.index(min(least))
 
-        Parameters
-        ----------
-        rows : pandas.DataFrame
-            Textures whose margins are alike; at most 32 of them, evenly taken, are compared.
-        """
-        places = np.unique(np.linspace(0, len(rows) - 1, _MOST_TEXTURES).astype(int)).tolist()
-        best_place = int(rows["margin"].to_numpy().argmax())
-        places = list(dict.fromkeys([best_place, *places]))
-        widths = rows[["a_over_R", "b_over_R"]].to_numpy()[places].tolist()
-        textures = [(float(a), float(b)) for a, b in widths]
-        for factors in _outward():
-            found = [
-                (self._at_loads(texture, factor), -i, factor)
-                for factor in factors
-                if self.p_over_E[1] * factor <= self.largest
-                for i, texture in enumerate(textures)
-            ]
-            best = max(found, default=(-1.0, 0, 1.0))
-            if best[0] >= 0:
-                least = self._least(partial(self._at_loads, textures[-best[1]]), best[2])
-                return places[-best[1]], least
-        return places[0], None
+    def at(self, row: Json, tolerance: Tolerance) -> Json:
+        """Return load_factor and width_factor at a texture (None for none), and why, a sentence."""
+        texture = float(row["a_over_R"]), float(row["b_over_R"])
+        load, widths = self.of_loads(texture), self.of_widths(texture, tolerance)
+        goal = self._goals[int(row.get("goal", 1)) - 1]
+        extreme = (
+            "The sd of Q is at least" if goal.is_spread else "The largest probability found is"
+        )
+        why = f"{extreme} {row['probability']:.3g}, and {goal.level:.3g} was asked for."
+        would = []
+        if load is not None:
+            p = " to ".join(f"{load * p:.3g}" for p in dict.fromkeys(self._p_over_E))
+            would.append(f"{load:.3g} times the load (p/E {p})")
+        if widths is not None:
+            a, b = (widths * width for width in texture)
+            would.append(f"{widths:.3g} times both widths (a/R {a:.3g}, b/R {b:.3g})")
+        met = f"no load to p/E {self._largest:g} and no other pitch would do"
+        met = f"the goal would be met with {', or '.join(would)}" if would else met
+        why += f" At a/R {texture[0]:.4g}, b/R {texture[1]:.4g} {met}."
+        return {"load_factor": load, "width_factor": widths, "why": why}
+
+    def of_loads(self, texture: Texture) -> float | None:
+        """Return the factor of all loads that just meets the goals at a texture."""
+        low, high = self._log_factors(texture)
+
+        def margin(log_factor: float) -> float:
+            scaled = [_scaled(goal, math.exp(log_factor)) for goal in self._goals]
+            return self._margin(scaled, texture)
+
+        bounds = 2 * math.log(LEAST_WIDTH), math.log(self._largest / self._p_over_E[1])
+        return _root(margin, low, high, bounds)
 
     def of_widths(self, texture: Texture, tolerance: Tolerance) -> float | None:
-        """Return the factor of both widths that is nearest to 1 and meets the goals."""
+        """Return the factor of both widths that just meets the goals."""
         a, b = texture
-        least = tolerance.least_width
+        low, high = (-0.5 * log_factor for log_factor in reversed(self._log_factors(texture)))
+        least = max(LEAST_WIDTH, tolerance.least_width) / min(texture)
 
-        def margin(factor: float) -> float:
+        def margin(log_factor: float) -> float:
+            factor = math.exp(log_factor)
             return self._margin(self._goals, (factor * a, factor * b))
 
-        for factors in _outward():
-            for factor in factors:
-                is_width = max(LEAST_WIDTH, least) <= factor * min(texture)
-                if is_width and factor * max(texture) <= LARGEST_WIDTH and margin(factor) >= 0:
-                    return self._least(margin, factor)
-        return None
+        bounds = math.log(least), math.log(LARGEST_WIDTH / max(texture))
+        return _root(margin, low, high, bounds)
 
-    def _at_loads(self, texture: Texture, factor: float) -> float:
-        return self._margin([_scaled(goal, factor) for goal in self._goals], texture)
+    def _mean_log_loads(self, kind: str) -> Iterator[tuple[int, float]]:
+        for case in (case for goal in self._goals for case in goal.cases):
+            for n, load in getattr(case, kind):
+                yield n, float(self._part.log_p(load).mean())
 
     def _margin(self, goals: Sequence[Goal], texture: Texture) -> float:
         return min(goal.margin(self._values.at(goal, *texture).value) for goal in goals)
 
-    def _least(self, margin: Callable[[float], float], factor: float) -> float:
-        """Return the least change that will do, between a factor that does and one step less."""
-        less = factor / _FACTORS[0] if factor > 1 else factor * _FACTORS[0]
-        for _ in range(_N_BISECTION):
-            middle = float(np.sqrt(less * factor))
-            less, factor = (less, middle) if margin(middle) >= 0 else (middle, factor)
-        return float(factor)
+    def _log_factors(self, texture: Texture) -> tuple[float, float]:
+        """Return from where on counts are reached, and up to where others are not, on average."""
+        at = self._part.loads.mean_log_load
+        low = max((at(texture, n) - log_p for n, log_p in self._reach.items()), default=-math.inf)
+        high = [at(texture, n) - log_p for n, log_p in self._stay_below.items()]
+        high += [0.0 for goal in self._goals if goal.is_spread]  # smaller at smaller loads
+        return low, min(high, default=math.inf)
 
 
-def limits(
-    found: Limits, row: Json, goals: Sequence[Goal], load: float | None, tolerance: Tolerance
-) -> Json:
-    """Return what would do at the nearest texture, with a sentence on it.
-
-    Parameters
-    ----------
-    found : Limits
-        Limits of the goals.
-    row : dict
-        Row of the nearest texture.
-    goals : sequence of Goal
-        Goals.
-    load : float or None
-        Factor of its loads.
-    tolerance : Tolerance
-        Tolerance of the widths.
-
-    Returns
-    -------
-    dict
-        load_factor and width_factor (None where none was found) and why.
-    """
-    texture = float(row["a_over_R"]), float(row["b_over_R"])
-    widths = found.of_widths(texture, tolerance)
-    goal = goals[int(row.get("goal", 1)) - 1]
-    told = "The sd of Q is at least" if goal.is_spread else "The largest probability found is"
-    why = f"{told} {row['probability']:.3g}, and {goal.level:.3g} was asked for."
-    would = []
-    if load is not None:
-        p = " to ".join(f"{load * one:.3g}" for one in dict.fromkeys(found.p_over_E))
-        would.append(f"{load:.3g} times the load (p/E {p})")
-    if widths is not None:
-        a, b = (widths * one for one in texture)
-        would.append(f"{widths:.3g} times both widths (a/R {a:.3g}, b/R {b:.3g})")
-    place = f"a/R {texture[0]:.4g}, b/R {texture[1]:.4g}"
-    if would:
-        why += f" At {place} the goal would be met with {', or '.join(would)}."
-    else:
-        why += f" At {place} no load to p/E {found.largest:g} and no other pitch would do."
-    return {"load_factor": load, "width_factor": widths, "why": why}
-
-
-def _outward() -> Iterator[tuple[float, float]]:
-    """Yield pairs of factors above and below 1, the nearest first."""
-    for factor in _FACTORS.tolist():
-        yield factor, 1 / factor
+def _root(
+    margin: Callable[[float], float], low: float, high: float, bounds: tuple[float, float]
+) -> float | None:
+    """Return the factor where a margin becomes 0, from its largest value towards a factor of 1."""
+    low, high = np.clip(sorted((low, high)), *bounds)
+    largest = optimize.minimize_scalar(lambda x: -margin(x), bounds=(low, high), method="bounded")
+    best = float(largest.x)
+    if margin(best) < 0:
+        return None
+    return math.exp(optimize.brentq(margin, best, 0.0))
 
 
 def _scaled(goal: Goal, factor: float) -> Goal:

@@ -55,8 +55,8 @@ def next_simulation(forms: Sequence[Form], textures: Sequence[Texture], seed: in
         for form in forms
     ]
     ranges = [CalibratedRange.of(form[0][0]) for form in forms]
-    most = min(one.load_max for one in ranges)
-    most_count = min(_MOST_COUNT, *(one.Q_max for one in ranges))
+    most = min(calibrated.load_max for calibrated in ranges)
+    most_count = min(_MOST_COUNT, *(calibrated.Q_max for calibrated in ranges))
     rows = []
     for a, b in chosen:
         count, load = _count_within(parts[0][0][0], (a, b), most, most_count)
@@ -73,14 +73,14 @@ def _count_within(
 ) -> tuple[int, float]:
     """Return the highest count whose median load was calibrated, 4 at least, and that load."""
     a, b = texture
-    found = 4, 0.0
+    highest = 4, 0.0
     for count in range(4, most_count + 2, 2):
         location, _ = loads.at(count, slice(None), np.asarray(a / (a + b)))
         load = float(np.exp(np.median(location))) * (a + b) ** 2
         if count > 4 and load > most:
             break
-        found = count, load
-    return found
+        highest = count, load
+    return highest
 
 
 def _log_loads(
@@ -93,7 +93,7 @@ def _log_loads(
         which = np.linspace(0, loads.n_draw - 1, max(round(_N * weight / total), 1)).astype(int)
         location, scale = loads.at(count, which, np.asarray(a / (a + b)))
         parts.append((location, np.broadcast_to(scale, location.shape)))
-    location, scale = (np.concatenate(one) for one in zip(*parts, strict=True))
+    location, scale = (np.concatenate(column) for column in zip(*parts, strict=True))
     kept = np.isfinite(location)
     return location[kept], scale[kept]
 
@@ -112,5 +112,5 @@ def _information(forms: Sequence[tuple[FloatArray, FloatArray]], rng: np.random.
 def _log_density(y: FloatArray, location: FloatArray, scale: FloatArray) -> FloatArray:
     z = (y[:, None] - location) / scale
     log_terms = -0.5 * z * z - np.log(scale) - 0.5 * np.log(2 * np.pi)
-    found: FloatArray = special.logsumexp(log_terms, axis=1) - np.log(len(location))
-    return found
+    log_density: FloatArray = special.logsumexp(log_terms, axis=1) - np.log(len(location))
+    return log_density

@@ -84,12 +84,12 @@ class Design(Tabular):
     options: Json
 
     def __repr__(self) -> str:
-        told = " and ".join(goal.text for goal in self.goals)
+        texts = " and ".join(goal.text for goal in self.goals)
         row, word = self.best, "recommended" if self.feasible else "nearest"
         place = f"a/R {row['a_over_R']:.4g}, b/R {row['b_over_R']:.4g}"
         n = int(self.designs["feasible"].sum())
         return (
-            f"Design({told}: {n} of {len(self.designs)} textures; {word} {place}, "
+            f"Design({texts}: {n} of {len(self.designs)} textures; {word} {place}, "
             f"margin {row['margin']:.3g})"
         )
 
@@ -116,7 +116,7 @@ class Design(Tabular):
 
         p/E is that of the scene's medians.
         """
-        loads = [one["p_over_E"] for one in self.options["loads"]]
+        loads = [load["p_over_E"] for load in self.options["loads"]]
         several = f" to {max(loads):.3g} ({len(loads)} loads)" if len(loads) > 1 else ""
         size, kind = self.options["tolerance"]["size"], "made exactly"
         if size:

@@ -20,7 +20,7 @@ from ridgebayes.runtime.randomness import stream, streams
 from ridgebayes.scene.scene import Scene
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
-from ridgebayes.texture_design.goal_values import Part, PlacedPart, Value
+from ridgebayes.texture_design.goal_values import PlacedDraws, PosteriorDraws, Value
 
 FORM, NOISE, COEFFICIENTS = "form", "error model", "coefficients"
 SIMULATION = "a simulation of this texture"
@@ -59,14 +59,14 @@ class Sources:
 
     def draw(self, n: int, seed: int) -> dict[str, FloatArray]:
         """Return n draws of each source."""
-        found: dict[str, FloatArray] = {}
+        draws: dict[str, FloatArray] = {}
         if self.scene.uncertain is not None:
-            found |= self.scene.uncertain.draw(n, streams(seed))
+            draws |= self.scene.uncertain.draw(n, streams(seed))
         if self.tolerance.size and not self.tolerance.is_worst:
-            found["tolerance"] = stream(seed, "tolerance").standard_normal((2, n))
+            draws["tolerance"] = stream(seed, "tolerance").standard_normal((2, n))
         for name in (FORM, NOISE, COEFFICIENTS):
-            found[name] = stream(seed, name).random(n)
-        return found | {"score": stream(seed, "score").standard_normal(n)}
+            draws[name] = stream(seed, name).random(n)
+        return draws | {"score": stream(seed, "score").standard_normal(n)}
 
     def draw_measured(self, members: Sequence[str], left: float, seed: int) -> Draws:
         """Return blocks of draws, in each of which some sources are measured.
@@ -75,17 +75,17 @@ class Sources:
         distributions of the scene.
         """
         n = _N_OUTER * _N_INNER
-        draws, known = self.draw(n, seed), self.draw(_N_OUTER, seed + 1)
+        draws, measurements = self.draw(n, seed), self.draw(_N_OUTER, seed + 1)
         uncertain = self.scene.uncertain if left and members != ["tolerance"] else None
         if uncertain is not None:
             score = uncertain.scores(n, streams(seed))
-            known = uncertain.scores(_N_OUTER, streams(seed + 1))
+            measurements = uncertain.scores(_N_OUTER, streams(seed + 1))
         else:
             score = draws
         measured = {
-            one: left * score[one]
-            + math.sqrt(1 - left**2) * np.repeat(known[one], _N_INNER, axis=-1)
-            for one in members
+            name: left * score[name]
+            + math.sqrt(1 - left**2) * np.repeat(measurements[name], _N_INNER, axis=-1)
+            for name in members
         }
         if uncertain is not None:
             measured = uncertain.at_scores(score | measured, streams(seed))
@@ -93,23 +93,23 @@ class Sources:
 
     def may_be_measured_in_part(self, members: Sequence[str]) -> bool:
         """Return whether draws of these sources are functions of normal scores."""
-        known = {} if self.scene.uncertain is None else self.scene.uncertain.sources
+        sources = {} if self.scene.uncertain is None else self.scene.uncertain.sources
         return members == ["tolerance"] or all(
-            one in known and known[one].has_quantiles for one in members
+            name in sources and sources[name].has_quantiles for name in members
         )
 
     @property
     def groups(self) -> dict[str, list[str]]:
         """Sources by group; groups that a scene correlates are one."""
         places = {name: _GROUPS[name.partition(".")[0].partition("[")[0]] for name in self._places}
-        for one in self.scene.uncertain.joint if self.scene.uncertain is not None else ():
-            merged = " and ".join(dict.fromkeys(places[name] for name in one.of))
-            old = {places[name] for name in one.of}
+        for correlated in self.scene.uncertain.joint if self.scene.uncertain is not None else ():
+            merged = " and ".join(dict.fromkeys(places[name] for name in correlated.of))
+            old = {places[name] for name in correlated.of}
             places = {k: merged if v in old else v for k, v in places.items()}
         if self.tolerance.size and not self.tolerance.is_worst:
             places["tolerance"] = "tolerance"
         places |= {COEFFICIENTS: COEFFICIENTS}
-        if len({own.fit.form.name for own, _ in self.loads}) > 1:
+        if len({loads.fit.form.name for loads, _ in self.loads}) > 1:
             places |= {FORM: FORM}
         places |= {NOISE: NOISE, "score": NOISE}
         return {
@@ -121,20 +121,20 @@ class Sources:
     def measurable(self) -> dict[str, list[str]]:
         """Sources that could be known better, by what to measure."""
         joint = () if self.scene.uncertain is None else self.scene.uncertain.joint
-        found = {", ".join(one.of): list(one.of) for one in joint}
-        taken = {name for one in joint for name in one.of}
-        found |= {name: [name] for name in self._places if name not in taken}
+        members = {", ".join(correlated.of): list(correlated.of) for correlated in joint}
+        taken = {name for correlated in joint for name in correlated.of}
+        members |= {name: [name] for name in self._places if name not in taken}
         if "tolerance" in self.groups and self.tolerance.size:
-            found["tolerance"] = ["tolerance"]
-        return found | {SIMULATION: [FORM, NOISE, COEFFICIENTS, "score"]}
+            members["tolerance"] = ["tolerance"]
+        return members | {SIMULATION: [FORM, NOISE, COEFFICIENTS, "score"]}
 
     def outcome(self, draws: Draws) -> tuple[FloatArray, FloatArray]:
         """Return Q at the case's highest load, and whether the case fails, both (n,)."""
         units = median_units(self.scene)
         highest = max(self.value.case.loads, key=lambda load: load.p_over_E(units)[0])
         Q, failed = np.full(len(draws["score"]), 2.0), np.zeros(len(draws["score"]))
-        for here, which, placed, own in self._placed(draws):
-            error = own.score(draws["score"][here], which)
+        for here, which, placed, drawn in self._placed(draws):
+            error = drawn.score(draws["score"][here], which)
             low, high = placed.window(self.value.case)
             met = np.ones(len(which), dtype=bool)
             met &= True if high is None else error <= high
@@ -150,44 +150,44 @@ class Sources:
 
     def probability(self, draws: Draws) -> FloatArray:
         """Return the probability of the case of each draw, its error left open, shape (n,)."""
-        found = np.empty(len(draws["score"]))
+        values = np.empty(len(draws["score"]))
         for here, _, placed, _ in self._placed(draws):
-            found[here] = placed.probability(self.value.case)
-        return found
+            values[here] = placed.probability(self.value.case)
+        return values
 
     @property
     def _places(self) -> list[str]:
         if self.scene.uncertain is None:
             return []
-        joint = [name for one in self.scene.uncertain.joint for name in one.of]
+        joint = [name for correlated in self.scene.uncertain.joint for name in correlated.of]
         return list(dict.fromkeys([*self.scene.uncertain.sources, *joint]))
 
-    def _placed(self, draws: Draws) -> list[tuple[BoolArray, IntArray, PlacedPart, DrawnLoads]]:
+    def _placed(self, draws: Draws) -> list[tuple[BoolArray, IntArray, PlacedDraws, DrawnLoads]]:
         """Return draws of each posterior, at the texture."""
         n = len(draws["score"])
         bodies = Bodies.draw(self.scene, self.tolerance, n, 0, draws)
-        forms = np.array([own.fit.form.name for own, _ in self.loads])
+        forms = np.array([loads.fit.form.name for loads, _ in self.loads])
         weights = np.array([weight for _, weight in self.loads])
         names = list(dict.fromkeys(forms))
         by_form = np.array([weights[forms == name].sum() for name in names])
         form = np.searchsorted(np.cumsum(by_form / by_form.sum())[:-1], draws[FORM], side="right")
-        found = []
+        placed = []
         for i, name in enumerate(names):
-            own = np.flatnonzero(forms == name)
-            ends = np.cumsum(weights[own] / weights[own].sum())[:-1]
+            of_form = np.flatnonzero(forms == name)
+            ends = np.cumsum(weights[of_form] / weights[of_form].sum())[:-1]
             noise = np.searchsorted(ends, draws[NOISE], side="right")
-            for k, j in enumerate(own.tolist()):
+            for k, j in enumerate(of_form.tolist()):
                 here = (form == i) & (noise == k)
                 if not here.any():
                     continue
                 loads = self.loads[j][0]
                 place = (draws[COEFFICIENTS][here] * loads.n_draw).astype(np.int64)
                 which = self._order(loads)[place]
-                part = Part(loads, 1.0, which, bodies.some(here))
-                found.append(
-                    (here, which, PlacedPart(part, *self.texture, self.value.corner), loads)
+                part = PosteriorDraws(loads, 1.0, which, bodies.some(here))
+                placed.append(
+                    (here, which, PlacedDraws(part, *self.texture, self.value.corner), loads)
                 )
-        return found
+        return placed
 
     def _order(self, loads: DrawnLoads) -> IntArray:
         """Return a posterior's draws in the order of their loads: alike under all forms."""
@@ -209,10 +209,10 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
         as rare failures.
     """
     groups = sources.groups
-    one, other = (sources.draw(_N, seed_of_draws) for seed_of_draws in (seed, seed + 1))
-    mixed = [one | {name: other[name] for name in names} for names in groups.values()]
+    sample, other = (sources.draw(_N, seed_of_draws) for seed_of_draws in (seed, seed + 1))
+    mixed = [sample | {name: other[name] for name in names} for names in groups.values()]
     # Shape (output, draw) each.
-    f_A, f_B, *f_AB = (np.stack(sources.outcome(draws)) for draws in (one, other, *mixed))
+    f_A, f_B, *f_AB = (np.stack(sources.outcome(draws)) for draws in (sample, other, *mixed))
     rows = []
     for i, output in enumerate(("Q", "failure")):
         f = np.stack([f_A[i], f_B[i]])
@@ -220,8 +220,8 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
             continue
         mixed_f = np.stack(f_AB)[:, i]
         func = {"f_A": f[:1], "f_B": f[1:], "f_AB": mixed_f[:, None]}
-        found = stats.sobol_indices(func=func, n=_N)
-        first, total = np.ravel(found.first_order), np.ravel(found.total_order)
+        indices = stats.sobol_indices(func=func, n=_N)
+        first, total = np.ravel(indices.first_order), np.ravel(indices.total_order)
         # Both are ratios of means; their errors follow to first order.
         A, B = f - f.mean()
         AB, variance = mixed_f - f.mean(), (A**2 + B**2) / 2
