@@ -1,11 +1,31 @@
-"""A model's posterior as the engine draws it, for tests of what rests on one."""
+"""A model's posterior as the engine draws it, and loads of typed draws, for tests on them."""
+
+import numpy as np
 
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget
+from ridgebayes.predict.load_distribution import LoadDistribution
+from ridgebayes.predict.load_draws import LoadDraws
 
 
 def drawn_posterior(model, *, seed=1, **effort):
     """Return importance draws of a model; fields of `Effort` as keywords."""
     drawn = importance_sample(ModelTarget(model, seed), Effort(**effort), seed)
     return posterior_of(model, drawn, seed)
+
+
+def loads_of(log_mean, sd, weight, flags=None):
+    """Return the distribution of loads of draws, log_mean (n_draw, ...) and sd as it or (n_draw,).
+
+    Each place has a column of its own.
+    """
+    n, shape = len(log_mean), log_mean.shape[1:]
+    sd = np.broadcast_to(
+        sd.reshape(n, *[1] * (log_mean.ndim - sd.ndim), *sd.shape[1:]), log_mean.shape
+    )
+    columns = log_mean.reshape(n, -1), sd.reshape(n, -1)
+    draws = LoadDraws(weight, lambda ids: (columns[0][:, ids], columns[1][:, ids]))
+    place = np.arange(log_mean[0].size).reshape(shape)
+    flags = np.zeros(shape, np.uint8) if flags is None else flags
+    return LoadDistribution(draws, place, flags, np.full(shape, np.inf))

@@ -17,9 +17,10 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.rows import Rows
-from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
+from ridgebayes.predict.load_distribution import mix_loads
 from ridgebayes.predict.q_distribution import QDistribution, mix_q
 from ridgebayes.table.table import read_table
+from tests.drawn import loads_of
 
 TEXTURES = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02), (0.018, 0.045))
 FORMS = (Classic(), Modified(), Hybrid(), HalfPlane(), PowerLaw().bind(TEXTURES))
@@ -272,11 +273,7 @@ def loaded(draw):
     mean = np.array(draw(st.lists(numbers, min_size=n, max_size=n)))
     sd = np.array(draw(st.lists(st.floats(1e-9, 3), min_size=n, max_size=n)))
     weight = np.array(draw(st.lists(st.floats(0.01, 1), min_size=n, max_size=n)))
-    df = None
-    if draw(st.booleans()):
-        kinds = st.floats(2, 30) | st.just(np.inf)
-        df = np.array(draw(st.lists(kinds, min_size=n, max_size=n)))
-    return LoadDistribution(mean, sd, weight / weight.sum(), np.array(False), df)
+    return loads_of(mean, sd, weight / weight.sum())
 
 
 inner = st.floats(-200, -1).map(lambda power: 10**power) | st.floats(0.01, 0.99)

@@ -6,9 +6,9 @@ from matplotlib.axes import Axes
 
 import ridgebayes as rb
 from ridgebayes.drawing import records
-from ridgebayes.predict.load_distribution import LoadDistribution
 from ridgebayes.predict.q_distribution import QDistribution
 from ridgebayes.scene.estimates import plan
+from tests.drawn import loads_of
 
 SURVIVAL = np.array([[1.0, 0.75, 0.25], [1.0, 1.0, 0.5]])
 
@@ -27,9 +27,7 @@ def q_distribution():
 
 
 def load_distribution(log_mean=-5.0):
-    return LoadDistribution(
-        np.array([log_mean]), np.array([0.1]), np.ones(1), np.zeros((), np.uint8)
-    )
+    return loads_of(np.array([log_mean]), np.array([0.1]), np.ones(1))
 
 
 DRAWN = {

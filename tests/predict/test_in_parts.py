@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Hybrid
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.predict import predict
+from ridgebayes.predict import posterior_loads
 from ridgebayes.predict.predict import predict_load, predict_q
 from tests.drawn import drawn_posterior
 
@@ -16,30 +15,16 @@ P = np.geomspace(1e-3, 0.02, 7)[:, None]
 
 
 def test_predictions__from_some_draws_at_a_time_are_those_of_all(paper, monkeypatch):
-    model = Model(Observations.from_table(paper), Hybrid(), Noise.named("step-smooth"))
+    model = Model(Observations.from_table(paper), Hybrid(), Noise.named("step-smooth:student"))
     fit = drawn_posterior(model, n_draw=128)
     whole = predict_q(fit, A, B, P), predict_load(fit, A, B, 6)
-    monkeypatch.setattr(predict, "_HELD", 100 * model.offsets.n_smooth**2)
-    kept, worked_out = Posterior.at_draws, []
-
-    def noted(self, u, seed):
-        worked_out.append(len(u))
-        return kept(self, u, seed)
-
-    monkeypatch.setattr(Posterior, "at_draws", noted)
+    monkeypatch.setattr(posterior_loads, "_HELD", 100 * model.offsets.n_smooth**2)
+    assert max(len(part) for part in posterior_loads.PosteriorLoads(fit).parts()) <= 100
     q, load = predict_q(fit, A, B, P), predict_load(fit, A, B, 6)
-    assert max(worked_out) <= 100 < len(fit.draws)
     # Algebra: the same mean; what falls with a further count is cut part by part, under 1e-6.
     n = min(q.survival.shape[-1], whole[0].survival.shape[-1])
     np.testing.assert_allclose(q.survival[..., :n], whole[0].survival[..., :n], rtol=0, atol=2e-6)
     np.testing.assert_allclose(load.quantile(0.3), whole[1].quantile(0.3), rtol=1e-9)
     assert (q.kind, q.q_calibrated_max) == (whole[0].kind, whole[0].q_calibrated_max)
     np.testing.assert_array_equal(q.extrapolation(), whole[0].extrapolation())
-
-
-def test_predictions__of_a_forms_own_curve_are_made_at_once(paper, monkeypatch):
-    model = Model(Observations.from_table(paper), Hybrid(), Noise.named("step-smooth"))
-    fit = drawn_posterior(model, n_draw=128)
-    monkeypatch.setattr(predict, "_HELD", model.offsets.n_smooth)
-    monkeypatch.delattr(Posterior, "at_draws")
-    assert predict_q(fit, A, B, P, kind="curve").shape == (7, 2)
+    assert len(posterior_loads.PosteriorLoads(fit, "curve").parts()) == 1

@@ -17,9 +17,10 @@ from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.of_scene import NEGLIGIBLE, q_of_scene
+from ridgebayes.predict.load_draws import NEGLIGIBLE
+from ridgebayes.predict.of_scene import q_of_scene
+from ridgebayes.predict.posterior_loads import N_SHARED
 from ridgebayes.predict.predict import KINDS, predict_load, predict_q
-from ridgebayes.predict.predictive_cdf import N_LOAD_DRAWS
 from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.scene.scene import Scene
@@ -191,7 +192,7 @@ def loads_table(
     a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
     mixtures = _mixtures(comparison, [*comparison.fits, AVERAGE])
     share_of = _largest_shares(mixtures)
-    few = min(_DRAWN / (N_LOAD_DRAWS * max(len(frame), 1)), 1.0)
+    few = min(_DRAWN / (N_SHARED * max(len(frame), 1)), 1.0)
 
     @cache
     def predicted(one: Posterior, kind: str) -> LoadDistribution:

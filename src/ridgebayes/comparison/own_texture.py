@@ -18,9 +18,8 @@ from ridgebayes.errors import InputError
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution
-from ridgebayes.predict.load_draws import LoadDraws
+from ridgebayes.predict.posterior_loads import PosteriorLoads
 from ridgebayes.predict.predict import Predictive
-from ridgebayes.predict.predictive_cdf import PosteriorLoads
 from ridgebayes.predict.q_distribution import heavy_parts
 
 PROB = (0.001, 0.003, 0.01, 0.025, 0.05, 0.1, 0.2, 0.35, 0.5)  # and as many above the median
@@ -76,7 +75,7 @@ def own_texture(comparison: Comparison) -> OwnTexture:
     posteriors, weights = zip(*comparison.averaged, strict=True)
     try:
         for posterior in posteriors:
-            PosteriorLoads.of_new_ones(posterior, 0.5)
+            PosteriorLoads(posterior).check_scaling(0.5)
     except InputError as error:
         return OwnTexture(None, str(error))
     heavy = [p for p, one in zip(posteriors, heavy_parts(np.array(weights)), strict=True) if one]
@@ -128,20 +127,11 @@ def _log_quantiles(
     width = np.where(n > 0, middle - low, 1.0) + 1e-6
     steps = np.sinh(np.linspace(-_STEEPEST, _STEEPEST, _N_PLACE))
     y = middle[..., None] + 1.5 * width[..., None] * steps
-    share = np.stack([_cdf(found, y, i) for i in range(len(ratio))])
+    share = np.moveaxis(found.cdf(np.exp(np.moveaxis(y, -1, 0))), 0, -1)
     value = np.full((*middle.shape, len(prob)), np.inf)
     for place in np.ndindex(middle.shape):
         value[place] = _inverse(y[place], share[place], prob)
     return value
-
-
-def _cdf(loads: LoadDistribution, y: FloatArray, i: int) -> FloatArray:
-    """Return the distribution functions at one a/pitch, whose draws are worked out once."""
-    n = y.shape[1]
-    here = loads._some(np.arange(n) + i * n)
-    log_mean, sd = here._all_columns
-    draws = LoadDraws.stored(log_mean, sd, here.weight, here.df)
-    return np.stack([draws.cdf(column, log_mean, sd) for column in y[i].T], axis=-1)
 
 
 def _inverse(y: FloatArray, share: FloatArray, prob: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from ridgebayes.model.forms import PowerLaw
 NAMES = ("Q", "load", "a/pitch", "a/R", "b/R", "texture", "offset")
 Q, LOAD, RATIO, RIDGE, GROOVE, TEXTURE, OFFSET = (1 << bit for bit in range(len(NAMES)))
 _MARGIN = 1.5  # widths may leave their calibrated range by this factor
-_SLACK = 1e-12  # of a value that is a calibrated one but for rounding
+ROUNDING = 1e-12  # of a value that is a calibrated one but for rounding
 _NAMES = np.array(
     [
         ",".join(name for bit, name in enumerate(NAMES) if flags >> bit & 1)
@@ -75,7 +75,7 @@ class CalibratedRange:
 
     def to_dict(self) -> Json:
         """Return the range as plain values; the load is reduced to nu = 0.5."""
-        found: Json = {
+        ends: Json = {
             "a_over_R": list(self.ridge),
             "b_over_R": list(self.groove),
             "a_over_pitch": list(self.ratio),
@@ -83,8 +83,8 @@ class CalibratedRange:
             "p_over_E_max": self.load_max,
         }
         if self.textures is not None:
-            found["textures"] = [list(one) for one in sorted(self.textures)]
-        return found
+            ends["textures"] = [list(texture) for texture in sorted(self.textures)]
+        return ends
 
     def texture_flags(self, a_over_R: FloatArray, b_over_R: FloatArray) -> Flags:
         """Return the flags of textures.
@@ -115,7 +115,7 @@ class CalibratedRange:
 
         The half-plane's scale law makes pitches alike, not loads: strains grow with these.
         """
-        return _flag(reduced_load(p_over_E, nu) > self.load_max * (1 + _SLACK), LOAD)
+        return _flag(reduced_load(p_over_E, nu) > self.load_max * (1 + ROUNDING), LOAD)
 
     def count_flags(self, count: ArrayLike) -> Flags:
         """Return the flag of counts above the highest calibrated one."""
@@ -129,7 +129,7 @@ class CalibratedRange:
         Infinite at a texture and count that a row was fitted at: its predicted load may well lie
         above the highest observed one, but was observed itself.
         """
-        highest = self.load_max * (1 + _SLACK) / reduced_load(1.0, nu)
+        highest = self.load_max * (1 + ROUNDING) / reduced_load(1.0, nu)
         places = zip(a_over_R.tolist(), b_over_R.tolist(), count.tolist(), strict=True)
         seen = np.array([place in self.places for place in places], dtype=bool)
         return np.where(seen, np.inf, highest)
@@ -137,9 +137,9 @@ class CalibratedRange:
 
 def names_of(flags: Flags) -> np.ndarray:
     """Return the names of flagged quantities, separated by commas; empty text where none is."""
-    found = np.empty(np.shape(flags), dtype=object)
-    found[...] = _NAMES[np.asarray(flags, dtype=np.intp)]
-    return found
+    names = np.empty(np.shape(flags), dtype=object)
+    names[...] = _NAMES[np.asarray(flags, dtype=np.intp)]
+    return names
 
 
 def _ends(values: FloatArray) -> tuple[float, float]:
@@ -147,7 +147,7 @@ def _ends(values: FloatArray) -> tuple[float, float]:
 
 
 def _beyond(value: FloatArray, ends: tuple[float, float], margin: float) -> BoolArray:
-    low, high = ends[0] / margin * (1 - _SLACK), ends[1] * margin * (1 + _SLACK)
+    low, high = ends[0] / margin * (1 - ROUNDING), ends[1] * margin * (1 + ROUNDING)
     return (value < low) | (value > high)
 
 

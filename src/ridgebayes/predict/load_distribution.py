@@ -1,6 +1,7 @@
 """`LoadDistribution`: the distribution of the load that reaches a count."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import compress
 from typing import TYPE_CHECKING
@@ -20,28 +21,27 @@ from ridgebayes.predict.q_distribution import heavy_parts, shares
 if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
 
-# Draws times columns worked on together, which bounds memory; but at least so many columns.
-_AT_ONCE, _LEAST_COLUMNS = 65_536, 16
+_NUMBERS_AT_ONCE = 2**18  # of draws times columns, which bounds memory
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class LoadDistribution(Predicted):
     """Distributions of loads p/E, with the names of scipy.stats.
 
-    Each is a mixture over posterior draws of loads whose logarithms are normal, Student, or points.
+    Each is a mixture over posterior draws of loads whose logarithms are normal, or points.
 
     Parameters
     ----------
-    log_mean : ndarray of float, shape (n_draw, ...)
-        Centre of log(p/E) given each draw.
-    sd : ndarray of float, shape (n_draw,) or (n_draw, ...)
-        Scale of log(p/E) given each draw; 0 for a point.
-    weight : ndarray of float, shape (n_draw,)
-        Weights, sum 1.
+    draws : LoadDraws
+        Draws, which need not be there yet.
+    place : ndarray of int, shape (...)
+        Column of each place; places alike share theirs.
     flags : ndarray of uint8, shape (...)
         Which of texture and count lie outside what was calibrated, see `predict.extrapolation`.
-    df : ndarray of float, shape (n_draw,), optional
-        Degrees of freedom of each draw's Student errors, infinite for normal ones; all are normal
-        if not given.
+    highest : ndarray of float, shape (...), dimensionless
+        Load p/E above which a median is an extrapolation.
+    places : mapping of str to ndarray, shape (...), optional
+        Columns of tables, for each place: kind_of_band, a_over_R, b_over_R, nu, Q.
 
     Notes
     -----
@@ -49,6 +49,7 @@ class LoadDistribution(Predicted):
     calibrated; `extrapolation_of` says which.
     *Cost.* Distributions of `predict_load` make their draws when they are asked, a block of places
     at a time: a million places take some 100 MB.
+    *Accuracy.* Under Student errors each draw has a normal error with a scale of its own.
 
     Examples
     --------
@@ -69,65 +70,19 @@ class LoadDistribution(Predicted):
     >>> wide = load.widened(np.array([0.1, 0.1]))  # as seen by an instrument of 10 % error
     >>> (wide.std() / wide.mean()).round(2).tolist(), wide.plot().get_xlabel()
     ([0.1, 0.1], 'edges in contact $Q$')
-    >>> load.log_mean.shape == load.sd.shape == (len(load.weight), 2), load.df is None
-    (True, True)
+    >>> load.log_mean.shape == load.sd.shape == (len(load.weight), 2)
+    True
     >>> load.to_dataframe()["Q"].tolist()
     [6, 8]
     """
 
+    draws: LoadDraws
+    place: IntArray
+    flags: Flags
+    highest: FloatArray
+    places: Mapping[str, np.ndarray] = field(default_factory=dict)
+
     _margin = 1e-12
-
-    def __init__(
-        self,
-        log_mean: FloatArray,
-        sd: FloatArray,
-        weight: FloatArray,
-        flags: Flags,
-        df: FloatArray | None = None,
-    ) -> None:
-        shape = log_mean.shape[1:]
-        if sd.ndim < log_mean.ndim:
-            sd = np.broadcast_to(sd.reshape((-1,) + (1,) * len(shape)), log_mean.shape)
-        n = len(log_mean)
-        self._draws = LoadDraws.stored(log_mean.reshape(n, -1), sd.reshape(n, -1), weight, df)
-        self._place = np.arange(log_mean[0].size).reshape(shape)
-        self._flags = np.broadcast_to(np.asarray(flags, dtype=np.uint8), shape)
-        self._highest = np.full(shape, np.inf)
-        self._places: Mapping[str, np.ndarray] = {}
-
-    @classmethod
-    def of(
-        cls,
-        draws: LoadDraws,
-        place: IntArray,
-        flags: Flags,
-        highest: FloatArray,
-        where: Mapping[str, np.ndarray] | None = None,
-    ) -> "LoadDistribution":
-        """Make a distribution of draws that need not be there yet.
-
-        Parameters
-        ----------
-        draws : LoadDraws
-            Draws.
-        place : ndarray of int, shape (...)
-            Column of each place; places alike share theirs.
-        flags : ndarray of uint8, shape (...)
-            As above.
-        highest : ndarray of float, shape (...), dimensionless
-            Load p/E above which a median is an extrapolation.
-        where : mapping of str to ndarray, shape (...), optional
-            Columns of tables, for each place: kind_of_band, a_over_R, b_over_R, nu, Q.
-
-        Returns
-        -------
-        LoadDistribution
-            Distribution with the shape of `place`.
-        """
-        self = cls.__new__(cls)
-        self._draws, self._place, self._flags, self._highest = draws, place, flags, highest
-        self._places = where or {}
-        return self
 
     def __repr__(self) -> str:
         return f"LoadDistribution(shape {self.shape}, {len(self.weight)} draws)"
@@ -135,27 +90,22 @@ class LoadDistribution(Predicted):
     @property
     def shape(self) -> tuple[int, ...]:
         """The shape of textures and counts."""
-        return self._place.shape
+        return self.place.shape
 
     @property
     def weight(self) -> FloatArray:
         """Weights of the draws, shape (n_draw,), sum 1."""
-        return self._draws.weight
-
-    @property
-    def df(self) -> FloatArray | None:
-        """Degrees of freedom of the draws' errors, shape (n_draw,); None where all are normal."""
-        return self._draws.df
+        return self.draws.weight
 
     @property
     def log_mean(self) -> FloatArray:
         """Centre of log(p/E) given each draw, shape (n_draw, ...), all of it in memory."""
-        return self._all_columns[0]
+        return self._of_draws(0)
 
     @property
     def sd(self) -> FloatArray:
-        """Scale of log(p/E) given each draw, shape (n_draw, ...), all of it in memory."""
-        return self._all_columns[1]
+        """Standard deviation of log(p/E) given each draw, shape (n_draw, ...), as `log_mean`."""
+        return self._of_draws(1)
 
     @property
     def extrapolation(self) -> BoolArray:
@@ -189,7 +139,7 @@ class LoadDistribution(Predicted):
         InputError
             If a load is NaN, or the shapes do not broadcast.
         """
-        return self._at_loads(self._draws.cdf, p_over_E)
+        return self._at_loads(self.draws.cdf, p_over_E)
 
     def sf(self, p_over_E: ArrayLike) -> FloatArray:
         """Return P(load > p_over_E), to rounding where it is small.
@@ -209,7 +159,7 @@ class LoadDistribution(Predicted):
         InputError
             As `cdf`.
         """
-        return self._at_loads(self._draws.sf, p_over_E)
+        return self._at_loads(self.draws.sf, p_over_E)
 
     def pdf(self, p_over_E: ArrayLike) -> FloatArray:
         """Return the density of loads.
@@ -230,27 +180,25 @@ class LoadDistribution(Predicted):
             As `cdf`.
         """
         p = numbers("p_over_E", p_over_E)
-        density = self._at_loads(self._draws.density, p)
+        density = self._at_loads(self.draws.density, p)
         return np.where(p > 0, density / np.where(p > 0, p, 1.0), 0.0)[()]
 
     def mean(self) -> FloatArray:
-        """Return the mean load p/E, shape (...); infinite under Student errors, whose tails are."""
-        return self._by_column(lambda mean, sd: self._draws.moments(mean, sd)[0])
+        """Return the mean load p/E, shape (...); infinite under Student errors."""
+        return self._by_column(lambda mean, sd: self.draws.moments(mean, sd)[0])
 
     def std(self) -> FloatArray:
         """Return the standard deviation of the load, shape (...); infinite where the mean is."""
-        return self._by_column(lambda mean, sd: self._draws.moments(mean, sd)[1])
+        return self._by_column(lambda mean, sd: self.draws.moments(mean, sd)[1])
 
     def _quantile(self, prob: FloatArray) -> FloatArray:
         shape = np.broadcast_shapes(prob.shape, self.shape)
-        prob, places = np.broadcast_to(prob, shape), np.broadcast_to(self._numbers, shape)
-        found = np.empty(shape)
-        for one in np.unique(prob).tolist():
-            here = prob == one
-            some = self if here.all() and shape == self.shape else self._some(places[here])
-            quantiles = some._by_column(partial(self._draws.quantile, one))
-            found[here] = np.ravel(quantiles)
-        return found[()]
+        prob, place = np.broadcast_to(prob, shape), np.broadcast_to(self.place, shape)
+        value = np.empty(shape)
+        for level in np.unique(prob).tolist():
+            here = prob == level
+            value[here] = self._by_column(partial(self.draws.quantile, level), place[here])
+        return value[()]
 
     def median(self) -> FloatArray:
         """Return the median load p/E, shape (...)."""
@@ -260,13 +208,9 @@ class LoadDistribution(Predicted):
         """Return draws; all places of one have one draw of the posterior."""
         pick = generator.choice(len(self.weight), size=n, p=self.weight)
         value = generator.standard_normal((n, *self.shape)).reshape(n, -1)
-        if self.df is not None:
-            df = self.df[pick]
-            finite = np.where(np.isfinite(df), df, 1.0)
-            wide = np.sqrt(finite / generator.chisquare(finite))
-            value *= np.where(np.isfinite(df), wide, 1.0)[:, None]
-        for here, mean, sd in self._blocks(self._place.ravel()):
-            value[:, here] = np.exp(mean[pick] + sd[pick] * value[:, here])
+        with np.errstate(over="ignore"):
+            for here, mean, sd in self._blocks(self.place.ravel()):
+                value[:, here] = np.exp(mean[pick] + sd[pick] * value[:, here])
         return value
 
     def widened(self, rel_se: FloatArray) -> "LoadDistribution":
@@ -275,23 +219,23 @@ class LoadDistribution(Predicted):
         Parameters
         ----------
         rel_se : ndarray of float, shape (...), dimensionless
-            Known relative standard error of each load, in quadrature beside the draws' scale.
+            Known relative standard error of each load, in quadrature beside the draws'.
 
         Returns
         -------
         LoadDistribution
             Widened distribution of the same shape.
         """
-        draws = self._draws.placed(self._place.ravel()).widened(np.ravel(rel_se))
-        return self.of(draws, self._numbers, self._flags, self._highest, self._places)
+        draws = self.draws.placed(self.place.ravel()).widened(np.ravel(rel_se))
+        return replace(self, draws=draws, place=self._numbers)
 
     @property
     def _where(self) -> Mapping[str, np.ndarray]:
-        return self._places
+        return self.places
 
     def _columns(self, prob: float) -> dict[str, np.ndarray]:
         lower, upper = self.interval(prob)
-        name = "load" if "load_unit" in self._places else "p_over_E"  # of a scene: in its unit
+        name = "load" if "load_unit" in self.places else "p_over_E"  # of a scene: in its unit
         return {
             f"{name}_median": self.median(),
             f"{name}_lower": lower,
@@ -302,16 +246,16 @@ class LoadDistribution(Predicted):
         }
 
     def _some(self, which: IntArray) -> "LoadDistribution":
-        flags = np.broadcast_to(self._flags, self.shape).ravel()[which]
-        place, highest = self._place.ravel()[which], self._highest.ravel()[which]
-        return self.of(self._draws, place, flags, highest, self._flat_places(which))
+        flags = np.broadcast_to(self.flags, self.shape).ravel()[which]
+        place, highest = self.place.ravel()[which], self.highest.ravel()[which]
+        return LoadDistribution(self.draws, place, flags, highest, self._flat_places(which))
 
     def _drawn(self, ax: "Axes | None") -> "Axes":
-        if not self.shape or "Q" not in self._places:
+        if not self.shape or "Q" not in self.places:
             first = self._some(self._numbers.ravel()[:1])
-            ends = first.quantile(1e-3), first.quantile(0.999)
-            p = np.linspace(float(ends[0][0]), float(ends[1][0]), 200)
-            unit = next(map(str, np.ravel(self._places.get("load_unit", ()))), None)
+            low, high = (float(first.quantile(prob)[0]) for prob in (1e-3, 0.999))
+            p = np.linspace(low, high, 200)
+            unit = next(map(str, np.ravel(self.places.get("load_unit", ()))), None)
             return drawing.records.draw_distribution(p, first.cdf(p), ax, unit)
         return drawing.records.draw_loads(self.to_dataframe(), ax)
 
@@ -321,49 +265,52 @@ class LoadDistribution(Predicted):
 
     @cached_property
     def _all_flags(self) -> Flags:
-        if np.all(self._highest == np.inf):
-            return self._flags
-        return self._flags | np.where(self._median > self._highest, LOAD, 0).astype(np.uint8)
+        if np.all(self.highest == np.inf):
+            return self.flags
+        return self.flags | np.where(self._median > self.highest, LOAD, 0).astype(np.uint8)
 
-    @property
-    def _all_columns(self) -> tuple[FloatArray, FloatArray]:
-        mean, sd = self._draws.columns(self._place.ravel())
-        shape = (len(self.weight), *self.shape)
-        return mean.reshape(shape), np.broadcast_to(sd, mean.shape).reshape(shape)
+    def _of_draws(self, which: int) -> FloatArray:
+        """Return location or standard deviation of all draws, shape (n_draw, ...)."""
+        value = np.array(self.draws.columns(self.place.ravel())[which])
+        return value.reshape(len(self.weight), *self.shape)
 
-    def _blocks(self, columns: IntArray) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
-        """Yield some columns after others: where they stand, centre and scale (n_draw, n)."""
-        step = max(_AT_ONCE // len(self.weight), _LEAST_COLUMNS)
+    def _blocks(self, columns: IntArray) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
+        """Yield some columns after others: where they stand, centre and sd (n_draw, n)."""
+        order = np.argsort(columns, kind="stable")  # a column's places are worked out together
+        step = max(_NUMBERS_AT_ONCE // len(self.weight), 1)
         for first in range(0, len(columns), step):
-            here = slice(first, first + step)
+            here = order[first : first + step]
             ids, place = np.unique(columns[here], return_inverse=True)
-            mean, sd = self._draws.columns(ids)
-            if len(ids) < len(place):
-                mean, sd = mean[:, place], sd[:, place]
-            yield here, mean, sd
+            mean, sd = self.draws.columns(ids)
+            yield here, mean[:, place], sd[:, place]
 
-    def _by_column(self, function: Callable[[FloatArray, FloatArray], FloatArray]) -> FloatArray:
+    def _by_column(
+        self,
+        function: Callable[[FloatArray, FloatArray], FloatArray],
+        place: IntArray | None = None,
+    ) -> FloatArray:
         """Return a function's value at each place; it is worked out once for places alike."""
-        columns, place = np.unique(self._place, return_inverse=True)
+        place = self.place if place is None else place
+        columns, numbers_of = np.unique(place, return_inverse=True)
         value = np.empty(len(columns))
         for here, mean, sd in self._blocks(columns):
             value[here] = function(mean, sd)
-        return value[place].reshape(self.shape)[()]  # a scalar of a single place
+        return value[numbers_of].reshape(place.shape)[()]  # a scalar of a single place
 
     def _at_loads(
         self, function: Callable[[FloatArray, FloatArray, FloatArray], FloatArray], load: ArrayLike
     ) -> FloatArray:
-        """Return a function of log loads, and of centres and scales, at loads of each place."""
+        """Return a function of log loads, and of centres and sds, at loads of each place."""
         p = numbers("p_over_E", load)
         if np.any(np.isnan(p)):
             raise InputError(f"p_over_E: expected numbers, got {load!r}")
-        shape = common_shape(p_over_E=p, distribution=self._place)
+        shape = common_shape(p_over_E=p, distribution=self.place)
         with np.errstate(divide="ignore"):
             y = np.broadcast_to(np.log(np.maximum(p, 0)), shape).ravel()
-        found = np.empty(len(y))
-        for here, mean, sd in self._blocks(np.broadcast_to(self._place, shape).ravel()):
-            found[here] = function(y[here], mean, sd)
-        return found.reshape(shape)[()]
+        value = np.empty(len(y))
+        for here, mean, sd in self._blocks(np.broadcast_to(self.place, shape).ravel()):
+            value[here] = function(y[here], mean, sd)
+        return value.reshape(shape)[()]
 
 
 def mix_loads(parts: Iterable[LoadDistribution], weights: Sequence[float]) -> LoadDistribution:
@@ -390,11 +337,11 @@ def mix_loads(parts: Iterable[LoadDistribution], weights: Sequence[float]) -> Lo
     share = shares(weights)
     pairs = [(part, w) for part, w in zip(parts, share.tolist(), strict=True) if w > 1e-9]
     kept = [part for part, _ in pairs]
-    place, draws = kept[0]._place, [part._draws for part in kept]
-    if not all(np.array_equal(part._place, place) for part in kept):
-        place, draws = kept[0]._numbers, [part._draws.placed(part._place.ravel()) for part in kept]
+    place, draws = kept[0].place, [part.draws for part in kept]
+    if not all(np.array_equal(part.place, place) for part in kept):
+        place, draws = kept[0]._numbers, [part.draws.placed(part.place.ravel()) for part in kept]
     joined = LoadDraws.joined(zip(draws, (w for _, w in pairs), strict=True))
     heavy = list(compress(kept, heavy_parts(share[share > 1e-9])))
-    flags = np.bitwise_or.reduce([part._flags for part in heavy])
-    highest = np.minimum.reduce([part._highest for part in heavy])
-    return LoadDistribution.of(joined, place, flags, highest, kept[0]._places)
+    flags = np.bitwise_or.reduce([part.flags for part in heavy])
+    highest = np.minimum.reduce([part.highest for part in heavy])
+    return LoadDistribution(joined, place, flags, highest, kept[0].places)

@@ -1,23 +1,37 @@
-"""Draws of log loads, made column by column, and the averages of distributions over them."""
+"""Draws of log loads, made column by column, and the averages of distributions over them.
+
+Given a draw, the log of a load is normal, or a point. An average over draws is a distribution of
+the load at a place; if the columns are of the counts 4, 6, ..., it is one of Q, too.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.constants import golden
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import elementwise
 from scipy.special import ndtr, ndtri
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.model.tails import NormalTail, StudentTail
+from ridgebayes.errors import InputError
 
-_LARGEST_LOG = 800.0
+NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
+LARGEST_Q = 20_000
+_SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1
+_N_NODE = 256  # of a table: its error is a tenth of that of the number of draws at most
+_COUNTS_AT_ONCE = 8
+_N_PART = 8  # of draws, by their sd
+_NUMBERS_AT_ONCE = 2**20  # draws times loads, which bounds memory
+_PRECISION = 1e-10  # of the log of a quantile
 
 Columns = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class LoadDraws:
-    """Draws of loads whose logarithms are normal, Student, or points, at a number of places.
+    """Draws of loads whose logarithms are normal, or points, at a number of places.
 
     They are made column by column: those of a million places fit no memory.
 
@@ -25,41 +39,42 @@ class LoadDraws:
     ----------
     weight : ndarray of float, shape (n_draw,)
         Weights, sum 1.
-    df : ndarray of float, shape (n_draw,), or None
-        Degrees of freedom of each draw's Student errors, infinite for normal ones; all are normal
-        if not given.
     columns : callable
-        From column numbers, shape (n,), to centre and scale of log(p/E), both (n_draw, n), which
-        the methods take as `mean` and `sd`; a scale of 0 is a point.
+        From column numbers, shape (n,), to centre and standard deviation of log(p/E), both
+        (n_draw, n), which the methods take as `mean` and `sd`; an sd of 0 is a point.
+    has_mean : bool, optional
+        Whether loads have a mean: under Student errors, whose scales vary from draw to draw, they
+        have none.
     """
 
     weight: FloatArray
-    df: FloatArray | None
     columns: Callable[[IntArray], Columns]
+    has_mean: bool = True
 
     @classmethod
-    def stored(
-        cls, log_mean: FloatArray, sd: FloatArray, weight: FloatArray, df: FloatArray | None
-    ) -> "LoadDraws":
-        """Return draws that are there as arrays, both (n_draw, n_column)."""
-        return cls(weight, df, partial(_stored, log_mean, sd))
+    def alike(cls, n: int, columns: Callable[[IntArray], Columns], has_mean: bool) -> "LoadDraws":
+        """Return n draws of equal weights."""
+        return cls(np.full(n, 1 / n), columns, has_mean)
 
     @classmethod
     def joined(cls, parts: Iterable[tuple["LoadDraws", float]]) -> "LoadDraws":
         """Return the draws of several, of the same columns, below each other, with their shares."""
         draws, shares = zip(*parts, strict=True)
-        weight = np.concatenate([one.weight * w for one, w in zip(draws, shares, strict=True)])
-        df = None
-        if any(one.df is not None for one in draws):
-            normal = [np.full(len(one.weight), np.inf) for one in draws]
-            df = np.concatenate(
-                [no if d.df is None else d.df for d, no in zip(draws, normal, strict=True)]
-            )
-        return cls(weight, df, partial(_joined, [one.columns for one in draws]))
+        weight = np.concatenate([some.weight * w for some, w in zip(draws, shares, strict=True)])
+        columns = partial(_joined, [some.columns for some in draws])
+        return cls(weight, columns, all(some.has_mean for some in draws))
+
+    def stored(self, n: int) -> "LoadDraws":
+        """Return the draws with the first n columns held in memory."""
+        return replace(self, columns=partial(_stored, *self.columns(np.arange(n))))
 
     def placed(self, place: IntArray) -> "LoadDraws":
         """Return the draws with a column for each place instead of shared ones."""
         return replace(self, columns=partial(_placed, self.columns, place))
+
+    def shifted(self, log_factor: FloatArray) -> "LoadDraws":
+        """Return the draws of loads times a factor of each draw, whose log is shape (n_draw,)."""
+        return replace(self, columns=partial(_shifted, self.columns, log_factor))
 
     def widened(self, rel_se: FloatArray) -> "LoadDraws":
         """Return the draws with a relative standard error of each column added in quadrature."""
@@ -67,81 +82,130 @@ class LoadDraws:
 
     def cdf(self, y: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
         """Return the probability of log loads up to y, shape (n,)."""
-        return self._average(np.where(sd > 0, self._by_tail("cdf", _z(y, mean, sd)), mean <= y))
+        return self._average(np.where(sd > 0, ndtr(_z(y, mean, sd)), mean <= y))
 
     def sf(self, y: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
         """Return the probability of log loads above y, shape (n,), to rounding in both tails."""
-        return self._average(np.where(sd > 0, self._by_tail("cdf", -_z(y, mean, sd)), mean > y))
+        return self._average(np.where(sd > 0, ndtr(-_z(y, mean, sd)), mean > y))
 
     def density(self, y: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
         """Return the density of log loads at y, shape (n,); points have none."""
+        z = _z(y, mean, sd)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            of_z = np.exp(self._by_tail("log_density", _z(y, mean, sd)))
-            return self._average(np.where(sd > 0, of_z / sd, 0.0))
+            normal = np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi)
+            return self._average(np.where(sd > 0, normal / sd, 0.0))
 
     def moments(self, mean: FloatArray, sd: FloatArray) -> Columns:
-        """Return mean and standard deviation of loads, both (n,); infinite under Student errors."""
+        """Return mean and standard deviation of loads, both (n,), infinite where there is none."""
+        if not self.has_mean:
+            return np.full(mean.shape[1], np.inf), np.full(mean.shape[1], np.inf)
         with np.errstate(over="ignore", invalid="ignore"):
             means = np.exp(mean + 0.5 * sd**2)
-            variances = means**2 * np.expm1(sd**2)
-            if self.df is not None:
-                wide = np.isfinite(self.df)[:, None] & (sd > 0)
-                means, variances = (np.where(wide, np.inf, x) for x in (means, variances))
             total = self._average(means)
             finite = np.isfinite(total)
-            spread = self._average(variances + np.where(finite, means - total, 0.0) ** 2)
+            apart = np.where(finite, means - total, 0.0)
+            spread = self._average(means**2 * np.expm1(sd**2) + apart**2)
         return total, np.where(finite, np.sqrt(spread), np.inf)
 
     def quantile(self, prob: float, mean: FloatArray, sd: FloatArray) -> FloatArray:
-        """Return the loads under which a share lies, shape (n,)."""
+        """Return the loads under which a share lies, shape (n,), infinite where none is reached."""
         if not sd.any():
             least = max(prob - 1e-12, 0.0)
-            return np.exp(
-                np.quantile(mean, least, axis=0, weights=self.weight, method="inverted_cdf")
-            )
-        with np.errstate(over="ignore"):
-            return np.exp(self._solve(mean, sd, prob))
+            points = np.quantile(mean, least, axis=0, weights=self.weight, method="inverted_cdf")
+            return np.exp(points)
+        finite = np.isfinite(mean)
+        share = self._average(finite.astype(float))
+        reached = np.flatnonzero(prob < share * (1 - 5e-13))
+        mean, sd, finite = mean[:, reached], sd[:, reached], finite[:, reached]
+        # The quantile of a mixture lies between those of its parts, but for rounding.
+        ends = mean + ndtri(prob / share[reached]) * sd
+        slack = 1e-6 * sd + 4 * np.spacing(np.where(finite, np.abs(ends), 1.0))
+        low = np.where(finite, ends - slack, np.inf).min(axis=0)
+        high = np.where(finite, ends + slack, -np.inf).max(axis=0)
 
-    def _solve(self, log_mean: FloatArray, sd: FloatArray, prob: float) -> FloatArray:
-        """Newton's method on the distribution function, kept inside a shrinking bracket."""
-        # Infinite loads, of draws that reach no further ridge, have a share but no place.
-        finite = np.isfinite(log_mean)
-        mean = np.where(finite, log_mean, 0.0)
-        share = np.maximum(self._average(finite.astype(float)), 1e-300)
-        reached = prob / share < 1 - 5e-13
-        # Beyond e^800 there are no floats: such loads are 0 or infinite.
-        high = np.where(reached, _LARGEST_LOG, 0.0)
-        low = -high
-        centre = self._average(mean) / share
-        variance = self._average(np.where(finite, (mean - centre) ** 2 + sd**2, 0.0)) / share
-        y = np.clip(centre + ndtri(prob) * np.sqrt(variance), low, high)
-        for _ in range(100):
-            found = self.cdf(y, log_mean, sd)
-            excess = found - prob
-            low, high = np.where(excess < 0, y, low), np.where(excess >= 0, y, high)
-            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                # In its lower tail a distribution function is nearly exponential.
-                step = found * np.log(found / prob) if prob < 0.5 else excess
-                newton = y - step / self.density(y, log_mean, sd)
-            inside = (newton >= low) & (newton <= high)
-            new = np.where(inside, newton, 0.5 * (low + high))
-            settled = np.abs(new - y)[reached].max(initial=0.0) < 1e-10
-            y = new
-            if settled:
-                break
-        return np.where(reached, y, np.inf)
+        def excess(y: FloatArray, i: IntArray) -> FloatArray:
+            return self.cdf(y, mean[:, i], sd[:, i]) - prob
+
+        places, tolerances = np.arange(len(reached)), {"xatol": _PRECISION, "xrtol": 0.0}
+        root = elementwise.find_root(excess, (low, high), args=(places,), tolerances=tolerances)
+        value = np.full(len(share), np.inf)
+        with np.errstate(over="ignore"):
+            value[reached] = np.exp(root.x)
+        return value
+
+    def reaching(self, y: FloatArray, last: int = LARGEST_Q, where: str = "") -> FloatArray:
+        """Return P(Q >= 2), P(Q >= 4), ... at log loads, of columns of the counts 4, 6, ...
+
+        Parameters
+        ----------
+        y : ndarray of float, shape (n,)
+            Log loads; or the loads themselves, where columns are points at these.
+        last : int, optional
+            Last count that a body can have.
+        where : str, optional
+            Where that is, for an error.
+
+        Returns
+        -------
+        ndarray of float, shape (n, n_step)
+            Up to the first count that is negligible at all loads.
+
+        Raises
+        ------
+        InputError
+            If counts pass 20,000.
+        """
+        shares = [np.ones(len(y))]
+        for first in range(4, last + 2, 2 * _COUNTS_AT_ONCE):
+            counts = np.arange(first, min(first + 2 * _COUNTS_AT_ONCE, last + 2), 2)
+            mean, sd = self.columns(counts // 2 - 2)
+            for j in range(len(counts)):
+                # One noise draw cannot reach a further ridge before a nearer one.
+                shares.append(np.minimum(self._shares(y, mean[:, j], sd[:, j]), shares[-1]))
+                if shares[-1].max() < NEGLIGIBLE:
+                    return np.stack(shares, axis=-1)
+        if last < LARGEST_Q:
+            return np.stack(shares, axis=-1)
+        raise InputError(f"p_over_E: expected counts up to {LARGEST_Q}, got more{where}")
+
+    def _shares(self, y: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
+        """Return the probability of log loads up to each y, shape (n,), of a single column."""
+        finite = np.flatnonzero(np.isfinite(mean))
+        if not sd[finite].any():
+            order = finite[np.argsort(mean[finite])]
+            total = np.append(0.0, np.cumsum(self.weight[order]))
+            return total[np.searchsorted(mean[order], y, side="right")]
+        order = finite[np.argsort(sd[finite])]
+        mean, sd, weight = mean[order], sd[order], self.weight[order]
+        low, high = (mean - _SATURATED * sd).min(), (mean + _SATURATED * sd).max()
+        if np.count_nonzero((y > low) & (y < high)) <= 2 * _N_NODE:
+            return _averages(y, mean, sd, weight)
+        # Nodes lie as close as quantiles of the draws do, at scores spread evenly over them.
+        i = np.arange(16 * _N_NODE)
+        draw = i * len(mean) // len(i)
+        close = np.sort(mean[draw] + _SATURATED * (2 * (i / golden % 1) - 1) * sd[draw])
+        nodes = np.unique([low, *close[:: len(i) // _N_NODE], high])
+        table = PchipInterpolator(nodes, _averages(nodes, mean, sd, weight))
+        return np.asarray(table(np.clip(y, nodes[0], nodes[-1])))
 
     def _average(self, values: FloatArray) -> FloatArray:
         return np.tensordot(self.weight, values, axes=1)
 
-    def _by_tail(self, method: str, z: FloatArray) -> FloatArray:
-        """Apply a method of `Tail` to standardised errors, to the draws of each tail its own."""
-        if self.df is None:
-            return ndtr(z) if method == "cdf" else NormalTail().log_density(z, None)
-        value, student = np.empty(z.shape), np.isfinite(self.df)
-        value[~student] = getattr(NormalTail(), method)(z[~student], None)
-        value[student] = getattr(StudentTail(), method)(z[student], self.df[student, None])
-        return value
+
+def _averages(y: FloatArray, mean: FloatArray, sd: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the average of normal distribution functions at each y, shape (n,).
+
+    Draws are in the order of their sd, so that most loads lie beyond the reach of most parts.
+    """
+    value = np.zeros(len(y))
+    n_part = max(-(-len(y) * len(mean) // _NUMBERS_AT_ONCE), _N_PART)
+    for part in np.array_split(np.arange(len(mean)), min(n_part, len(mean))):
+        m, s, w = mean[part], sd[part], weight[part]
+        low, high = (m - _SATURATED * s).min(), (m + _SATURATED * s).max()
+        value[y > high] += w.sum()
+        here = np.flatnonzero((y >= low) & (y <= high))
+        value[here] += (ndtr((y[here, None] - m) / s) * w).sum(axis=1)
+    return value
 
 
 def _z(y: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
@@ -155,6 +219,13 @@ def _stored(log_mean: FloatArray, sd: FloatArray, ids: IntArray) -> Columns:
 
 def _placed(columns: Callable[[IntArray], Columns], place: IntArray, ids: IntArray) -> Columns:
     return columns(place[ids])
+
+
+def _shifted(
+    columns: Callable[[IntArray], Columns], log_factor: FloatArray, ids: IntArray
+) -> Columns:
+    mean, sd = columns(ids)
+    return mean + log_factor[:, None], sd
 
 
 def _widened(columns: Callable[[IntArray], Columns], rel_se: FloatArray, ids: IntArray) -> Columns:

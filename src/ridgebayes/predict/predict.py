@@ -15,31 +15,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.contact.scaling import Texture, reduced_load
+from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, numbers, widths
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.load_draws import LoadDraws
-from ridgebayes.predict.of_scene import NEGLIGIBLE, load_of_scene, q_of_scene
-from ridgebayes.predict.predictive_cdf import (
-    N_LOAD_DRAWS,
-    Average,
-    PosteriorLoads,
-    distinct,
-    n_draws,
-    of_share,
-)
+from ridgebayes.predict.load_draws import LARGEST_Q, LoadDraws
+from ridgebayes.predict.of_scene import load_of_scene, q_of_scene
+from ridgebayes.predict.posterior_loads import PosteriorLoads, distinct, widest_count
 from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 from ridgebayes.scene.scene import Scene
 
 KINDS = ("curve", "simulation")
 _STORED = 2**19  # draws times places up to which a load distribution keeps them: 8 MB
-_HELD = 2**23  # numbers of smooth offsets' matrices that are held at once: 64 MB
-_LARGEST_Q = 20_000
-_BLOCK = 8  # counts worked out at a time
-_MANY = 4 + 2 * _BLOCK * 16  # the first count before which it is asked whether counts end at all
 
 
 class Predictive(ABC):
@@ -227,37 +216,26 @@ def predict_q(
     _check_kind(kind)
     places = _broadcast(*widths(a_over_R, b_over_R), nu, p_over_E=loads(p_over_E))
     a, b, poisson, p = places.values()
-    first, place = distinct(a, b)
-    own_a, own_b = a.ravel()[first], b.ravel()[first]
-    textures = list(zip(own_a.tolist(), own_b.tolist(), strict=True))
     calibrated = CalibratedRange.of(fit)
-    n_draw = n_draws(fit, share)
-    parts = _in_parts(fit, kind, n_draw)
-    if len(parts) > 1:
-        predicted = partial(predict_q, nu=nu, kind=kind)
-        each = (fit.at_draws(u, fit.seed + i) for i, u in enumerate(parts))
-        found = (predicted(one, a_over_R, b_over_R, p_over_E) for one in each)
-        return mix_q(found, [len(u) for u in parts])
-    flat_p, flat_nu = p.ravel(), poisson.ravel()
-    flags = calibrated.load_flags(flat_p, flat_nu)
-    flags |= calibrated.texture_flags(own_a, own_b)[place]
+    flags = calibrated.load_flags(p, poisson) | calibrated.texture_flags(a, b)
+    y = reduced_load(p, poisson).ravel()
+    if kind != "curve":  # its draws count at their own loads, which a logarithm would round
+        with np.errstate(divide="ignore"):
+            y = np.log(y)
+    first, place = distinct(a, b)
+    textures = list(zip(a.ravel()[first].tolist(), b.ravel()[first].tolist(), strict=True))
     groups = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place))[:-1])
-    ladders = [
-        _survival(fit, texture, flat_p[here], flat_nu[here], kind, n_draw)
-        for texture, here in zip(textures, groups, strict=False)
-    ]
-    n_step = max((ladder.shape[-1] for ladder in ladders), default=1)
-    survival = np.zeros((p.size, n_step))
-    for here, ladder in zip(groups, ladders, strict=False):
-        survival[here, : ladder.shape[1]] = ladder
-    return QDistribution(
-        survival.reshape(*p.shape, n_step),
-        flags.reshape(p.shape),
-        calibrated.Q_max,
-        kind,
-        np.nan,
-        places,
-    )
+
+    def distribution(part: PosteriorLoads) -> QDistribution:
+        shares = [_reaching(part, *x, y[here]) for x, here in zip(textures, groups, strict=False)]
+        survival = np.zeros((p.size, max((share.shape[1] for share in shares), default=1)))
+        for here, share in zip(groups, shares, strict=False):
+            survival[here, : share.shape[1]] = share
+        survival = survival.reshape(*p.shape, -1)
+        return QDistribution(survival, flags, calibrated.Q_max, kind, np.nan, places)
+
+    parts = PosteriorLoads(fit, kind, share).parts()
+    return mix_q(map(distribution, parts), [len(part) for part in parts])
 
 
 def predict_load(
@@ -287,96 +265,48 @@ def predict_load(
         Distribution with the broadcast shape.
     """
     _check_kind(kind)
-    n = of_share(N_LOAD_DRAWS, share)
-    parts = _in_parts(fit, kind, n)
-    if len(parts) > 1:
-        each = (fit.at_draws(u, fit.seed + i) for i, u in enumerate(parts))
-        found = (predict_load(one, a_over_R, b_over_R, Q, nu=nu, kind=kind) for one in each)
-        return mix_loads(found, [len(u) for u in parts])
     places = _broadcast(*widths(a_over_R, b_over_R), nu, Q=even_counts(Q, least=4))
     a, b, poisson, q = places.values()
     first, place = distinct(a, b, q, poisson)
-    a, b, q, poisson = own = [column.ravel()[first] for column in (a, b, q, poisson)]
+    a, b, q, poisson = columns = [column.ravel()[first] for column in (a, b, q, poisson)]
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.texture_flags(a, b) | calibrated.count_flags(q)
     highest = calibrated.highest_load(a, b, q, poisson)
-    part = PosteriorLoads.of(fit, n, kind)
-    n_draw = len(part.theta)
-    make = partial(_columns, part, own, kind)
-    draws = LoadDraws(np.full(n_draw, 1 / n_draw), part.df, make)
-    if n_draw * len(first) <= _STORED:
-        draws = LoadDraws.stored(*make(np.arange(len(first))), draws.weight, draws.df)
+    parts = []
+    for part in PosteriorLoads(fit, kind, share).parts():
+        draws = LoadDraws.alike(len(part), partial(_at_places, part, columns), part.has_mean)
+        is_small = len(part) * len(first) <= _STORED
+        parts.append((draws.stored(len(first)) if is_small else draws, len(part)))
+    n_draw = sum(n for _, n in parts)
+    draws = LoadDraws.joined((draws, n / n_draw) for draws, n in parts)
     place = place.reshape(places["Q"].shape)
     where = {"kind_of_band": np.array(kind), **places, "Q": places["Q"].astype(np.int64)}
-    return LoadDistribution.of(draws, place, flags[place], highest[place], where)
+    return LoadDistribution(draws, place, flags[place], highest[place], where)
 
 
-def _in_parts(fit: Posterior, kind: str, n: int) -> list[FloatArray]:
-    """Return about n draws in parts, by their coordinates; no parts where offsets are not needed.
-
-    Smooth offsets take a matrix for each draw; the matrices of one part are held at once.
-    """
-    n_place = fit.model.offsets.n_smooth
-    if not n_place or kind == "curve":
-        return []
-    u = fit.coordinates[:: -(-len(fit.draws) // n)]
-    return np.array_split(u, -(-len(u) * n_place**2 // _HELD))
-
-
-def _columns(
-    part: PosteriorLoads, places: Sequence[FloatArray], kind: str, ids: IntArray
+def _at_places(
+    loads: PosteriorLoads, places: Sequence[FloatArray], ids: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return location and scale of the log loads of some places (a/R, b/R, Q, nu)."""
+    """Return location and sd of the log loads of some places (a/R, b/R, Q, nu)."""
     a, b, q, nu = (column[ids] for column in places)
-    return part.log_loads(a, b, q, nu, kind)
+    return loads.at_places(a, b, q, nu)
 
 
-def _survival(
-    fit: Posterior,
-    texture: Texture,
-    p: FloatArray,
-    nu: FloatArray,
-    kind: str,
-    n_draw: int,
-) -> FloatArray:
-    """Return P(Q >= 2), P(Q >= 4), ... at loads p of one texture, shape (n_load, n_step)."""
-    draws = PosteriorLoads.of(fit, n_draw, kind)
-    average = Average(draws, kind)
-    columns = [np.ones(len(p))]
-    last = _LARGEST_Q if draws.df is None else _widest(texture)
+def _reaching(loads: PosteriorLoads, a: float, b: float, y: FloatArray) -> FloatArray:
+    """Return P(Q >= 2), P(Q >= 4), ... at log loads at nu = 0.5 of one texture, (n, n_step)."""
 
-    def reaching(counts: IntArray) -> FloatArray:
-        found = np.empty((len(p), len(counts)))
-        for poisson in np.unique(nu):
-            here = nu == poisson
-            found[here] = average.at(texture, counts, p[here], float(poisson))
-        return found
+    def columns(ids: IntArray) -> tuple[FloatArray, FloatArray]:
+        counts = 4 + 2 * ids
+        if loads.is_curve:
+            own = loads.load((a, b), counts)
+            return own, np.zeros(own.shape)
+        return loads.at((a, b), counts)
 
-    for first in range(4, last + 2, 2 * _BLOCK):
-        if first == _MANY and draws.df is None and reaching(np.array([last])).max() >= NEGLIGIBLE:
-            break
-        counts = np.arange(first, first + 2 * _BLOCK, 2)
-        # Student errors end at `last`; of normal ones a count beyond it tells whether they do.
-        found = reaching(counts if draws.df is None else counts[counts <= last])
-        for column in found.T:
-            # One noise draw cannot reach a further ridge before a nearer one.
-            columns.append(np.minimum(column, columns[-1]))
-            if columns[-1].max() < NEGLIGIBLE:
-                return np.stack(columns, axis=-1)
-    if draws.df is not None:
-        return np.stack(columns, axis=-1)
-    raise InputError(
-        f"p_over_E: expected counts up to {_LARGEST_Q}, got more at a/R, b/R = {texture}"
-    )
-
-
-def _widest(texture: Texture) -> int:
-    """Return the count of a body in contact over its whole width.
-
-    Student errors of few degrees of freedom leave some probability to any count at all.
-    """
-    a, b = texture
-    return min(2 + 2 * int(max(1 - b / 2, 0) / (a + b)), _LARGEST_Q)
+    last = LARGEST_Q
+    if not loads.has_mean:
+        last = min(last, int(widest_count(np.array(a), np.array(b))))
+    draws = LoadDraws.alike(len(loads), columns, loads.has_mean)
+    return draws.reaching(y, last, f" at a/R, b/R = {(a, b)}")
 
 
 def _broadcast(

@@ -159,7 +159,7 @@ class Predicted(Tabular):
         """
         columns = {**self._where, **self._columns(prob)}
         return pd.DataFrame(
-            {name: np.broadcast_to(one, self.shape).ravel() for name, one in columns.items()}
+            {name: np.broadcast_to(x, self.shape).ravel() for name, x in columns.items()}
         )
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -143,8 +143,8 @@ class QDistribution(Predicted):
         shape = common_shape(**{name: step}, distribution=self._numbers)
         column = np.broadcast_to(np.clip(step, 0, n_step).astype(np.intp), shape)[..., None]
         survival = np.broadcast_to(self.survival, (*shape, n_step))
-        found = np.take_along_axis(survival, np.minimum(column, n_step - 1), -1)
-        return np.where(column < n_step, found, 0.0)[..., 0][()]
+        value = np.take_along_axis(survival, np.minimum(column, n_step - 1), -1)
+        return np.where(column < n_step, value, 0.0)[..., 0][()]
 
     def at_least(self, n: ArrayLike) -> FloatArray:
         """Return P(Q >= n).
@@ -261,8 +261,8 @@ class QDistribution(Predicted):
 
     def _drawn(self, ax: "Axes | None") -> "Axes":
         if not self.shape or "p_over_E" not in self.places:
-            one = self._some(self._numbers.ravel()[:1])
-            return drawing.records.draw_probabilities(one.q, np.asarray(one.pmf)[0], ax)
+            first = self._some(self._numbers.ravel()[:1])
+            return drawing.records.draw_probabilities(first.q, np.asarray(first.pmf)[0], ax)
         return drawing.records.draw_bands(self.to_dataframe(), ax)
 
 
@@ -299,6 +299,17 @@ def mix_q(parts: Iterable[QDistribution], weights: Sequence[float]) -> QDistribu
         if is_heavy:
             flags, q_max = flags | part.flags, min(q_max, part.q_calibrated_max)
     return QDistribution(survival, flags, q_max, kind, error, places)
+
+
+def stacked(parts: Sequence[QDistribution]) -> QDistribution:
+    """Return distributions of one shape below each other, along a first axis."""
+    n_step = max(part.survival.shape[-1] for part in parts)
+    survival = np.zeros((len(parts), *parts[0].shape, n_step))
+    for row, part in zip(survival, parts, strict=True):
+        row[..., : part.survival.shape[-1]] = part.survival
+    flags = np.stack([part.flags for part in parts])
+    places = {name: np.stack([part.places[name] for part in parts]) for name in parts[0].places}
+    return replace(parts[0], survival=survival, flags=flags, places=places)
 
 
 def shares(weights: Sequence[float]) -> FloatArray:

@@ -14,10 +14,8 @@ from scipy import special
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.inference.posterior import Posterior
-from ridgebayes.model.forms import PowerLaw
-from ridgebayes.predict.predictive_cdf import PosteriorLoads
+from ridgebayes.predict.posterior_loads import PosteriorLoads
 from ridgebayes.predict.q_distribution import shares
-from ridgebayes.runtime.randomness import stream
 
 _N_NODE = 11
 _LEAST_TERM = 1e-5  # of log loads: what is left out of a series
@@ -48,34 +46,34 @@ class DrawnLoads:
     def __init__(self, fit: Posterior, low: float, high: float) -> None:
         self._middle, self._half = 0.5 * (low + high), max(0.5 * (high - low), 1e-9)
         self._nodes = self._middle + self._half * chebyshev.chebpts1(_N_NODE)
-        self.fit, self._loads = fit, PosteriorLoads.of_new_ones(fit, float(self._nodes[0]))
-        self.df = self._loads.df
+        self.fit, self._loads = fit, PosteriorLoads(fit)
+        self._loads.check_scaling(float(self._nodes[0]))
+        self.has_mean = self._loads.has_mean
         self._to_series = np.linalg.inv(
             chebyshev.chebvander(chebyshev.chebpts1(_N_NODE), _N_NODE - 1)
         )
-        # One offset a draw, the same at every texture: a normal and a t have no closed-form sum.
-        self._score = stream(fit.seed, "offset of a new texture").standard_normal(self.n_draw)
         self._series: dict[int, tuple[Series, Series]] = {}
 
     @property
     def n_draw(self) -> int:
         """Draws."""
-        return len(self._loads.theta)
+        return len(self._loads)
 
     def score(self, z: FloatArray, which: IntArray) -> FloatArray:
         """Return errors of draws, in scales, at standard normal scores."""
-        return z if self.df is None else special.stdtrit(self.df[which], special.ndtr(z))
+        return z
 
     def cdf(self, t: FloatArray, which: IntArray) -> FloatArray:
         """Return the share of errors up to t, in scales."""
-        value: FloatArray = special.ndtr(t) if self.df is None else special.stdtr(self.df[which], t)
+        value: FloatArray = special.ndtr(t)
         return value
 
     def series(self, count: int) -> tuple[Series, Series]:
         """Return the series in a/pitch of location and scale at a pitch of 1."""
         if count not in self._series:
-            at_nodes = [self._at((x, 1 - x), count) for x in self._nodes.tolist()]
-            self._series[count] = self._fitted(*(np.stack(column) for column in zip(*at_nodes)))  # noqa: B905
+            at_nodes = [self._loads.at_ratio(x, np.array([count])) for x in self._nodes.tolist()]
+            nodes = zip(*at_nodes, strict=True)
+            self._series[count] = self._fitted(*(np.stack(x)[:, :, 0] for x in nodes))
         return self._series[count]
 
     def at(
@@ -97,21 +95,8 @@ class DrawnLoads:
 
     def at_calibrated(self, texture: Texture, count: int) -> tuple[FloatArray, FloatArray]:
         """Return location and scale at a texture that was calibrated on, shape (n_draw,)."""
-        location, scale = self._loads.log_load(texture, np.array([count]), 0.5, "simulation")
+        location, scale = self._loads.at(texture, np.array([count]))
         return location[:, 0], np.array(scale[:, 0])
-
-    def _at(self, texture: Texture, count: int) -> tuple[FloatArray, FloatArray]:
-        Q = np.array([count])
-        # A power law says of a new texture what its prior does: the same draw at all of them.
-        shown = (0.5, 0.5) if isinstance(self.fit.form, PowerLaw) else texture
-        location = np.log(self._loads.load(shown, Q, 0.5)[:, 0])
-        sigma = self._loads.theta[:, self.fit.model.n_coefficient]
-        if self._loads.offsets is None:
-            return location, sigma
-        offset, variance = (part[:, 0] for part in self._loads.offsets.at(texture, Q))
-        if self.df is None:
-            return location + offset, np.sqrt(sigma**2 + variance)
-        return location + offset + np.sqrt(variance) * self._score, sigma
 
     def _fitted(self, location: FloatArray, scale: FloatArray) -> tuple[Series, Series]:
         series_pair = []

@@ -95,7 +95,7 @@ class PlacedDraws:
         self._ratio = wide / pitch
         self._log_area = 0.0 if self._texture else 2 * np.log(pitch)
         self._last: FloatArray | None = None
-        if part.loads.df is not None:  # tails leave some to any count: up to the whole width
+        if not part.loads.has_mean:  # Student tails leave some to any count: up to the whole width
             self._last = 2 + 2 * np.floor(np.maximum(1 - groove / 2, 0) / pitch)
         self._known: dict[int, tuple[FloatArray, FloatArray]] = {}
 
