@@ -9,7 +9,6 @@ import pandas as pd
 
 from ridgebayes.commands.run_files import summary_table, verdicts
 from ridgebayes.commands.terminal import Answer, files_in
-from ridgebayes.comparison.cautions import cautions
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.results import Fit
@@ -70,7 +69,7 @@ def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
     table = done.table
     fitted = count(len(table.calibration), "row")
     held_out = f", {n} held out" if (n := len(table.held_out)) else ""
-    lines = [f"{out}: {fitted} fitted{held_out}. {then}".strip(), *cautions(done)]
+    lines = [f"{out}: {fitted} fitted{held_out}. {then}".strip(), *done.cautions]
     if n_left_out := len(table.left_out):
         lines.insert(0, f"{table.where}: {n_left_out} rows are not ok and were not fitted")
     return "\n".join(lines)

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -32,7 +33,7 @@ from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes, refusing
 from ridgebayes.runtime.text import clipped, versions
 from ridgebayes.table.table import ContactTable, read_table
 
-REFERENCE = "reference-fe"
+EMBEDDED, REFERENCE = "embedded sweep", "reference-fe"
 OTHERS = "posteriors"  # folder of the fits under error models that are not printed
 # Tables of a comparison beside its evidences, by attribute: file and columns.
 _TABLES = {
@@ -208,12 +209,12 @@ def _state(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def read_run(folder: Path) -> Comparison:
-    """Read a comparison back; its fits hold thinned chains.
+def read_run(folder: str | os.PathLike[str]) -> Comparison:
+    """Read a comparison back, with the posteriors of all error models; chains are thinned.
 
     Parameters
     ----------
-    folder : Path
+    folder : path
         A run folder, or its ``reference-fe``.
 
     Returns
@@ -225,7 +226,19 @@ def read_run(folder: Path) -> Comparison:
     ------
     InputError
         If it is not a run folder, or a file in it is missing or damaged.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import ridgebayes as rb
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     what = {"noise": "iid", "accuracy": "quick", "command": "compare"}
+    ...     done = rb.run(rb.paper_sweep(), f"{folder}/out", forms=["modified", "hybrid"], **what)
+    ...     again = rb.read_run(f"{folder}/out")
+    >>> again.verdict.grade, again.cautions == done.cautions
+    ('supports', True)
     """
+    folder = Path(folder)
     about = _read_about(folder)
     failures, forms = about["verdicts"]["failures"], about["forms"]
     noise = replace(Noise.named(about["noise"]), nugget=about["nugget"])

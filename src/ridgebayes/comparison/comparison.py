@@ -10,6 +10,7 @@ from scipy.special import softmax
 
 from ridgebayes import drawing
 from ridgebayes._types import Tabular
+from ridgebayes.cautions import cautions
 from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.comparison.same_loads import same_loads
 from ridgebayes.comparison.verdict import Verdict, ranked_forms, verdict_of
@@ -84,6 +85,8 @@ class Comparison(Predictive, Tabular):
     {'iid'}
     >>> len(found.components)  # one error model: nothing to compare
     0
+    >>> found.cautions[0].split(",")[0]
+    'Errors of rows were taken as independent'
     >>> found.plot().get_xlabel()
     'ln Bayes factor over the most probable form'
     """
@@ -143,6 +146,13 @@ class Comparison(Predictive, Tabular):
             The axes drawn on.
         """
         return drawing.records.draw_forms(self.to_dataframe(), ax)
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What makes the answer doubtful, a sentence each: units, copies, independence, priors."""
+        shares, noises = self.probabilities, set(self.evidence["noise"])
+        best = max(self.fits, key=lambda name: shares.get(name, -1.0), default="")
+        return cautions(self.table, noises, self.noise, self.fits.get(best))
 
     @property
     def own_evidence(self) -> pd.DataFrame:

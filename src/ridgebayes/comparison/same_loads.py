@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.inference.posterior import Posterior
@@ -12,8 +13,7 @@ from ridgebayes.model.rows import Rows
 _CLOSE = 1e-7  # of log loads that are the same: those of the half-plane are computed to 1e-8
 _N_POINT, _SHIFT = 3, 0.5  # coefficients tried of each form; prior sds between them
 _MANY = 200  # coefficients beyond which not all textures are looked at, but so many
-_N_STEP, _N_HALVED, _FALL = 60, 30, 0.99  # of a search, which ends where it no longer gets nearer
-_SINGULAR = 1e-8  # directions of coefficients that change loads by less are not followed
+_N_HALVED = 30  # steps towards a draw, until a form has loads there
 
 
 def same_loads(one: Posterior, other: Posterior) -> bool:
@@ -118,28 +118,19 @@ class _Reachable:
 
     def holds(self, log_rates: FloatArray) -> bool:
         """Return whether the form reaches each of some sets of log rates, (n_point, n)."""
-        return bool(np.isfinite(log_rates).all()) and all(map(self._reaches, log_rates))
+        start = self.log_rates(self.points[0])
+        have_loads = np.isfinite(log_rates).all() and np.isfinite(start).all()
+        return bool(have_loads) and all(map(self._reaches, log_rates))
 
     def _reaches(self, target: FloatArray) -> bool:
-        """Return whether coefficients lead to log rates, by Gauss and Newton's steps."""
-        theta = self.points[0]
-        off = target - self.log_rates(theta)
-        for _ in range(_N_STEP):
-            if np.abs(off).max() < 0.5 * _CLOSE:
-                return True
-            step = self._step(theta, off)
-            for _ in range(_N_HALVED):
-                new = target - self.log_rates(theta + step)
-                if np.sum(new * new) < _FALL * np.sum(off * off):  # not where one is NaN
-                    break
-                step = 0.5 * step
-            else:
-                return False
-            theta, off = theta + step, new
-        return False
+        """Return whether coefficients lead to log rates, by least squares."""
 
-    def _step(self, theta: FloatArray, off: FloatArray) -> FloatArray:
-        slopes = self.form.log_rate_gradient(theta, self.a, self.b)
-        size = np.maximum(np.linalg.norm(slopes, axis=0), np.finfo(float).tiny)
-        step: FloatArray = np.linalg.lstsq(slopes / size, off, rcond=_SINGULAR)[0] / size
-        return step
+        def off(theta: FloatArray) -> FloatArray:
+            return self.log_rates(theta) - target
+
+        def slopes(theta: FloatArray) -> FloatArray:
+            return self.form.log_rate_gradient(theta, self.a, self.b)
+
+        rounding = dict.fromkeys(["ftol", "xtol", "gtol"], float(np.finfo(float).eps))
+        nearest = least_squares(off, self.points[0], slopes, x_scale="jac", **rounding)
+        return bool(np.abs(nearest.fun).max() < 0.5 * _CLOSE)
