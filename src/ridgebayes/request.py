@@ -117,7 +117,7 @@ class Request:
         data = Observations.from_table(rows)  # refuses rows that cannot be fitted
         noises = error_models_for(noise, data.n_series)
         if not preset.extras and len(noises) > 1:  # a quick run
-            noises = [each for each in noises if each.tail == "normal"]
+            noises = [candidate for candidate in noises if candidate.tail == "normal"]
         return cls(
             table=rows,
             forms=chosen,

@@ -82,15 +82,15 @@ def _program(
 def _caller(name: str, module: str, options_of: type[Any]) -> Callable[..., None]:
     """Return the function of a command, whose parameters are its options and those of all."""
 
-    def call(**given: Any) -> None:
-        output = Output(**{one.name: given.pop(one.name) for one in fields(Output)})
-        code = _done(name, module, options_of(**given), output)
+    def call(**typed: Any) -> None:
+        output = Output(**{record.name: typed.pop(record.name) for record in fields(Output)})
+        code = _done(name, module, options_of(**typed), output)
         if code:
             raise typer.Exit(code)
 
-    parameters = [p for one in (options_of, Output) for p in parameters_of(one)]
+    parameters = [p for record in (options_of, Output) for p in parameters_of(record)]
     call.__name__, call.__doc__ = name, help_of(options_of)[0]
-    call.__annotations__ = {one.name: one.annotation for one in parameters}
+    call.__annotations__ = {record.name: record.annotation for record in parameters}
     call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     return call
 
@@ -154,8 +154,8 @@ def main() -> None:
     except _UsageError as error:
         terminal = import_module("ridgebayes.commands.terminal")
         name, code = next((word for word in words if word in _COMMANDS), None), error.exit_code
-        told = Output(as_json=True)
-        terminal.tell(name, terminal.Answer(), code, error.format_message(), told)
+        output = Output(as_json=True)
+        terminal.tell(name, terminal.Answer(), code, error.format_message(), output)
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -65,9 +65,9 @@ def command(asked: options.Generate) -> Answer:
         left_out = _neglected_effects(wanted, None, **solving)
     failed = len(table.left_out)
     size = f"{count(len(table), 'row')}, {count(len(table.textures), 'texture')}"
-    told = f"{asked.out}: {size}, {failed} not ok"
+    summary = f"{asked.out}: {size}, {failed} not ok"
     return Answer(
-        (told, *medians_taken(wanted.uncertain_names), *left_out),
+        (summary, *medians_taken(wanted.uncertain_names), *left_out),
         {"rows": len(table), "textures": len(table.textures), "not_ok": failed},
         [asked.out, *(files_in(asked.fields) if asked.fields else ())],
         told=warned,
@@ -155,12 +155,12 @@ def _neglected_effects(
     """Return a line for each effect that exceeds a scene's accuracy and is not simulated."""
     if solver != "auto" or scene.relative is None:
         return []
-    each = [scene.model_copy(update={"textures": (texture,)}) for texture in scene.textures]
+    scenes = [scene.model_copy(update={"textures": (texture,)}) for texture in scene.textures]
     return [
-        f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}: {effect.name} not "
-        f"simulated: estimated load change {effect.estimate:.1e}, accuracy {scene.relative:g}"
-        for (one,) in map_ordered(plan, each, executor)
-        for effect in one.left_out
+        f"a/R = {planned.texture.a_over_R:g}, b/R = {planned.texture.b_over_R:g}: {effect.name} "
+        f"not simulated: estimated load change {effect.estimate:.1e}, accuracy {scene.relative:g}"
+        for (planned,) in map_ordered(plan, scenes, executor)
+        for effect in planned.left_out
     ]
 
 

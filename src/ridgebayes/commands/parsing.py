@@ -29,11 +29,11 @@ def refuse_existing(path: Path, force: bool) -> None:
         )
 
 
-def refuse_suffix(path: Path, known: tuple[str, ...]) -> None:
+def refuse_suffix(path: Path, suffixes: tuple[str, ...]) -> None:
     """Refuse a file of a kind that is not written: no other is written under its name."""
-    if path.suffix.lower() not in known:
+    if path.suffix.lower() not in suffixes:
         raise InputError(
-            f"{path}: expected a file name that ends in {' or '.join(known)}, "
+            f"{path}: expected a file name that ends in {' or '.join(suffixes)}, "
             f"got {path.suffix or 'no suffix'!r}"
         )
 
@@ -66,7 +66,7 @@ def parse_forms(text: str) -> list[str]:
 
 def parse_odds(text: str) -> dict[str, float]:
     """Return prior odds by form, of FORM=NUMBER with commas between them."""
-    found: dict[str, float] = {}
+    odds_of: dict[str, float] = {}
     for part in text.split(",") if text else []:
         name, _, odds = part.partition("=")
         name = parse_form(name)
@@ -74,19 +74,19 @@ def parse_odds(text: str) -> dict[str, float]:
             number = float(odds)
         except ValueError:
             number = math.nan
-        if not name or math.isnan(number) or name in found:
+        if not name or math.isnan(number) or name in odds_of:
             raise InputError(
                 f"--prior-odds {text!r}: {part.strip()!r}; expected FORM=NUMBER with commas "
                 "between them, each form once, such as hybrid=2,classic=0.5"
             )
-        found[name] = number
-    return found
+        odds_of[name] = number
+    return odds_of
 
 
 def parse_numbers(text: str, option: str) -> tuple[float, ...]:
     """Return comma-separated numbers."""
     try:
-        return tuple(float(one) for one in text.split(",")) if text else ()
+        return tuple(float(part) for part in text.split(",")) if text else ()
     except ValueError:
         raise InputError(f"{option} {text!r}: expected numbers with commas between them") from None
 

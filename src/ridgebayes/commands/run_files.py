@@ -179,12 +179,12 @@ def fits_list(comparison: Comparison) -> list[dict[str, Any]]:
             "form": form,
             "noise": noise,
             "weight": float(used.get((form, noise), 0.0)),
-            "sampler": one.sampler,
-            "converged": one.converged,
-            "why": "; ".join(one.convergence_failures),
+            "sampler": posterior.sampler,
+            "converged": posterior.converged,
+            "why": "; ".join(posterior.convergence_failures),
         }
         for form, fit in comparison.fits.items()
-        for noise, one in fit.posteriors.items()
+        for noise, posterior in fit.posteriors.items()
     ]
 
 
@@ -272,8 +272,8 @@ def read_command(folder: Path) -> tuple[str, dict[str, Any], int]:
         If it is not a run folder, or run.json is damaged.
     """
     about = _read_about(folder)
-    found = about.get("command"), about.get("options"), about.get("seed")
-    if not all(map(isinstance, found, (str, dict, int))):
+    origin = about.get("command"), about.get("options"), about.get("seed")
+    if not all(map(isinstance, origin, (str, dict, int))):
         raise _foreign(folder / RUN_JSON)
     return about["command"], about["options"], about["seed"]
 
@@ -291,12 +291,12 @@ def _read_fit(
 
 
 def _read_posterior(path: Path, form: str, noise: str) -> Posterior:
-    found = read_netcdf(path)
-    if found.form.name != form:
-        raise InputError(f"{path}: holds form {found.form.name!r}; expected {form!r}")
-    if found.noise.name != noise:
-        raise InputError(f"{path}: holds error model {found.noise.name!r}; expected {noise!r}")
-    return found
+    posterior = read_netcdf(path)
+    if posterior.form.name != form:
+        raise InputError(f"{path}: holds form {posterior.form.name!r}; expected {form!r}")
+    if posterior.noise.name != noise:
+        raise InputError(f"{path}: holds error model {posterior.noise.name!r}; expected {noise!r}")
+    return posterior
 
 
 def _read_about(folder: Path) -> dict[str, Any]:
@@ -336,8 +336,8 @@ def _foreign(path: Path) -> InputError:
 def _why_no_run(folder: Path) -> str:
     """Say why a folder is none of a finished run."""
     named = folder if folder.name else folder.absolute()  # "." has no name
-    own = named.name.startswith(".") and named.name.endswith(PARTIAL)
-    partial = folder if own else named.parent / f".{named.name}{PARTIAL}"
+    is_partial = named.name.startswith(".") and named.name.endswith(PARTIAL)
+    partial = folder if is_partial else named.parent / f".{named.name}{PARTIAL}"
     if partial.is_dir():
         return f"the run is not finished, its parts are in {partial}; continue it with --resume"
     if not folder.exists():

@@ -231,7 +231,7 @@ class Comparison(Predictive, Tabular):
 
         Forms of negligible probability need not converge.
         """
-        shares, found = self.probabilities, {}
+        shares, lacking = self.probabilities, {}
         for name, fit in self.fits.items():
             failures = list(fit.convergence_failures)
             for posterior, _ in fit.averaged:
@@ -239,8 +239,8 @@ class Comparison(Predictive, Tabular):
                     noise = posterior.noise.name
                     failures += [f"{noise}: {why}" for why in posterior.convergence_failures]
             if failures and shares.get(name, 1.0) >= MIN_FORM_PROBABILITY:
-                found[name] = tuple(failures)
-        return found
+                lacking[name] = tuple(failures)
+        return lacking
 
     @property
     def averaged(self) -> list[tuple[Posterior, float]]:

@@ -54,16 +54,16 @@ def same_loads(one: Posterior, other: Posterior) -> bool:
     )
 
 
-def _apart(one: Rows, other: Rows, n_texture: int) -> FloatArray | None:
+def _apart(first: Rows, other: Rows, n_texture: int) -> FloatArray | None:
     """Return the gap of log rates at equal loads, (n_texture,); None if it varies in a texture.
 
     A load is (shape/rate)^2, and the rate is one of all rows of a texture.
     """
-    texture = np.concatenate([one.texture, one.texture])
+    texture = np.concatenate([first.texture, first.texture])
     with np.errstate(invalid="ignore"):
-        apart = 0.5 * np.concatenate([one.upper - other.upper, one.lower - other.lower])
-    known = np.isfinite(apart)
-    texture, apart = texture[known], apart[known]
+        apart = 0.5 * np.concatenate([first.upper - other.upper, first.lower - other.lower])
+    has_load = np.isfinite(apart)
+    texture, apart = texture[has_load], apart[has_load]
     low, high = np.full(n_texture, np.inf), np.full(n_texture, -np.inf)
     np.minimum.at(low, texture, apart)
     np.maximum.at(high, texture, apart)
@@ -99,13 +99,13 @@ class _Reachable:
         names = [model.parameter_names.index(name) for name in form.parameter_names]
         u = posterior.coordinates[len(posterior.coordinates) // 2, : model.n_parameter]
         a, b = data.a_over_R[chosen], data.b_over_R[chosen]
-        found = cls(form, a, b, model.to_theta(u)[None, names])
-        points = [found.points[0]]
+        reached = cls(form, a, b, model.to_theta(u)[None, names])
+        points = [reached.points[0]]
         for k in range(1, _N_POINT):
             step = _SHIFT * np.cos(k + np.arange(len(u)))  # no coefficient, and no pair alike
             for _ in range(_N_HALVED):
                 theta = model.to_theta(u + step)[names]
-                if np.isfinite(found.log_rates(theta)).all():
+                if np.isfinite(reached.log_rates(theta)).all():
                     points.append(theta)
                     break
                 step = 0.5 * step
