@@ -25,7 +25,6 @@ import numpy as np
 import pandas as pd
 
 import ridgebayes as rb
-from ridgebayes.comparison.compare import DEFAULT_FORMS, Execution, compare_with
 from ridgebayes.comparison.verdict import GRADES, Verdict
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.errors import RidgebayesError
@@ -118,16 +117,14 @@ def compared(cell: Cell) -> dict[str, object]:
 
 def verdict_on(table: rb.ContactTable, seed: int) -> Verdict:
     """Return what a comparison says of the default forms, with draws of a quick run."""
-    return compare_with(Execution(_QUICK), table, DEFAULT_FORMS, rng=seed).verdict
+    return rb.compare(table, rng=seed, accuracy=_QUICK).verdict
 
 
 def check(cells: list[Cell]) -> None:
     """Print how far ln Bayes factors and grades of some tables are from those of a comparison."""
     for cell in cells:
         quick = verdict_on(drawn(cell), cell.index)
-        whole = compare_with(
-            Execution(_UNWALKED), drawn(cell), DEFAULT_FORMS, rng=cell.index
-        ).verdict
+        whole = rb.compare(drawn(cell), rng=cell.index, accuracy=_UNWALKED).verdict
         values = [
             (v.form, v.grade, round(v.ln_bf, 3), np.round(v.ln_bf_range, 2)) for v in (quick, whole)
         ]

@@ -79,7 +79,7 @@ def test_calibrate__takes_priors_noise_and_progress(paper):
         paper,
         Modified(),
         noise=Noise(),
-        priors={"c": LogNormal(1.0, 1e-4)},
+        priors={"modified": {"c": LogNormal(1.0, 1e-4)}},
         rng=1,
         settings=SHORT,
         progress=lines.append,

@@ -17,10 +17,14 @@ from typing import TYPE_CHECKING, Any
 
 _HOME = {
     "__version__": "_types",
+    "CautionWarning": "errors",
     "ComputationError": "errors",
     "InputError": "errors",
     "RidgebayesError": "errors",
+    "import_table": "fea.import_table",
+    "export_deck": "fea.export_deck",
     "Scene": "scene.scene",
+    "plan": "scene.estimates",
     "generate": "simulate.generation",
     "contact_at_loads": "simulate.responses",
     "edge_forces": "simulate.responses",
@@ -50,6 +54,7 @@ _HOME = {
     "Comparison": "comparison.comparison",
     "citations": "comparison.citations",
     "compare": "comparison.compare",
+    "coverage": "checks.coverage",
     "friction_inputs": "friction.inputs",
     "Design": "texture_design.record",
     "design": "texture_design.design",
@@ -59,6 +64,8 @@ _HOME = {
     "read_friction_table": "friction.table",
     "FrictionFit": "friction.calibration",
     "calibrate_friction": "friction.calibration",
+    "run": "commands.run",
+    "read_run": "commands.run_files",
     "write_report": "report",
 }
 __all__ = list(_HOME)
@@ -78,6 +85,9 @@ def __dir__() -> list[str]:
 
 if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
     from ridgebayes._types import __version__ as __version__
+    from ridgebayes.checks.coverage import coverage as coverage
+    from ridgebayes.commands.run import run as run
+    from ridgebayes.commands.run_files import read_run as read_run
     from ridgebayes.comparison.citations import citations as citations
     from ridgebayes.comparison.compare import compare as compare
     from ridgebayes.comparison.comparison import Comparison as Comparison
@@ -88,9 +98,12 @@ if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
     from ridgebayes.distributions.distribution import LogNormal as LogNormal
     from ridgebayes.distributions.distribution import Normal as Normal
     from ridgebayes.distributions.empirical import Empirical as Empirical
+    from ridgebayes.errors import CautionWarning as CautionWarning
     from ridgebayes.errors import ComputationError as ComputationError
     from ridgebayes.errors import InputError as InputError
     from ridgebayes.errors import RidgebayesError as RidgebayesError
+    from ridgebayes.fea.export_deck import export_deck as export_deck
+    from ridgebayes.fea.import_table import import_table as import_table
     from ridgebayes.friction.bands import FrictionBands as FrictionBands
     from ridgebayes.friction.calibration import FrictionFit as FrictionFit
     from ridgebayes.friction.calibration import calibrate_friction as calibrate_friction
@@ -110,6 +123,7 @@ if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
     from ridgebayes.report import write_report as write_report
     from ridgebayes.results import Fit as Fit
     from ridgebayes.results import calibrate as calibrate
+    from ridgebayes.scene.estimates import plan as plan
     from ridgebayes.scene.scene import Scene as Scene
     from ridgebayes.simulate.generation import generate as generate
     from ridgebayes.simulate.responses import contact_at_loads as contact_at_loads

@@ -47,3 +47,14 @@ class OutputError(RidgebayesError, OSError):
 
 class WorkerLostError(ComputationError):
     """Every worker process that was given a task died on it; the message names the task."""
+
+
+class CautionWarning(UserWarning):
+    """An answer that the table, an error model or a prior makes doubtful; the message says why.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> issubclass(rb.CautionWarning, UserWarning)
+    True
+    """

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +11,9 @@ import pandas as pd
 
 from ridgebayes import drawing
 from ridgebayes._types import Rng, Tabular, __version__
-from ridgebayes.distributions.distribution import Distribution
+from ridgebayes.cautions import cautions, warn_of
 from ridgebayes.distributions.grammar import priors_to_json
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.pairs import weigh_pairs
 from ridgebayes.evidence.walk_pair import walk_pair
 from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
@@ -23,16 +22,13 @@ from ridgebayes.inference.diagnostics import arviz_object
 from ridgebayes.inference.mixture import PosteriorMixture, fit_mixture
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior, walked_posterior
-from ridgebayes.inference.presets import STANDARD
-from ridgebayes.model.forms import FORMS, Form, as_form
+from ridgebayes.inference.presets import STANDARD, Preset
+from ridgebayes.model.forms import FORMS, Form
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import AUTO, Noise, error_models_for
-from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.model.prior_files import OF_ERRORS, Priors, resolve_priors
+from ridgebayes.model.noise import AUTO, Noise
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.predict import Predictive
-from ridgebayes.runtime.randomness import seed_of
-from ridgebayes.table.table import ContactTable, read_table
+from ridgebayes.request import PriorsLike, Request, TableLike
 
 if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
@@ -45,7 +41,7 @@ class Fit(Posterior, Predictive, Tabular):
     """The posterior of one form, with its predictions and its file.
 
     If several error models have weight, it holds a posterior for each, and predictions are
-    averaged over them. Draws, diagnostics and files are those of the printed error model.
+    averaged over them. Draws, diagnostics and files are those of the selected error model.
 
     Parameters
     ----------
@@ -68,7 +64,10 @@ class Fit(Posterior, Predictive, Tabular):
     error_model_weights : dict of str to float, optional
         Posterior probability of each error model that predictions are averaged over.
     others : dict of str to Posterior, optional
-        Posteriors under those of them that are not printed.
+        Posteriors under those of them that are not selected.
+    cautions : tuple of str, optional
+        What makes the answer doubtful, a sentence each: units, copies, independence, priors. A fit
+        read from a file has none.
 
     Examples
     --------
@@ -92,6 +91,7 @@ class Fit(Posterior, Predictive, Tabular):
 
     error_model_weights: Mapping[str, float] = field(default_factory=dict)
     others: Mapping[str, Posterior] = field(default_factory=dict, repr=False)
+    cautions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -104,6 +104,7 @@ class Fit(Posterior, Predictive, Tabular):
         posterior: Posterior,
         weights: Mapping[str, float] | None = None,
         posteriors: Mapping[str, Posterior] | None = None,
+        cautions: tuple[str, ...] = (),
     ) -> "Fit":
         """Return a posterior as a fit.
 
@@ -115,22 +116,26 @@ class Fit(Posterior, Predictive, Tabular):
             Probability of each error model to average over; of this one alone if not given.
         posteriors : mapping of str to Posterior, optional
             Posteriors under them; that of `posterior`'s error model is not looked at.
+        cautions : tuple of str, optional
+            What makes the answer doubtful.
 
         Returns
         -------
         Fit
             Fit with the same draws.
         """
-        own = {f.name: getattr(posterior, f.name) for f in fields(Posterior) if f.init}
-        printed = posterior.noise.name
-        found = {name: one for name, one in (posteriors or {}).items() if name in (weights or {})}
-        others = {name: one for name, one in found.items() if name != printed}
-        return cls(**own, error_model_weights=weights or {}, others=others)
+        drawn = {f.name: getattr(posterior, f.name) for f in fields(Posterior) if f.init}
+        others = {
+            name: other
+            for name, other in (posteriors or {}).items()
+            if name in (weights or {}) and name != posterior.noise.name
+        }
+        return cls(**drawn, error_model_weights=weights or {}, others=others, cautions=cautions)
 
     @property
     def posteriors(self) -> dict[str, Posterior]:
-        """The posterior under each error model that has one, beginning with the printed one."""
-        drawn = {name: one for name, one in self.others.items() if one.noise.name == name}
+        """The posterior under each error model that has one, beginning with the selected one."""
+        drawn = {name: other for name, other in self.others.items() if other.noise.name == name}
         return {self.noise.name: self, **drawn}
 
     @property
@@ -138,11 +143,12 @@ class Fit(Posterior, Predictive, Tabular):
         """The posteriors that predictions are averaged over, with their weights."""
         parts: dict[int, tuple[Posterior, float]] = {}
         for name, weight in self.error_model_weights.items():
-            one = self.others.get(name, self)
-            if one.noise.name == self.noise.name:
-                one = self
+            posterior = self.others.get(name, self)
+            if posterior.noise.name == self.noise.name:
+                posterior = self
             # Several error models may share one posterior.
-            parts[id(one)] = one, weight + parts.get(id(one), (one, 0.0))[1]
+            before = parts.get(id(posterior), (posterior, 0.0))[1]
+            parts[id(posterior)] = posterior, weight + before
         return list(parts.values())
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -213,7 +219,7 @@ class Fit(Posterior, Predictive, Tabular):
         return arviz_object(all_groups(self))
 
     def to_mixture(self, n_component: int | None = None) -> PosteriorMixture:
-        """Return the posterior of the printed error model as a Gaussian mixture.
+        """Return the posterior of the selected error model as a Gaussian mixture.
 
         For use as a prior elsewhere: it writes JSON that PyMC, NumPyro and Stan can use, see
         docs/reuse.md.
@@ -267,14 +273,15 @@ class Fit(Posterior, Predictive, Tabular):
         return cls.of(read_netcdf(path))
 
 
-def calibrate(
-    table: ContactTable | pd.DataFrame | str | os.PathLike[str],
+def calibrate(  # noqa: PLR0913  (each names a part of the question, and has a default)
+    table: TableLike,
     form: Form | str,
     *,
     noise: str | Noise = AUTO,
-    priors: Mapping[str, Distribution | str] | None = None,
+    priors: PriorsLike | None = None,
     rng: Rng = 0,
     settings: SampleSettings | None = None,
+    accuracy: Preset | str = STANDARD,
     progress: ProgressCallback | None = None,
     checkpoint: Path | None = None,
 ) -> Fit:
@@ -288,14 +295,17 @@ def calibrate(
         Contact form, or its name.
     noise : str or Noise, optional
         Error model; ``auto`` weighs all that suit the table and averages predictions over them.
-    priors : mapping of str to Distribution or str, optional
-        Replacements for default priors, by parameter name; a text is as in a file of priors, such
-        as ``lognormal(1.382, 10 %)``.
+    priors : mapping of str to mapping of str to prior, or path, optional
+        Replacements for default priors, as of `compare`: by form name, or ``noise``, and parameter
+        name, such as ``{"hybrid": {"c2": "normal(0, 0.05)"}, "noise": {"sigma": ...}}``. A path is
+        of a file of priors.
     rng : int or numpy.random.Generator, optional
         Seed; the same seed gives the same draws.
     settings : SampleSettings, optional
         Lengths and thresholds of a walk by emcee. If given, the selected error model's draws are
         those of the walk; if not, of importance sampling.
+    accuracy : str or Preset, optional
+        Target errors of draws and evidences: ``quick``, ``standard`` or ``reference``.
     progress : callable, optional
         Called with a line of text now and then.
     checkpoint : Path, optional
@@ -316,6 +326,11 @@ def calibrate(
     ComputationError
         If the posterior has no interior mode.
 
+    Warns
+    -----
+    CautionWarning
+        Of each of the fit's `cautions`.
+
     Notes
     -----
     *Cost.* A tenth of a CPU second for an error model of exact rows with normal errors, one or two
@@ -329,30 +344,40 @@ def calibrate(
     True
     >>> [round(mean, 2) for mean in fit.summary["mean"]]
     [1.34, 0.02, 0.03]
+    >>> sure = {"hybrid": {"c2": "normal(0, 0.001)"}}
+    >>> fit = rb.calibrate(rb.paper_sweep(), "hybrid", noise="iid", priors=sure)
+    >>> round(float(fit.summary["sd"][1]), 3)
+    0.001
     """
-    table, form = read_table(table), as_form(form)
-    refuse_circular(table, form)
-    data, seed, given = Observations.from_table(table), seed_of(rng), dict(priors or {})
-    noises = error_models_for(noise, data.n_series)
-    of_noise = {name for each in noises for name in each.parameter_names}
-    split: Priors = {
-        form.name: {name: one for name, one in given.items() if name not in of_noise},
-        OF_ERRORS: {name: one for name, one in given.items() if name in of_noise},
-    }
-    by_owner = resolve_priors(split, [form], noises, data)
-    weighed = weigh_pairs(data, [form], noises, priors=by_owner, seed=seed, progress=progress)
-    selected = weighed.selected()
-    posteriors = weighed.posteriors([form.name], selected.name, STANDARD.n_kept)[form.name]
+    request = replace(
+        Request.of(
+            table,
+            form,
+            noise=noise,
+            priors=priors,
+            accuracy=accuracy,
+            rng=rng,
+            settings=settings,
+        ),
+        progress=progress,
+    )
+    weighed = request.weigh()
+    (name,), selected = (form.name for form in request.forms), weighed.selected()
+    n_kept = request.accuracy.n_kept
+    posteriors = weighed.posteriors([name], selected.name, n_kept)[name]
     posterior = posteriors[selected.name]
     if settings is not None:
-        pair = weighed.pairs[form.name, selected.name]
+        pair = weighed.pairs[name, selected.name]
         drawn = weighed.weighed[pair.key].drawn
         assert drawn is not None  # it is selected by its evidence
-        digest = table.calibration.digest()
-        file = chain_checkpoint(checkpoint, digest, posterior.model, seed, settings)
+        digest = request.table.calibration.digest()
+        file = chain_checkpoint(checkpoint, digest, posterior.model, request.seed, settings)
         walked, _ = walk_pair(pair, drawn, settings, progress=progress, checkpoint=file)
         posterior = walked_posterior(posterior.model, walked, pair.own_seed, drawn.evidence)
-    return Fit.of(posterior, weighed.weights(form.name), posteriors)
+    noises = [noise.name for noise in request.noises]
+    sentences = cautions(request.table, noises, selected, posterior)
+    warn_of(sentences)
+    return Fit.of(posterior, weighed.weights(name), posteriors, sentences)
 
 
 def chain_checkpoint(

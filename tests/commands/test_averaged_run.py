@@ -9,8 +9,6 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands.request import FitRequest
-from ridgebayes.commands.run import run_job
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.errors import InputError
@@ -23,7 +21,6 @@ WHERE = {
     "textures": [(0.022, 0.02), (0.03, 0.015)],
     "loads": np.geomspace(2e-4, 0.01, 5),
 }
-COMPARE = "ridgebayes.comparison.compare"
 AHEAD = 1.2  # ln evidence by which a forced error model leads: those within 1.1 would do as well
 
 
@@ -63,8 +60,8 @@ def led_by(name, monkeypatch, others):
     if noise.tail != "normal":
         return name
     weighed = [Noise.named(one) for one in dict.fromkeys([name, *others])]
-    monkeypatch.setattr(f"{COMPARE}.error_models_for", lambda noise, n_series: weighed)
-    monkeypatch.setattr(f"{COMPARE}.weigh_pairs", ahead(name))
+    monkeypatch.setattr("ridgebayes.request.error_models_for", lambda noise, n_series: weighed)
+    monkeypatch.setattr("ridgebayes.request.weigh_pairs", ahead(name))
     return "auto"
 
 
@@ -74,8 +71,8 @@ def run(table, name, monkeypatch, folder, others=("iid", "texture")):
         monkeypatch.setattr(Gallery, "file", lambda self, name, kind: b"")
     noise = led_by(name, monkeypatch, others)
     table.write(folder / "mine.csv")
-    request = FitRequest(folder / "mine.csv", FORMS, noise, seed=2, accuracy="quick")
-    return run_job(folder / "run", request, workers=1)
+    what = {"forms": FORMS, "noise": noise, "rng": 2, "accuracy": "quick", "workers": 1}
+    return rb.run(folder / "mine.csv", folder / "run", **what)
 
 
 def content(folder):
@@ -165,8 +162,8 @@ def test_verdict__of_forms_that_predict_the_same_is_undecided_and_says_why(
     monkeypatch.setattr(Gallery, "file", lambda self, name, kind: b"")
     table = rb.ContactTable.from_frame(table.frame.iloc[: 3 * n_texture])
     table.write(tmp_path / "mine.csv")
-    request = FitRequest(tmp_path / "mine.csv", forms, noise, seed=2, accuracy="quick")
-    run_job(tmp_path / "run", request, workers=1)
+    what = {"forms": forms, "noise": noise, "rng": 2, "accuracy": "quick", "workers": 1}
+    rb.run(tmp_path / "mine.csv", tmp_path / "run", **what)
     told = content(tmp_path / "run")["verdict"]
     assert told["grade"] == "undecided"
     assert why in told["why"]

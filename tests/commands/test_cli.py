@@ -16,10 +16,8 @@ import xarray as xr
 
 import ridgebayes as rb
 from ridgebayes import drawing
-from ridgebayes.commands.compare import compare_job
 from ridgebayes.commands.parsing import parse_loads
 from ridgebayes.commands.predict import with_transitions
-from ridgebayes.commands.request import FitRequest
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.errors import ComputationError
@@ -84,7 +82,8 @@ def quick(monkeypatch):
 def finished(tmp_path_factory):
     """A run folder of two forms."""
     folder = tmp_path_factory.mktemp("finished") / "run"
-    compare_job(folder, FitRequest(SWEEP, ["modified", "classic"], noise="iid", settings=QUICK))
+    forms = ["modified", "classic"]
+    rb.run(SWEEP, folder, forms=forms, noise="iid", settings=QUICK, command="compare")
     return folder
 
 
@@ -193,8 +192,14 @@ COMPARE = ("compare", SWEEP, *IID)
         ((*FIT, "quadratic"), ["form 'quadratic': unknown", "classic, power-law, modified"]),
         ((*COMPARE, "--forms", "hybrid,cubic"), ["form 'cubic': unknown"]),
         ((*COMPARE, "--forms", "hybrid,,classic"), ["--forms 'hybrid,,classic': an empty name"]),
-        ((*COMPARE, "--forms", "hybrid,Hybrid"), ["forms: expected each once, got hybrid, hybrid"]),
-        ((*COMPARE, "--forms", "hybrid,hybrid"), ["forms: expected each once, got hybrid, hybrid"]),
+        (
+            (*COMPARE, "--forms", "hybrid,Hybrid"),
+            ["forms: expected at least one, each once, got hybrid, hybrid"],
+        ),
+        (
+            (*COMPARE, "--forms", "hybrid,hybrid"),
+            ["forms: expected at least one, each once, got hybrid, hybrid"],
+        ),
         ((*FIT, "half-plane"), ["41 calibration rows have solver 'half-plane'", "circular"]),
         ((*COMPARE, "--forms", "classic,half-plane"), ["solver 'half-plane'", "circular"]),
         (("run", "--forms", "half-plane"), ["embedded sweep", "circular"]),
@@ -217,7 +222,7 @@ COMPARE = ("compare", SWEEP, *IID)
             ((*COMPARE, "--prior-odds", text), [f"--prior-odds {text!r}", "expected FORM=NUMBER"])
             for text in ("hybrid", "hybrid=", "=2", "hybrid=two", "hybrid=1,hybrid=2", "hybrid=nan")
         ),
-        ((*COMPARE, "--prior-odds", "cubic=2"), ["--prior-odds: expected forms", "got 'cubic'"]),
+        ((*COMPARE, "--prior-odds", "cubic=2"), ["prior odds: expected forms", "got 'cubic'"]),
         (("run", "--prior-odds", "half-plane=2"), ["(classic, power-law, modified, hybrid)"]),
         ((*COMPARE, "--prior-odds", "hybrid=0"), ["hybrid: expected a finite number > 0, got 0.0"]),
         ((*FIT, "hybrid", "--prior-odds", "hybrid=2"), ["No such option"]),
@@ -668,11 +673,11 @@ def test_rows_of_two_sources_with_one_load__are_told(command, quick, paper):
 def test_run__passes_every_option_on(command, monkeypatch, finished):
     asked = {}
 
-    def run_job(folder, request, **options):
-        asked.update(vars(request), **options, folder=folder)
+    def run(**wanted):
+        asked.update(wanted)
         return read_run(finished)
 
-    monkeypatch.setattr("ridgebayes.commands.run.run_job", run_job)
+    monkeypatch.setattr("ridgebayes.commands.run.run", run)
     words = ("--table", "t.csv", "--forms", "classic,hybrid", "--noise", "iid", "--seed", "7")
     words += ("--workers", "3", "--scheduler", "tcp://host:1", "--prior-odds", "Hybrid=2")
     said = command("run", *words, "--force", "--resume", "-o", "out")
@@ -682,11 +687,10 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
         "table": Path("t.csv"),
         "forms": ["classic", "hybrid"],
         "noise": "iid",
-        "seed": 7,
+        "rng": 7,
         "force": True,
         "resume": True,
         "accuracy": "standard",
-        "settings": None,
         "priors": None,
         "prior_odds": {"hybrid": 2.0},
         "time_limit": None,
@@ -700,16 +704,16 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
 def test_run__nothing_named_is_the_embedded_sweep_with_seed_0(command, monkeypatch, finished):
     asked = {}
 
-    def run_job(folder, request, **options):
-        asked.update(vars(request), **options, folder=folder)
+    def run(**wanted):
+        asked.update(wanted)
         raise ComputationError("enough")
 
-    monkeypatch.setattr("ridgebayes.commands.run.run_job", run_job)
+    monkeypatch.setattr("ridgebayes.commands.run.run", run)
     said = command("run")
     assert (said.code, said.err) == (1, "ridgebayes: enough\n")
     assert asked["folder"] == Path("ridgebayes-out")
     assert asked["table"] is None
-    assert (asked["forms"], asked["noise"], asked["seed"]) == ([], "auto", 0)
+    assert (asked["forms"], asked["noise"], asked["rng"]) == ([], "auto", 0)
     assert (asked["force"], asked["resume"]) == (False, False)
 
 
@@ -1184,7 +1188,7 @@ def test_interrupted__is_not_a_traceback(command, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ridgebayes.commands.run.run_job", interrupted)
+    monkeypatch.setattr("ridgebayes.commands.run.run", interrupted)
     said = command("run")
     assert said.code == 130
     assert said.err == "ridgebayes: interrupted; continue run with --resume\n"
@@ -1198,7 +1202,7 @@ def test_interrupted__what_has_no_resume_advises_none_and_leaves_nothing(
         assert list(Path().glob(".*.partial"))
         raise KeyboardInterrupt
 
-    for inner in ("request.compare_with", "cost.map_ordered", "coverage.coverage"):
+    for inner in ("run.compared", "cost.map_ordered", "coverage.coverage"):
         monkeypatch.setattr(f"ridgebayes.commands.{inner}", interrupted)
     said = command(name, SWEEP)
     assert said.code == 130
@@ -1210,7 +1214,7 @@ def test_interrupted__fit_leaves_what_it_continues_with(command, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ridgebayes.commands.request.compare_with", interrupted)
+    monkeypatch.setattr("ridgebayes.commands.run.compared", interrupted)
     assert "continue fit with --resume" in command(*FIT, "hybrid").err
     assert Path(".ridgebayes-out.partial").is_dir()
 

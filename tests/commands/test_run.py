@@ -13,17 +13,14 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands import compare, run
 from ridgebayes.commands.report import report_job
-from ridgebayes.commands.request import EMBEDDED, FitRequest
-from ridgebayes.commands.run_files import read_run
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.runtime.progress import Progress
 
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
 QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
 FORMS = ["modified", "hybrid"]
-COMPARE = "ridgebayes.commands.request.compare_with"
+COMPARE = "ridgebayes.commands.run.compared"
 COLUMNS = {
     "summary.csv": "form,noise,parameter,mean,sd,eti_lower,eti_upper,prob,ess_bulk,ess_tail,"
     "r_hat,mcse_mean",
@@ -64,18 +61,17 @@ def about(folder):
     return json.loads((folder / "run.json").read_text(encoding="utf-8"))
 
 
-def run_job(folder, *, noise="iid", force=False, workers=1, **request):
+def run_job(folder, *, seed=0, workers=1, **wanted):
     """Run in this process: workers take seconds to import what they need."""
-    return run.run_job(folder, FitRequest(noise=noise, **request), force=force, workers=workers)
+    return rb.run(folder=folder, rng=seed, workers=workers, **{"noise": "iid"} | wanted)
 
 
-def compare_job(folder, table, *, resume=False, **request):
-    return compare.compare_job(folder, FitRequest(table, noise="iid", **request), resume=resume)
+def compare_job(folder, table, **wanted):
+    return run_job(folder, table=table, command="compare", **wanted)
 
 
-def fit_job(folder, table, form, *, resume=False, **request):
-    asked = FitRequest(table, [form], noise="iid", **request)
-    return compare.compare_job(folder, asked, scores=False, resume=resume)
+def fit_job(folder, table, form, **wanted):
+    return run_job(folder, table=table, forms=form, command="fit", **wanted)
 
 
 class Pages:
@@ -197,7 +193,7 @@ def test_run__held_out_rows_are_predicted_and_not_fitted(runs, table):
     loads = pd.read_csv(runs[0] / "first" / "loads.csv")
     seen = loads.query("form == 'average' and kind_of_band == 'simulation' and b_over_R == 0.09")
     assert seen["p_over_E_observed"].tolist() == held_out["p_over_E"].tolist()
-    fit = read_run(runs[0] / "first").fits["hybrid"]
+    fit = rb.read_run(runs[0] / "first").fits["hybrid"]
     assert len(fit.model.data) == len(frame) - 3
     assert (0.012, 0.09) not in fit.model.data.textures
 
@@ -233,7 +229,7 @@ def test_run__says_how_it_was_made(runs, table):
 
 def test_run__returns_what_it_wrote(runs):
     folder, done, _, _ = runs
-    again = read_run(folder / "first")
+    again = rb.read_run(folder / "first")
     assert again.probabilities.keys() == done["first"].probabilities.keys()
     assert again.best == done["first"].best
     assert not done["first"].complete
@@ -354,7 +350,7 @@ def test_default__compares_every_form_on_the_finite_element_rows(default):
     forms = ["classic", "power-law", "modified", "hybrid", "half-plane"]
     expected = COMPARED | posteriors(*forms) | {"bands.csv", "loads.csv"}
     assert names(folder / "reference-fe") == expected
-    again = read_run(folder / "reference-fe")
+    again = rb.read_run(folder / "reference-fe")
     assert list(again.fits) == forms
     assert again.table.digest() == rb.reference_fe().digest()
     assert pages.asked[0][2].table.where == again.table.where == "finite-element reference rows"
@@ -372,9 +368,9 @@ def test_default__the_second_folder_has_the_same_columns(default, name):
 def test_default__the_table_is_the_embedded_sweep(default, paper):
     folder, _, _ = default
     content = about(folder)
-    assert content["table"] == EMBEDDED == "embedded sweep"
+    assert content["table"] == "embedded sweep"
     assert content["options"] == {"table": None, "forms": ["modified"]} | STANDARD
-    assert read_run(folder).table.digest() == paper.digest()
+    assert rb.read_run(folder).table.digest() == paper.digest()
 
 
 def test_default__unfinished_fits_of_the_second_comparison_are_failures_too(default):
@@ -410,8 +406,8 @@ def test_compare__writes_the_comparison_without_bands_and_pages(tmp_path, table,
 def test_compare__default_forms_are_the_four_printed_ones(tmp_path, table, monkeypatch):
     asked = []
 
-    def compare(execution, table, forms, **options):
-        asked.extend(form.name for form in forms)
+    def compare(request):
+        asked.extend(form.name for form in request.forms)
         raise ComputationError("enough")
 
     monkeypatch.setattr(COMPARE, compare)
@@ -427,14 +423,14 @@ def test_fit__writes_one_posterior_with_its_evidence(tmp_path, table):
     content = about(tmp_path / "out")
     assert content["command"] == "fit"
     assert content["options"] == {"table": str(table), "form": "power-law"} | STANDARD
-    assert read_run(tmp_path / "out").probabilities == {"power-law": 1.0}
+    assert rb.read_run(tmp_path / "out").probabilities == {"power-law": 1.0}
     assert list(done.fits) == ["power-law"]
 
 
 @pytest.mark.parametrize("n_form", [1, 2])
 def test_jobs__announce_as_many_stages_as_come(tmp_path, table, monkeypatch, n_form):
     Counted.made = []
-    monkeypatch.setattr("ridgebayes.commands.compare.Progress", Counted)
+    monkeypatch.setattr("ridgebayes.commands.run.Progress", Counted)
     if n_form == 1:
         fit_job(tmp_path / "out", table, "modified", settings=QUICK)
     else:

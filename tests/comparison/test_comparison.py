@@ -11,7 +11,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, reading
-from ridgebayes.comparison.compare import Execution, compare_with
+from ridgebayes.comparison.compare import compared
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import factors_by_method
 from ridgebayes.comparison.scores import LOO_COLUMNS
@@ -23,6 +23,7 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.report import render_report
+from ridgebayes.request import Request
 
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
 QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
@@ -124,7 +125,7 @@ def test_prior_odds__are_told_in_words_where_they_were_set(odds):
     [
         ({"classic": 2}, r"forms that are compared \(modified\), got 'classic'"),
         ({"Modified": 2}, "got 'Modified'"),
-        ({"modified": 0}, "prior_odds: modified: expected a finite number > 0, got 0"),
+        ({"modified": 0}, "prior odds: modified: expected a finite number > 0, got 0"),
         ({"modified": math.inf}, "got inf"),
         ({"modified": math.nan}, "got nan"),
         ({"modified": "2"}, "got '2'"),
@@ -537,8 +538,8 @@ def test_stages__are_told_in_order_and_progress_names_what_is_under_way(paper):
         yield
         stages.append(f"end {name}")
 
-    told = Execution(settings=QUICK, progress=lines.append, stage=stage)
-    compare_with(told, paper, [rb.Modified(), rb.Hybrid()], noise="iid")
+    request = Request.of(paper, [rb.Modified(), rb.Hybrid()], noise="iid", settings=QUICK)
+    compared(replace(request, progress=lines.append, stage=stage))
     names = [
         "evidences",
         "posteriors",

@@ -19,8 +19,6 @@ from pathlib import Path
 import numpy as np
 
 import ridgebayes as rb
-from ridgebayes.commands.request import FitRequest
-from ridgebayes.commands.run import run_job
 from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
@@ -41,8 +39,6 @@ import sys
 from pathlib import Path
 import ridgebayes as rb
 from ridgebayes.comparison import compare
-from ridgebayes.commands.compare import compare_job
-from ridgebayes.commands.request import FitRequest
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.commands.run_folder import write_csv
 from ridgebayes.evidence import prior_sensitivity
@@ -50,8 +46,8 @@ prior_sensitivity.scale_factors = lambda prior: (1.0, 1.8)
 textures = [(0.012, 0.03), (0.022, 0.02), (0.032, 0.01)]
 rb.generate(rb.Scene.of(textures, p_over_E=0.01)).write("t.csv")
 settings = rb.SampleSettings(n_walker=16, n_step_max=300)
-request = FitRequest(Path("t.csv"), ["modified", "hybrid"], "iid", seed=3, settings=settings)
-done = compare_job(Path("out"), request)
+what = {"forms": ["modified", "hybrid"], "noise": "iid", "settings": settings}
+done = rb.run("t.csv", "out", rng=3, command="compare", **what)
 write_csv(bands_table(done), Path("out", "bands.csv"))
 rb.write_report(done, "out/report.md")
 """
@@ -145,10 +141,8 @@ def run_shared_out(folder):
     found = {}
     for n in (1, 2):
         # With shared offsets, which is where factors are kept.
-        asked = FitRequest(
-            folder / "t.csv", ["modified", "hybrid"], noise="step-smooth", accuracy="quick"
-        )
-        run_job(folder / str(n), asked, workers=n)
+        what = {"forms": ["modified", "hybrid"], "noise": "step-smooth", "accuracy": "quick"}
+        rb.run(folder / "t.csv", folder / str(n), workers=n, **what)
         found[n] = run_contents(folder / str(n))
     assert found[1] == found[2]
     return f"{len(found[1])} files, the same bytes"

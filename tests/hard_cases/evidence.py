@@ -10,13 +10,14 @@ from scipy.special import logsumexp
 
 import ridgebayes as rb
 from ridgebayes.checks.power_scaling import power_scaling
-from ridgebayes.comparison.compare import Execution, compare_with
+from ridgebayes.comparison.compare import compared
 from ridgebayes.evidence.bridge import bridge_evidence
 from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.emcee_sampling import walk
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.target import ModelTarget
+from ridgebayes.request import Request
 from tests.hard_cases.case import hard_case, refused
 from tests.hard_cases.likelihood import (
     FEW,
@@ -54,8 +55,8 @@ def enormous_factor(folder):
     frame = made(rb.Modified(), [1.4], textures=textures, error=1e-7)
     frame = pd.concat([frame.assign(series=str(i)) for i in range(120)])
     table = rb.read_table(frame)
-    few = Execution(settings=FEW, scores=False)
-    found = compare_with(few, table, [rb.Modified(), rb.Classic()], noise="iid", rng=1)
+    few = Request.of(table, [rb.Modified(), rb.Classic()], noise="iid", rng=1, settings=FEW)
+    found = compared(replace(few, scores=False))
     row = found.bayes_factors.iloc[0]
     one, other = (weighed(found.fits[form].model, seed=9) for form in ("modified", "classic"))
     assert row["ln_bf"] > 9e4

@@ -38,16 +38,15 @@ from pathlib import Path
 import ridgebayes as rb
 from ridgebayes.commands import cli
 from ridgebayes.comparison import compare
-from ridgebayes.commands import compare as command
-from ridgebayes.commands.request import FitRequest
+from ridgebayes.commands import run as command
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.evidence import prior_sensitivity
 prior_sensitivity.scale_factors = lambda prior: (1.5,)
 def job(**options):
     settings = rb.SampleSettings(n_walker=16, n_burn=20, n_tau=120, tau_change=0.1)
     forms = ["modified", "hybrid"]
-    request = FitRequest(Path("few.csv"), forms, "iid", seed=5, settings=settings)
-    command.compare_job(Path("out"), request, **options)
+    what = {"forms": forms, "noise": "iid", "rng": 5, "settings": settings, "command": "compare"}
+    command.run("few.csv", "out", **what, **options)
 """
 RUN = """
 import sys

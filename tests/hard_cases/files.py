@@ -23,10 +23,7 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands.compare import compare_job
 from ridgebayes.commands.report import report_job
-from ridgebayes.commands.request import FitRequest
-from ridgebayes.commands.run import run_job
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.errors import InputError
 from ridgebayes.fea.read import Given, import_files
@@ -77,7 +74,8 @@ def sound_run() -> dict[str, bytes]:
         rb.ContactTable.from_frame(frame[chosen]).write(Path(scratch, "t.csv"))
         out = Path(scratch, "out")
         table = Path(scratch, "t.csv")
-        compare_job(out, FitRequest(table, ["modified", "hybrid"], accuracy="quick"))
+        what = {"forms": ["modified", "hybrid"], "accuracy": "quick", "command": "compare"}
+        rb.run(table, out, **what)
         return {
             path.relative_to(out).as_posix(): path.read_bytes()
             for path in out.rglob("*")
@@ -324,7 +322,7 @@ def hostile_run() -> tuple[str, str, dict[str, bytes]]:
         path, out = Path(scratch, "t|`<img src=x onerror=alert(1)>$\u202e.csv"), Path(scratch, "o")
         table.write(path)
         forms = ["power-law", "modified"]
-        run_job(out, FitRequest(path, forms, "iid", accuracy="quick"), workers=1)
+        rb.run(path, out, forms=forms, noise="iid", accuracy="quick", workers=1)
         back = rb.read_table(out / "table.csv")
         assert back.digest() == table.digest()
         assert {one.name for one in Path(scratch).iterdir()} == {path.name, "o"}

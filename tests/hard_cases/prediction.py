@@ -5,6 +5,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -14,10 +15,9 @@ from scipy.special import ndtr
 
 import ridgebayes as rb
 from ridgebayes.comparison.bands import bands_table
-from ridgebayes.comparison.compare import Execution, compare_with
+from ridgebayes.comparison.compare import compared
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.posterior import completed
-from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
@@ -26,6 +26,7 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.predict.load_distribution import mix_loads
 from ridgebayes.predict.predict import predict_q
 from ridgebayes.predict.q_distribution import mix_q
+from ridgebayes.request import Request
 from tests.drawn import drawn_posterior
 from tests.hard_cases.case import hard_case, refused
 
@@ -41,8 +42,9 @@ def fitted(name: str, noise: str = "iid") -> rb.Fit:
 
 @functools.cache
 def weighed() -> rb.Comparison:
-    quick = Execution(QUICK, scores=False)
-    return compare_with(quick, rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    forms = [rb.Modified(), rb.Hybrid()]
+    quick = Request.of(rb.paper_sweep(), forms, noise="iid", rng=1, accuracy="quick")
+    return compared(replace(quick, scores=False))
 
 
 def single_draw(form: Form, noise: str, theta: list[float]) -> rb.Fit:
@@ -189,7 +191,9 @@ def rates_below_zero():
     A, B, Q = (x.ravel() for x in np.broadcast_arrays(*everything.T[:, :, None], [[4, 6, 8]]))
     p = rb.Hybrid().load(Q, A, B, [1.38, -0.006]) * np.exp(0.02 * rng.standard_normal(len(Q)))
     table = rb.read_table(pd.DataFrame({"a_over_R": A, "b_over_R": B, "Q": Q, "p_over_E": p}))
-    fit = rb.calibrate(table, rb.Hybrid(), priors={"c2": rb.Normal(0.0, 0.05)}, rng=1, noise="iid")
+    fit = rb.calibrate(
+        table, rb.Hybrid(), priors={"hybrid": {"c2": rb.Normal(0.0, 0.05)}}, rng=1, noise="iid"
+    )
     c1, c2, sigma = fit.draws.T
     rate = c1 / (a + b) + c2 / a
     lost = float(np.mean(rate <= 0))

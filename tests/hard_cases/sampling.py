@@ -143,7 +143,7 @@ def wrong_gradients():
 )
 def own_coefficient():
     said = refused(lambda: calibrated(Renamed()), rb.InputError, "renamed", "'alpha'", "priors=")
-    own = calibrated(Renamed(), priors={"alpha": rb.LogNormal(1.382, 0.1)}).summary
+    own = calibrated(Renamed(), priors={"renamed": {"alpha": rb.LogNormal(1.382, 0.1)}}).summary
     known = calibrated(rb.Modified()).summary
     off = np.abs(own["mean"] - known["mean"]) / known["sd"]
     assert off.max() < 0.05

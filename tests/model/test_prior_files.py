@@ -13,7 +13,6 @@ from ridgebayes.model.default_priors import slope_prior
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.prior_files import resolve_priors
-from ridgebayes.runtime.reading import read_toml
 from tests import oracles
 
 ALL = [rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid()]
@@ -33,9 +32,7 @@ def data(observed):
 def resolved(data, text, folder):
     path = folder / "p.toml"
     path.write_text(text, encoding="utf-8")
-    return resolve_priors(
-        read_toml(path), ALL, [Noise()], data, where=str(path), folder=path.parent
-    )
+    return resolve_priors(path, ALL, [Noise()], data)
 
 
 def test_resolve__is_by_form_and_parameter_and_k_is_of_every_texture(data, tmp_path):

@@ -10,13 +10,13 @@ import pandas as pd
 
 from ridgebayes._types import Rng
 from ridgebayes.checks.left_out import Fold, clustered_se, of_folds, row_loads
-from ridgebayes.comparison.compare import DEFAULT_FORMS
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import ResolvedPriors
+from ridgebayes.request import DEFAULT_FORMS
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable
@@ -86,6 +86,13 @@ def coverage(
     Notes
     -----
     *Cost.* Up to a CPU second for each fold.
+
+    Examples
+    --------
+    >>> import ridgebayes as rb
+    >>> shares = rb.coverage(rb.paper_sweep(), [rb.Hybrid()], ["iid"], probs=[0.9])
+    >>> shares[["form", "n", "n_texture"]].values.tolist()
+    [['hybrid', 41, 9]]
     """
     for form in forms:
         refuse_circular(table, form.form if isinstance(form, Fit) else form)

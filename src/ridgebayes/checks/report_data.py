@@ -18,7 +18,6 @@ from ridgebayes.checks.predictive_checks import PredictiveChecks, posterior_chec
 from ridgebayes.checks.repeat import Repeat, against_priors, is_cheap, repeat_posterior
 from ridgebayes.comparison import ranking
 from ridgebayes.comparison.bands import bands_table
-from ridgebayes.comparison.cautions import cautions
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.own_texture import OwnTexture, own_texture
 from ridgebayes.comparison.ranking import Predicting, best_form
@@ -196,7 +195,7 @@ def report_data(comparison: Comparison) -> ReportData:
         tuple(ranked),
         verdict,
         ranking.problems(comparison),
-        cautions(comparison),
+        comparison.cautions,
         none if best is None else ranking.factors_by_method(comparison, best),
         none if best is None else ranking.sensitivity_factors(comparison, best),
         ranking.predicting(comparison),

@@ -4,11 +4,6 @@
 may, and `cli` lists them; they load nothing heavy. `command` in the module of a command's name does
 the work and returns an `Answer`, which `terminal` shows. `run_folder` writes a folder whole or not
 at all, `run_files` says which files a run has. The room knows every other one, and none knows it.
-
->>> from ridgebayes.commands.request import FitRequest
->>> inputs = FitRequest(forms=["hybrid"], noise="step").resolve()
->>> inputs.table.where, [form.name for form in inputs.forms], inputs.noise.name
-('embedded sweep', ['hybrid'], 'step')
 """
 
 import time

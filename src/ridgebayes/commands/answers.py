@@ -9,7 +9,6 @@ import pandas as pd
 
 from ridgebayes.commands.run_files import summary_table, verdicts
 from ridgebayes.commands.terminal import Answer, files_in
-from ridgebayes.comparison.cautions import cautions
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.results import Fit
@@ -41,10 +40,10 @@ def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
         }
         for fit in ranked
     ]
-    found = verdicts(done)
+    summary = verdicts(done)
     return Answer(
         (*parts, pd.DataFrame(forms), *_coefficients(ranked)),
-        {"verdict": found["verdict"], "fits": found["fits"]},
+        {"verdict": summary["verdict"], "fits": summary["fits"]},
         files_in(out),
         details=(done.bayes_factors,),
         problem=_problem(done),
@@ -55,9 +54,9 @@ def fit_answer(done: Comparison, out: Path) -> Answer:
     """Return the parameters of one fit, those of the error model too."""
     (fit,) = done.fits.values()
     state = "converged" if fit.converged else "NOT converged"
-    told = f"{fit.form.name}, error model {fit.noise.name}, drawn by {fit.sampler}: {state}"
+    state_text = f"{fit.form.name}, error model {fit.noise.name}, drawn by {fit.sampler}: {state}"
     return Answer(
-        (_rows_text(done, out), told, pd.DataFrame(_rows(fit, fit.summary))),
+        (_rows_text(done, out), state_text, pd.DataFrame(_rows(fit, fit.summary))),
         summary_table([fit]),
         files_in(out),
         details=(fit.summary,),
@@ -70,7 +69,7 @@ def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
     table = done.table
     fitted = count(len(table.calibration), "row")
     held_out = f", {n} held out" if (n := len(table.held_out)) else ""
-    lines = [f"{out}: {fitted} fitted{held_out}. {then}".strip(), *cautions(done)]
+    lines = [f"{out}: {fitted} fitted{held_out}. {then}".strip(), *done.cautions]
     if n_left_out := len(table.left_out):
         lines.insert(0, f"{table.where}: {n_left_out} rows are not ok and were not fitted")
     return "\n".join(lines)
@@ -81,11 +80,11 @@ def _coefficients(fits: Sequence[Fit]) -> list[str | pd.DataFrame]:
     rows: list[dict[str, str]] = []
     more: list[str | pd.DataFrame] = []
     for fit in fits:
-        own = fit.summary[fit.summary["parameter"].isin(fit.form.parameter_names)]
-        if len(own) > _MOST_ROWS:
-            more.append(f"{fit.form.name}: {len(own)} coefficients, see summary.csv")
+        coefficients = fit.summary[fit.summary["parameter"].isin(fit.form.parameter_names)]
+        if len(coefficients) > _MOST_ROWS:
+            more.append(f"{fit.form.name}: {len(coefficients)} coefficients, see summary.csv")
         else:
-            rows += [{"form": fit.form.name} | row for row in _rows(fit, own)]
+            rows += [{"form": fit.form.name} | row for row in _rows(fit, coefficients)]
     if not rows:
         return more
     return [f"Coefficients under error model {fits[0].noise.name}:", pd.DataFrame(rows), *more]
@@ -113,9 +112,9 @@ def _rows(fit: Fit, summary: pd.DataFrame) -> list[dict[str, str]]:
 def _heaviest(weights: Mapping[str, float]) -> str:
     """Return the error models of most weight; all are in run.json."""
     ranked = sorted(weights.items(), key=lambda item: -item[1])
-    told = [f"{noise} {weight:.2g}" for noise, weight in ranked[:_MOST_NOISES]]
-    more = [f"{len(ranked) - len(told)} more"] if len(ranked) > len(told) else []
-    return ", ".join([*told, *more])
+    shown = [f"{noise} {weight:.2g}" for noise, weight in ranked[:_MOST_NOISES]]
+    more = [f"{len(ranked) - len(shown)} more"] if len(ranked) > len(shown) else []
+    return ", ".join([*shown, *more])
 
 
 def _share_text(share: float | None) -> str:

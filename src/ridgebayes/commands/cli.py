@@ -30,13 +30,13 @@ from ridgebayes.errors import ComputationError, InputError
 _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "run": ("run", options.Run),
     "generate": ("generate", table_options.Generate),
-    "fit": ("fit", options.Fit),
-    "compare": ("compare", options.Compare),
+    "fit": ("run", options.FitOne),
+    "compare": ("run", options.Compare),
     "predict": ("predict", options.Predict),
     "friction": ("friction", options.Friction),
-    "design": ("design", options.Design),
+    "design": ("design", options.DesignOptions),
     "coverage": ("coverage", options.Coverage),
-    "plan": ("plan", table_options.Plan),
+    "plan": ("plan", table_options.PlanOptions),
     "cost": ("cost", table_options.Cost),
     "import": ("import_", table_options.Import),
     "export-deck": ("export_deck", table_options.ExportDeck),
@@ -82,15 +82,15 @@ def _program(
 def _caller(name: str, module: str, options_of: type[Any]) -> Callable[..., None]:
     """Return the function of a command, whose parameters are its options and those of all."""
 
-    def call(**given: Any) -> None:
-        output = Output(**{one.name: given.pop(one.name) for one in fields(Output)})
-        code = _done(name, module, options_of(**given), output)
+    def call(**typed: Any) -> None:
+        output = Output(**{record.name: typed.pop(record.name) for record in fields(Output)})
+        code = _done(name, module, options_of(**typed), output)
         if code:
             raise typer.Exit(code)
 
-    parameters = [p for one in (options_of, Output) for p in parameters_of(one)]
-    call.__name__, call.__doc__ = module, help_of(options_of)[0]
-    call.__annotations__ = {one.name: one.annotation for one in parameters}
+    parameters = [p for record in (options_of, Output) for p in parameters_of(record)]
+    call.__name__, call.__doc__ = name, help_of(options_of)[0]
+    call.__annotations__ = {record.name: record.annotation for record in parameters}
     call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     return call
 
@@ -101,7 +101,7 @@ for _name, _what in _COMMANDS.items():
 
 def _done(name: str, module: str, asked: Any, output: Output) -> int:
     """Do a command, tell what it found or what went wrong, and return the exit code."""
-    if module == "run" and asked.scheduler is None and asked.workers != 1:
+    if name == "run" and asked.scheduler is None and asked.workers != 1:
         # Workers import at the same time as this process, so their server starts first.
         drawn = () if asked.accuracy == "quick" else _OF_FIGURES
         import_module("ridgebayes.runtime.pool").start_server(_OF_A_RUN + drawn)
@@ -154,8 +154,8 @@ def main() -> None:
     except _UsageError as error:
         terminal = import_module("ridgebayes.commands.terminal")
         name, code = next((word for word in words if word in _COMMANDS), None), error.exit_code
-        told = Output(as_json=True)
-        terminal.tell(name, terminal.Answer(), code, error.format_message(), told)
+        output = Output(as_json=True)
+        terminal.tell(name, terminal.Answer(), code, error.format_message(), output)
     sys.exit(code if isinstance(code, int) else 0)
 
 

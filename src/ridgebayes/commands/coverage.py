@@ -1,5 +1,6 @@
 """`ridgebayes coverage`: how often bands contain the loads of textures left out."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,15 @@ from ridgebayes import drawing
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.commands.options import Coverage
 from ridgebayes.commands.parsing import parse_forms, parse_names
-from ridgebayes.commands.request import FitRequest
-from ridgebayes.commands.run_files import about_run
+from ridgebayes.commands.run_files import EMBEDDED, about_run
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_json
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.errors import InputError
 from ridgebayes.model.noise import Noise
+from ridgebayes.request import DEFAULT_FORMS, Request
 from ridgebayes.runtime.pool import executor_for
 from ridgebayes.runtime.progress import Progress
+from ridgebayes.table.datafiles import paper_sweep
 
 COVERAGE_JSON = "coverage.json"
 
@@ -27,21 +29,22 @@ def command(asked: Coverage) -> Answer:
     The folder holds coverage.csv, its figure as PNG and SVG, and coverage.json.
     """
     names, noises = parse_forms(asked.forms), parse_names(asked.noise, "--noise")
-    inputs = FitRequest(asked.table, names).resolve()
+    table = replace(paper_sweep(), where=EMBEDDED) if asked.table is None else asked.table
+    request = Request.of(table, names or DEFAULT_FORMS)
     if len(set(noises)) < len(noises):
         raise InputError(f"noise: expected each once, got {', '.join(noises)}")
     models = [Noise.named(name) for name in noises] or list(Noise.every())
     n_worker = 2 if asked.workers is None and asked.scheduler is None else asked.workers
     with (
         new_folder(asked.out, force=asked.force, about=COVERAGE_JSON) as partial,
-        Progress(len(inputs.forms) * len(models) + 1) as progress,
+        Progress(len(request.forms) * len(models) + 1) as progress,
         executor_for(n_worker, asked.scheduler) as executor,
     ):
         known: dict[str, Any] = {"rng": asked.seed, "executor": executor}
-        found = coverage(inputs.table, inputs.forms, models, progress=progress.stage, **known)
+        found = coverage(request.table, request.forms, models, progress=progress.stage, **known)
         if found.empty:
             raise InputError(
-                f"{inputs.table.where}: expected a row that gives the load itself, got only "
+                f"{request.table.where}: expected a row that gives the load itself, got only "
                 "brackets and counts; bands are not compared with these"
             )
         write_csv(found, partial / "coverage.csv")
@@ -53,7 +56,7 @@ def command(asked: Coverage) -> Answer:
             "noise": noises,
             "workers": n_worker,
         }
-        about = about_run("coverage", asked.seed, options, inputs.table)
+        about = about_run("coverage", asked.seed, options, request.table)
         write_json(about | {"stages": progress.stages}, partial / COVERAGE_JSON)
     return _answer(found, asked.out)
 

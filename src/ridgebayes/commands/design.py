@@ -24,7 +24,7 @@ _ABOUT = "design.json"
 _LITTLE = 0.01  # of what is open: not worth a measurement
 
 
-def command(asked: options.Design) -> Answer:
+def command(asked: options.DesignOptions) -> Answer:
     """Do what the command line asks for."""
     scene = Scene.from_toml(asked.scene)
     body = scene.body

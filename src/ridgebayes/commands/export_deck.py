@@ -3,9 +3,8 @@
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import refuse_existing, refuse_suffix
 from ridgebayes.commands.terminal import Answer
-from ridgebayes.errors import InputError
-from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
-from ridgebayes.runtime.atomic import write_text
+from ridgebayes.fea.deck_text import REACTION, SURFACE
+from ridgebayes.fea.export_deck import export_deck
 from ridgebayes.scene.scene import Scene
 
 
@@ -13,14 +12,8 @@ def command(asked: options.ExportDeck) -> Answer:
     """Do what the command line asks for."""
     refuse_suffix(asked.out, (".inp",))
     refuse_existing(asked.out, asked.force)
-    wanted = Scene.from_toml(asked.scene)
-    try:
-        disk = pressed_disk(wanted, edges=asked.edges)
-        text = deck_text(disk, asked.program)
-    except InputError as error:
-        raise InputError(f"{asked.scene}: {error}") from None
-    write_text(text, asked.out)
-    out = asked.out
+    disk = export_deck(asked.scene, asked.program, asked.out, edges=asked.edges)
+    wanted, out = Scene.from_toml(asked.scene), asked.out
     (texture,) = wanted.textures
     corner = texture.corner_radius_over_R
     n_cell, n_level = len(disk.cells), len(disk.displacements)

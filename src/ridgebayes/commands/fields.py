@@ -75,8 +75,8 @@ def _write(folder: Path, texture: Texture, body: Cylinder, reached: Sequence[Tra
     # Where a coarser mesh takes over, its first transition tells the files apart.
     if (folder / f"contact-{label}.csv").exists():
         label = f"{label}_from_Q{reached[0].Q}"
-    write_fields(body, [one.state for one in reached], folder / f"fields-{label}.xdmf")
-    tables = {(one.Q, one.p_over_E): surface_table(body, one.state) for one in reached}
+    write_fields(body, [end.state for end in reached], folder / f"fields-{label}.xdmf")
+    tables = {(end.Q, end.p_over_E): surface_table(body, end.state) for end in reached}
     table = pd.concat(tables, names=["Q", "p_over_E"]).reset_index(["Q", "p_over_E"])
     write_csv(table, folder / f"contact-{label}.csv")
     save(plot_deformed(body, reached[-1].state), folder / f"deformed-{label}")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ridgebayes.commands import table_options as options
-from ridgebayes.commands.parsing import medians_taken, parse_texture, refuse_existing
+from ridgebayes.commands.parsing import medians_taken, refuse_existing
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.atomic import exclusive_lock
@@ -19,6 +19,7 @@ from ridgebayes.runtime.text import count
 from ridgebayes.scene.effects import beyond_reach
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.texture_text import parse_texture
 from ridgebayes.simulate import generation
 from ridgebayes.table.files import check_name
 from ridgebayes.table.table import ContactTable
@@ -29,10 +30,12 @@ def command(asked: options.Generate) -> Answer:
     refuse_existing(asked.out, asked.force)
     if asked.scene is not None and asked.texture:
         raise InputError("SCENE and --texture: expected one of them, got both")
+    if asked.R is not None and not asked.texture:
+        raise InputError("--R: expected with --texture, whose widths have units")
     if asked.scene is not None:
         wanted = Scene.from_toml(asked.scene)
     elif asked.texture:
-        textures = [parse_texture(text) for text in asked.texture]
+        textures = [parse_texture(text, asked.R) for text in asked.texture]
         wanted = Scene.of(textures, p_over_E=asked.p_max, nu=asked.nu)
     else:
         wanted = Scene.paper()
@@ -62,9 +65,9 @@ def command(asked: options.Generate) -> Answer:
         left_out = _neglected_effects(wanted, None, **solving)
     failed = len(table.left_out)
     size = f"{count(len(table), 'row')}, {count(len(table.textures), 'texture')}"
-    told = f"{asked.out}: {size}, {failed} not ok"
+    summary = f"{asked.out}: {size}, {failed} not ok"
     return Answer(
-        (told, *medians_taken(wanted.uncertain_names), *left_out),
+        (summary, *medians_taken(wanted.uncertain_names), *left_out),
         {"rows": len(table), "textures": len(table.textures), "not_ok": failed},
         [asked.out, *(files_in(asked.fields) if asked.fields else ())],
         told=warned,
@@ -152,12 +155,12 @@ def _neglected_effects(
     """Return a line for each effect that exceeds a scene's accuracy and is not simulated."""
     if solver != "auto" or scene.relative is None:
         return []
-    each = [scene.model_copy(update={"textures": (texture,)}) for texture in scene.textures]
+    scenes = [scene.model_copy(update={"textures": (texture,)}) for texture in scene.textures]
     return [
-        f"a/R = {one.texture.a_over_R:g}, b/R = {one.texture.b_over_R:g}: {effect.name} not "
-        f"simulated: estimated load change {effect.estimate:.1e}, accuracy {scene.relative:g}"
-        for (one,) in map_ordered(plan, each, executor)
-        for effect in one.left_out
+        f"a/R = {planned.texture.a_over_R:g}, b/R = {planned.texture.b_over_R:g}: {effect.name} "
+        f"not simulated: estimated load change {effect.estimate:.1e}, accuracy {scene.relative:g}"
+        for (planned,) in map_ordered(plan, scenes, executor)
+        for effect in planned.left_out
     ]
 
 

@@ -8,14 +8,15 @@ from dataclasses import fields
 from pathlib import Path
 
 from ridgebayes.commands import table_options as options
-from ridgebayes.commands.parsing import parse_numbers, parse_texture, refuse_existing
+from ridgebayes.commands.parsing import parse_numbers, refuse_existing
 from ridgebayes.commands.shared_options import FLAGS
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
-from ridgebayes.fea.record import FileError
 from ridgebayes.fea.read import Given, import_files
+from ridgebayes.fea.record import FileError
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import count
+from ridgebayes.scene.texture_text import parse_texture
 
 
 def command(asked: options.Import) -> Answer:
@@ -28,7 +29,7 @@ def command(asked: options.Import) -> Answer:
     }
     known |= {"map": tuple(asked.mapping or ()), "empty": tuple(asked.empty or ())}
     known["skip_rows"] = asked.skip_rows or 0
-    known["texture"] = None if asked.texture is None else parse_texture(asked.texture)
+    known["texture"] = None if asked.texture is None else parse_texture(asked.texture, asked.R)
     known["loads"] = parse_numbers(asked.loads, "--loads")
     known["closed_is"] = _codes(asked.closed_is)
     given = Given(**known)

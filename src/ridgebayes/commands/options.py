@@ -11,7 +11,7 @@ from ridgebayes.commands.shared_options import DEFAULT_OUT, Argument, Natural, P
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fitting:
+class FitOptions:
     """Options of all commands that fit."""
 
     noise: str = "auto"
@@ -24,7 +24,7 @@ class Fitting:
 
 
 @dataclass(frozen=True)
-class Run(Fitting):
+class Run(FitOptions):
     """Calibrate all forms, compare them, predict, and write a report.
 
     Parameters
@@ -44,7 +44,7 @@ class Run(Fitting):
 
 
 @dataclass(frozen=True)
-class Fit(Fitting):
+class FitOne(FitOptions):
     """Sample the posterior of one form.
 
     Parameters
@@ -61,7 +61,7 @@ class Fit(Fitting):
 
 
 @dataclass(frozen=True)
-class Compare(Fitting):
+class Compare(FitOptions):
     """Compare forms: evidences, Bayes factors, model probabilities, leave-one-out, stacking.
 
     Parameters
@@ -165,7 +165,7 @@ class Friction:
 
 
 @dataclass(frozen=True)
-class Design:
+class DesignOptions:
     """Find textures that meet a goal under all uncertainties, from a finished run.
 
     Parameters

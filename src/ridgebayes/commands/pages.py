@@ -64,8 +64,8 @@ def command_line(command: str, options: Mapping[str, Any], seed: int) -> str:
     for name, value in options.items():
         if value and (name, value) not in _DEFAULTS:
             if isinstance(value, dict):  # prior odds
-                value = [f"{key}={one:.15g}" for key, one in value.items()]
+                value = [f"{key}={odds:.15g}" for key, odds in value.items()]
             text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
-            own = Path(text).name if name in ("table", "priors") else text
-            words += [f"--{name.replace('_', '-')}", own]
+            word = Path(text).name if name in ("table", "priors") else text
+            words += [f"--{name.replace('_', '-')}", word]
     return shlex.join([*words, "--seed", str(seed)])

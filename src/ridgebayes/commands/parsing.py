@@ -2,7 +2,6 @@
 
 import math
 import os
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.scene.units import NO_UNITS, Body
 
 _LOADS = "one load, LO:HI:N or log:LO:HI:N with 0 < LO <= HI and N >= 1, such as 0.001:0.02:50"
 
@@ -31,11 +29,11 @@ def refuse_existing(path: Path, force: bool) -> None:
         )
 
 
-def refuse_suffix(path: Path, known: tuple[str, ...]) -> None:
+def refuse_suffix(path: Path, suffixes: tuple[str, ...]) -> None:
     """Refuse a file of a kind that is not written: no other is written under its name."""
-    if path.suffix.lower() not in known:
+    if path.suffix.lower() not in suffixes:
         raise InputError(
-            f"{path}: expected a file name that ends in {' or '.join(known)}, "
+            f"{path}: expected a file name that ends in {' or '.join(suffixes)}, "
             f"got {path.suffix or 'no suffix'!r}"
         )
 
@@ -68,7 +66,7 @@ def parse_forms(text: str) -> list[str]:
 
 def parse_odds(text: str) -> dict[str, float]:
     """Return prior odds by form, of FORM=NUMBER with commas between them."""
-    found: dict[str, float] = {}
+    odds_of: dict[str, float] = {}
     for part in text.split(",") if text else []:
         name, _, odds = part.partition("=")
         name = parse_form(name)
@@ -76,50 +74,21 @@ def parse_odds(text: str) -> dict[str, float]:
             number = float(odds)
         except ValueError:
             number = math.nan
-        if not name or math.isnan(number) or name in found:
+        if not name or math.isnan(number) or name in odds_of:
             raise InputError(
                 f"--prior-odds {text!r}: {part.strip()!r}; expected FORM=NUMBER with commas "
                 "between them, each form once, such as hybrid=2,classic=0.5"
             )
-        found[name] = number
-    return found
+        odds_of[name] = number
+    return odds_of
 
 
 def parse_numbers(text: str, option: str) -> tuple[float, ...]:
     """Return comma-separated numbers."""
     try:
-        return tuple(float(one) for one in text.split(",")) if text else ()
+        return tuple(float(part) for part in text.split(",")) if text else ()
     except ValueError:
         raise InputError(f"{option} {text!r}: expected numbers with commas between them") from None
-
-
-def parse_texture(text: str, body: Body | None = None) -> tuple[float, float]:
-    """Return the ridge and groove width of A,B over the radius, of a body also with units."""
-    units = [_has_unit(part) for part in text.split(",")]
-    if any(units) and not all(units):
-        raise InputError(
-            f"--texture {text!r}: expected both widths with a unit, or both without (shares of the "
-            "radius)"
-        )
-    try:
-        a, b = (_width(part, body) for part in text.split(","))
-    except InputError as error:
-        raise InputError(f"--texture {text!r}: {error}") from None
-    except ValueError:
-        raise InputError(
-            f"--texture {text!r}: expected A,B, two numbers with one comma, such as 0.022,0.02"
-        ) from None
-    if not (0 < a < float("inf") and 0 < b < float("inf")):
-        raise InputError(f"--texture {text!r}: expected both widths finite and > 0")
-    return a, b
-
-
-def _width(text: str, body: Body | None) -> float:
-    return (body or NO_UNITS).over_radius(text) if _has_unit(text) else float(text)
-
-
-def _has_unit(text: str) -> bool:
-    return re.search(r"\d.*[^\W\d_eE]", text) is not None
 
 
 def parse_loads(

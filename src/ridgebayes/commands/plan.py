@@ -26,7 +26,7 @@ _METHODS = {
 }
 
 
-def command(asked: options.Plan) -> Answer:
+def command(asked: options.PlanOptions) -> Answer:
     """Do what the command line asks for."""
     if asked.new is not None:
         return _new_scene(asked)
@@ -58,7 +58,7 @@ def command(asked: options.Plan) -> Answer:
     )
 
 
-def _new_scene(asked: options.Plan) -> Answer:
+def _new_scene(asked: options.PlanOptions) -> Answer:
     """Write a scene file to start from."""
     path = asked.new
     if path is None or asked.scene is not None:

@@ -1,139 +1,224 @@
-"""`ridgebayes run`, the main job: calibrate, weigh the evidence, predict, report."""
+"""`ridgebayes run`, `compare` and `fit`: one job, which writes more or less of a run folder."""
 
 import io
+import os
+from collections.abc import Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
+from ridgebayes._types import Rng
 from ridgebayes.checks.cost import accuracy_costs
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.checks.left_out import left_out_scores
 from ridgebayes.checks.report_data import ReportData, report_data
 from ridgebayes.commands import BEGAN, options
-from ridgebayes.commands.answers import comparison_answer
+from ridgebayes.commands.answers import comparison_answer, fit_answer
 from ridgebayes.commands.pages import command_line, write_pages
-from ridgebayes.commands.parsing import parse_forms
-from ridgebayes.commands.request import FitRequest, Inputs
-from ridgebayes.commands.run_files import REFERENCE, write_comparison, write_run_json
+from ridgebayes.commands.parsing import parse_form, parse_forms, parse_odds
+from ridgebayes.commands.run_files import (
+    EMBEDDED,
+    REFERENCE,
+    write_comparison,
+    write_fits,
+    write_run_json,
+)
 from ridgebayes.commands.run_folder import new_folder, write_csv
+from ridgebayes.commands.shared_options import DEFAULT_OUT
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.comparison.bands import bands_table, loads_table
+from ridgebayes.comparison.compare import compared
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.errors import InputError
 from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY
-from ridgebayes.inference.presets import Preset
-from ridgebayes.model.forms import FORMS, form_named
-from ridgebayes.model.noise import Noise
+from ridgebayes.inference.chains import SampleSettings
+from ridgebayes.inference.presets import STANDARD, Preset
+from ridgebayes.model.forms import FORMS
+from ridgebayes.model.noise import AUTO, Noise
 from ridgebayes.predict.predict import KINDS
 from ridgebayes.report.figures.gallery import Gallery
+from ridgebayes.request import DEFAULT_FORMS, FormsLike, PriorsLike, Request, TableLike
 from ridgebayes.runtime.memory import watched_memory
 from ridgebayes.runtime.pool import executor_for, n_cpu, submit_or_defer
 from ridgebayes.runtime.progress import Progress
-from ridgebayes.table.datafiles import reference_fe
+from ridgebayes.runtime.randomness import seed_of
+from ridgebayes.table.datafiles import paper_sweep, reference_fe
 
 EMBEDDED_FE = "finite-element reference rows"
+# Stages of each command, beside walks: evidences, posteriors; prior sensitivity, leave-one-out;
+# bands, what the report shows, files, figures and report.
+_FILES = {"fit": 2, "compare": 4, "run": 8}
 
 
-def command(asked: options.Run) -> Answer:
+def command(asked: options.Run | options.Compare | options.FitOne) -> Answer:
     """Do what the command line asks for."""
-    request = FitRequest.of(asked, parse_forms(asked.forms))
-    done = run_job(
-        asked.out,
-        request,
-        force=asked.force,
-        resume=asked.resume,
-        workers=asked.workers,
-        scheduler=asked.scheduler,
-        began=BEGAN,
-    )
-    return comparison_answer(done, asked.out, f"read {asked.out / 'report.html'}")
+    wanted = vars(asked) | {"prior_odds": parse_odds(getattr(asked, "prior_odds", ""))}
+    out, seed = wanted.pop("out"), wanted.pop("seed")
+    if isinstance(asked, options.FitOne):
+        wanted["forms"] = [parse_form(wanted.pop("form"))]
+        return fit_answer(run(folder=out, rng=seed, command="fit", **wanted), out)
+    wanted["forms"] = parse_forms(asked.forms)
+    if isinstance(asked, options.Compare):
+        done = run(folder=out, rng=seed, command="compare", resume=None, **wanted)
+        return comparison_answer(done, out)
+    done = run(folder=out, rng=seed, began=BEGAN, **wanted)
+    return comparison_answer(done, out, f"read {out / 'report.html'}")
 
 
-def run_job(
-    folder: Path,
-    request: FitRequest,
+def run(
+    table: TableLike | None = None,
+    folder: str | os.PathLike[str] = DEFAULT_OUT,
     *,
+    forms: FormsLike = (),
+    noise: str | Noise = AUTO,
+    priors: PriorsLike | None = None,
+    prior_odds: Mapping[str, float] | None = None,
+    rng: Rng = 0,
+    settings: SampleSettings | None = None,
+    accuracy: str = STANDARD.name,
+    time_limit: float | None = None,
+    command: str = "run",
     force: bool = False,
-    resume: bool = False,
+    resume: bool | None = False,
     workers: int | None = None,
     scheduler: str | None = None,
     began: float | None = None,
 ) -> Comparison:
-    """Do the main job: calibrate, weigh the evidence, predict, report.
+    """Do the main job into a folder: calibrate, weigh the evidence, predict, report.
 
     Parameters
     ----------
-    folder : Path
+    table : ContactTable, path or pandas.DataFrame, optional
+        Rows to fit. If not given, the embedded sweep is fitted, and the finite-element reference
+        rows are compared as well, with every form.
+    folder : path, optional
         Run folder to make.
-    request : FitRequest
-        Table and forms to fit, with their options. Without a table the finite-element reference
-        rows are compared as well, with every form. With accuracy quick only error models of normal
-        tails are weighed, no textures are left out, no finite elements compared, nothing is walked,
-        only figures of the answer are drawn, and 1,024 draws of each form's posterior kept.
+    forms, noise, priors, prior_odds, rng, settings : optional
+        As for `compare`.
+    accuracy : str, optional
+        ``quick``, ``standard`` or ``reference``. With ``quick`` only error models of normal tails
+        are weighed, no textures are left out, no finite elements compared, nothing is walked, only
+        figures of the answer are drawn, and 1,024 draws of each form's posterior kept.
+    time_limit : float, optional, s
+        Time after which a walk by emcee ends with what is there.
+    command : {"run", "compare", "fit"}, optional
+        Which command's files are written: ``fit`` posteriors and evidences, ``compare`` also Bayes
+        factors and scores, ``run`` also predictions, scores of what is left out, and the report.
     force : bool, optional
         Whether an existing run folder may be replaced.
-    resume : bool, optional
-        Whether to go on with the chains that a killed run left; the end is the same.
-    workers, scheduler : optional
-        As for `runtime.pool.executor_for`: what weighs error models and refits folds; all
-        processors of this machine if neither is given. The numbers do not depend on them.
+    resume : bool or None, optional
+        Whether to go on with the chains that a killed run left; the end is the same. None where
+        nobody will, so that Ctrl-C leaves nothing behind.
+    workers : int, optional
+        Processes on this machine; for ``run`` one for each processor if neither they nor a
+        scheduler are given. The numbers do not depend on them.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers compute.
     began : float, optional
         `time.perf_counter` at which the program began, where that is to be a stage.
 
     Returns
     -------
     Comparison
-        Comparison on the table. Where a fit failed or did not converge, `complete` is False and
-        the folder holds all that was finished.
+        Comparison on the table, as `read_run` reads it again. Where a fit failed or did not
+        converge, `complete` is False and the folder holds all that was finished.
 
     Raises
     ------
     InputError
         If an argument or the table breaks a rule; nothing is written then.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import ridgebayes as rb
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     out = f"{folder}/out"
+    ...     done = rb.run(rb.paper_sweep(), out, forms=["modified", "hybrid"], noise="iid",
+    ...                   accuracy="quick", command="compare")
+    ...     again = rb.read_run(out)
+    >>> again.best == done.best == "hybrid", again.evidence.equals(done.evidence)
+    (True, True)
     """
-    inputs = request.resolve()
-    extras = inputs.accuracy.extras
-    reference_inputs, reference = None, None
-    if request.table is None and extras:
-        rows = replace(reference_fe(), where=EMBEDDED_FE)
-        reference_inputs = request.on(rows, [form_named(name) for name in FORMS])
-    # Eight of every run, three that a quick one leaves out, and where there are: walks, start and
-    # rows.
-    n_stage = 8 + len(inputs.walked) + 3 * extras + bool(began) + bool(reference_inputs)
-    n_worker = n_cpu() if workers is None and scheduler is None else workers
+    if command not in _FILES:
+        raise InputError(f"command: expected one of {', '.join(_FILES)}, got {command!r}")
+    preset, seed = Preset.named(accuracy), seed_of(rng)
+    if time_limit is not None and (settings or preset.walks):
+        settings = replace(settings or preset.settings, time_limit=time_limit)
+    wanted: dict[str, Any] = {
+        "noise": noise,
+        "priors": priors,
+        "prior_odds": prior_odds,
+        "accuracy": preset,
+        "rng": seed,
+        "settings": settings,
+    }
+    rows = replace(paper_sweep(), where=EMBEDDED) if table is None else table
+    request = Request.of(rows, forms or DEFAULT_FORMS, **wanted)
+    extras, second = command == "run" and preset.extras, None
+    if table is None and extras:
+        second = Request.of(replace(reference_fe(), where=EMBEDDED_FE), [*FORMS], **wanted)
+    typed: dict[str, Any] = {
+        "table": None if table is None else request.table.where,
+        "forms": [form.name for form in request.forms] if forms else [],
+        "noise": str(noise),
+        "accuracy": accuracy,
+        "priors": str(priors) if priors else None,
+        "prior_odds": dict(request.prior_odds) or None,
+        "time_limit": time_limit,
+    }
+    if command == "fit":
+        typed["form"] = ",".join(typed.pop("forms"))
+    # Start and second comparison, if any; walks, and what each command adds.
+    n_stage = _FILES[command] + 3 * extras + len(request.walked) + bool(began) + bool(second)
+    if command == "run" and scheduler is None:
+        workers = workers or n_cpu()
     with (
-        new_folder(folder, force=force, resume=resume) as partial,
+        new_folder(Path(folder), force=force, resume=resume) as partial,
         Progress(n_stage, began=began) as progress,
         watched_memory() as memory,
         ThreadPoolExecutor(1) as thread,
-        executor_for(n_worker, scheduler) as executor,
+        executor_for(workers, scheduler) as executor,
     ):
+        request = replace(request, executor=executor, scores=command != "fit")
         local = None if scheduler else executor  # a cluster's files and fonts may be others
-        comparison = _compared(inputs, progress, partial, executor)
-        if extras:
-            comparison = _add_left_out(comparison, inputs, progress, executor)
-            with progress.stage("what accuracy costs"):
-                cost = submit_or_defer(local, accuracy_costs, comparison.table)
-                comparison = replace(comparison, cost=cost())
-        # The few figures of a quick run are drawn here, and workers need no library for them.
-        drawing = local if extras or local is None else thread
-        galleries = [_write(comparison, partial, progress, local, drawing)]
-        if reference_inputs is not None:
-            below = partial / REFERENCE
-            below.mkdir(exist_ok=True)
-            with progress.stage("finite-element comparison"):
-                reference, gallery = _second(reference_inputs, below, request.seed, executor, local)
-                galleries.append(gallery)
-        with progress.stage("figures and report"):
-            typed = command_line("run", request.options, request.seed)
-            write_pages(comparison, partial, reference, galleries, command=typed)
+        if executor is not None:  # this process often waits: time for what figures import
+            thread.submit(import_module, "ridgebayes.drawing.predictions")
+        comparison = _compared(request, progress, partial)
+        reference = None
+        if command == "fit":
+            write_fits(comparison, partial, local)
+        elif command == "compare":
+            write_comparison(comparison, partial, local)
+        else:
+            if extras:
+                comparison = _add_left_out(comparison, request, progress)
+                with progress.stage("what accuracy costs"):
+                    cost = submit_or_defer(local, accuracy_costs, comparison.table)
+                    comparison = replace(comparison, cost=cost())
+            # The few figures of a quick run are drawn here, and workers need no library for them.
+            drawing = local if extras or local is None else thread
+            galleries = [_write(comparison, partial, progress, local, drawing)]
+            if second is not None:
+                below = partial / REFERENCE
+                below.mkdir(exist_ok=True)
+                with progress.stage("finite-element comparison"):
+                    second = replace(second, executor=executor)
+                    reference, gallery = _second(second, below, local)
+                    galleries.append(gallery)
+            with progress.stage("figures and report"):
+                line = command_line(command, typed, seed)
+                write_pages(comparison, partial, reference, galleries, command=line)
         write_run_json(
             partial,
             comparison,
-            command="run",
-            seed=request.seed,
-            options=request.options,
+            command=command,
+            seed=seed,
+            options=typed,
             stages=progress.stages,
             reference=reference,
             peak_memory=memory.in_bytes,
@@ -147,38 +232,41 @@ def run_job(
 
 
 def _second(
-    inputs: Inputs, folder: Path, seed: int, executor: Executor | None, local: Executor | None
+    request: Request, folder: Path, local: Executor | None
 ) -> tuple[Comparison, Gallery | None]:
     """Make the second comparison and its files; its stages are in its own run.json."""
     with Progress(0, io.StringIO()) as progress:
-        comparison = _compared(inputs, progress, folder, executor)
+        comparison = _compared(request, progress, folder)
         begun = _write(comparison, folder, progress, local, local)
-    write_run_json(folder, comparison, command="run", seed=seed, options={}, stages=progress.stages)
+    about: dict[str, Any] = {"seed": request.seed, "options": {}, "stages": progress.stages}
+    write_run_json(folder, comparison, command="run", **about)
     return comparison, begun
 
 
-def _add_left_out(
-    comparison: Comparison, inputs: Inputs, progress: Progress, executor: Executor | None
-) -> Comparison:
+def _add_left_out(comparison: Comparison, request: Request, progress: Progress) -> Comparison:
     """Add scores on textures and steps left out, and the coverage of the best form's bands."""
-    table, noise, seed, priors = comparison.table, comparison.noise, inputs.seed, inputs.priors
+    table, noise = comparison.table, comparison.noise
+    how: dict[str, Any] = {
+        "rng": request.seed,
+        "executor": request.executor,
+        "priors": request.priors,
+    }
     fits = list(comparison.fits.values())  # whose draws save most refits
     with progress.stage("textures and steps left out"):
-        scores = left_out_scores(table, fits, noise, rng=seed, executor=executor, priors=priors)
+        scores = left_out_scores(table, fits, noise, **how)
     with progress.stage("coverage of the bands"):
         shares = pd.DataFrame()
         probabilities, textures = comparison.probabilities, table.calibration.textures
-        best = [comparison.fits[comparison.best]] if probabilities and len(textures) > 1 else []
-        if best:
+        if probabilities and len(textures) > 1:
+            best = [comparison.fits[comparison.best]]
             noises = dict.fromkeys([noise, Noise()])  # and what independent rows promise
-            shares = coverage(table, best, list(noises), rng=seed, executor=executor, priors=priors)
+            shares = coverage(table, best, list(noises), **how)
     return replace(comparison, left_out=scores, coverage=shares)
 
 
-def _compared(
-    inputs: Inputs, progress: Progress, folder: Path, executor: Executor | None
-) -> Comparison:
-    return _thinned(inputs.compare(progress, folder, executor))
+def _compared(request: Request, progress: Progress, folder: Path) -> Comparison:
+    request = replace(request, progress=progress.detail, stage=progress.stage, checkpoints=folder)
+    return _thinned(compared(request))
 
 
 def _thinned(comparison: Comparison) -> Comparison:
@@ -189,9 +277,9 @@ def _thinned(comparison: Comparison) -> Comparison:
     n = Preset.named(comparison.accuracy).n_kept
     fits, shares = {}, comparison.probabilities
     for name, fit in comparison.fits.items():
-        own = n if shares.get(name, 1.0) >= MIN_FORM_PROBABILITY else n // 8
-        others = {noise: one.thinned(own) for noise, one in fit.others.items()}
-        fits[name] = replace(fit.thinned(own), others=others)
+        kept = n if shares.get(name, 1.0) >= MIN_FORM_PROBABILITY else n // 8
+        others = {noise: other.thinned(kept) for noise, other in fit.others.items()}
+        fits[name] = replace(fit.thinned(kept), others=others)
     return replace(comparison, fits=fits)
 
 

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -32,7 +33,7 @@ from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes, refusing
 from ridgebayes.runtime.text import clipped, versions
 from ridgebayes.table.table import ContactTable, read_table
 
-REFERENCE = "reference-fe"
+EMBEDDED, REFERENCE = "embedded sweep", "reference-fe"
 OTHERS = "posteriors"  # folder of the fits under error models that are not printed
 # Tables of a comparison beside its evidences, by attribute: file and columns.
 _TABLES = {
@@ -178,12 +179,12 @@ def fits_list(comparison: Comparison) -> list[dict[str, Any]]:
             "form": form,
             "noise": noise,
             "weight": float(used.get((form, noise), 0.0)),
-            "sampler": one.sampler,
-            "converged": one.converged,
-            "why": "; ".join(one.convergence_failures),
+            "sampler": posterior.sampler,
+            "converged": posterior.converged,
+            "why": "; ".join(posterior.convergence_failures),
         }
         for form, fit in comparison.fits.items()
-        for noise, one in fit.posteriors.items()
+        for noise, posterior in fit.posteriors.items()
     ]
 
 
@@ -208,12 +209,12 @@ def _state(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def read_run(folder: Path) -> Comparison:
-    """Read a comparison back; its fits hold thinned chains.
+def read_run(folder: str | os.PathLike[str]) -> Comparison:
+    """Read a comparison back, with the posteriors of all error models; chains are thinned.
 
     Parameters
     ----------
-    folder : Path
+    folder : path
         A run folder, or its ``reference-fe``.
 
     Returns
@@ -225,7 +226,19 @@ def read_run(folder: Path) -> Comparison:
     ------
     InputError
         If it is not a run folder, or a file in it is missing or damaged.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import ridgebayes as rb
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     what = {"noise": "iid", "accuracy": "quick", "command": "compare"}
+    ...     done = rb.run(rb.paper_sweep(), f"{folder}/out", forms=["modified", "hybrid"], **what)
+    ...     again = rb.read_run(f"{folder}/out")
+    >>> again.verdict.grade, again.cautions == done.cautions
+    ('supports', True)
     """
+    folder = Path(folder)
     about = _read_about(folder)
     failures, forms = about["verdicts"]["failures"], about["forms"]
     noise = replace(Noise.named(about["noise"]), nugget=about["nugget"])
@@ -259,8 +272,8 @@ def read_command(folder: Path) -> tuple[str, dict[str, Any], int]:
         If it is not a run folder, or run.json is damaged.
     """
     about = _read_about(folder)
-    found = about.get("command"), about.get("options"), about.get("seed")
-    if not all(map(isinstance, found, (str, dict, int))):
+    origin = about.get("command"), about.get("options"), about.get("seed")
+    if not all(map(isinstance, origin, (str, dict, int))):
         raise _foreign(folder / RUN_JSON)
     return about["command"], about["options"], about["seed"]
 
@@ -278,12 +291,12 @@ def _read_fit(
 
 
 def _read_posterior(path: Path, form: str, noise: str) -> Posterior:
-    found = read_netcdf(path)
-    if found.form.name != form:
-        raise InputError(f"{path}: holds form {found.form.name!r}; expected {form!r}")
-    if found.noise.name != noise:
-        raise InputError(f"{path}: holds error model {found.noise.name!r}; expected {noise!r}")
-    return found
+    posterior = read_netcdf(path)
+    if posterior.form.name != form:
+        raise InputError(f"{path}: holds form {posterior.form.name!r}; expected {form!r}")
+    if posterior.noise.name != noise:
+        raise InputError(f"{path}: holds error model {posterior.noise.name!r}; expected {noise!r}")
+    return posterior
 
 
 def _read_about(folder: Path) -> dict[str, Any]:
@@ -323,8 +336,8 @@ def _foreign(path: Path) -> InputError:
 def _why_no_run(folder: Path) -> str:
     """Say why a folder is none of a finished run."""
     named = folder if folder.name else folder.absolute()  # "." has no name
-    own = named.name.startswith(".") and named.name.endswith(PARTIAL)
-    partial = folder if own else named.parent / f".{named.name}{PARTIAL}"
+    is_partial = named.name.startswith(".") and named.name.endswith(PARTIAL)
+    partial = folder if is_partial else named.parent / f".{named.name}{PARTIAL}"
     if partial.is_dir():
         return f"the run is not finished, its parts are in {partial}; continue it with --resume"
     if not folder.exists():

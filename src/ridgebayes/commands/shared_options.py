@@ -103,11 +103,11 @@ def help_of(record: type[Any]) -> tuple[str, dict[str, str]]:
 def parameters_of(record: type[Any]) -> Iterator[Parameter]:
     """Yield a record's fields as parameters from which typer makes arguments and options."""
     texts = help_of(Shared)[1] | help_of(record)[1]
-    for one in signature(record).parameters.values():
-        kind, mark = one.annotation, typer.Option()
+    for parameter in signature(record).parameters.values():
+        kind, mark = parameter.annotation, typer.Option()
         if get_origin(kind) is Annotated:
             kind, mark = get_args(kind)[0], copy(get_args(kind)[1])
-        mark.help = texts.get(one.name, "")
+        mark.help = texts.get(parameter.name, "")
         if isinstance(mark, OptionInfo):
-            mark.param_decls = FLAGS.get(one.name, (f"--{one.name.replace('_', '-')}",))
-        yield one.replace(annotation=Annotated[kind, mark], kind=Parameter.KEYWORD_ONLY)
+            mark.param_decls = FLAGS.get(parameter.name, (f"--{parameter.name.replace('_', '-')}",))
+        yield parameter.replace(annotation=Annotated[kind, mark], kind=Parameter.KEYWORD_ONLY)

@@ -24,7 +24,10 @@ class Generate:
     scene : Path, optional
         Scene file. The embedded sweep if not given.
     texture : list of str, optional
-        A,B: ridge and groove width, as shares of the radius. May be repeated.
+        A,B: ridge and groove width, as shares of the radius, or with units (needs --R). May be
+        repeated.
+    R : str, optional
+        Radius, such as '8 mm', with --texture.
     p_max : float, optional
         Highest load p/E, with --texture.
     nu : float, optional
@@ -40,6 +43,7 @@ class Generate:
     out: Path
     scene: Argument[Path | None] = None
     texture: list[str] | None = None
+    R: str | None = None
     p_max: float = 0.02
     nu: float = 0.5
     solver: str = "auto"
@@ -53,7 +57,7 @@ class Generate:
 
 
 @dataclass(frozen=True)
-class Plan:
+class PlanOptions:
     """Describe a scene: load, expected Q, contact width, and which effects matter.
 
     Parameters
@@ -151,7 +155,7 @@ class Import:
     closed_is : str, optional
         Comma-separated codes of a status that mean contact, such as 2,3.
     texture : str, optional
-        A,B: ridge and groove width, as shares of the radius.
+        A,B: ridge and groove width, as shares of the radius, or with units (needs --R).
     nu : str, optional
         Poisson's ratio.
     R : str, optional

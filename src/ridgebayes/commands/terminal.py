@@ -113,11 +113,11 @@ def to_plain(value: Any) -> Any:
     if isinstance(value, pd.DataFrame):
         return to_plain(value.to_dict("records"))
     if isinstance(value, Mapping):
-        return {str(key): to_plain(one) for key, one in value.items()}
+        return {str(key): to_plain(item) for key, item in value.items()}
     if isinstance(value, np.generic | np.ndarray):
         return to_plain(value.tolist())
     if isinstance(value, list | tuple):
-        return [to_plain(one) for one in value]
+        return [to_plain(item) for item in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if value is None or isinstance(value, str | int) else str(value)

@@ -110,8 +110,8 @@ def summed_bayes_factors(evidence: pd.DataFrame) -> pd.DataFrame:
         return pd.DataFrame(columns=BAYES_FACTOR_COLUMNS)
     sums = summed_evidence(evidence)
     rows = [
-        factor_row(a, b, SUMMED, "sum", one - other, math.hypot(se, other_se), None)
-        for (a, (one, se)), (b, (other, other_se)) in itertools.combinations(sums.items(), 2)
+        factor_row(a, b, SUMMED, "sum", first - second, math.hypot(se, other_se), None)
+        for (a, (first, se)), (b, (second, other_se)) in itertools.combinations(sums.items(), 2)
     ]
     return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)
 
@@ -124,10 +124,10 @@ def summed_evidence(evidence: pd.DataFrame) -> dict[str, tuple[float, float]]:
     evidence : pandas.DataFrame
         As for `mean_evidence`.
     """
-    one, sums = used_evidence(evidence), {}
-    for form, part in one.groupby("form", sort=False):
+    used, sums = used_evidence(evidence), {}
+    for form, part in used.groupby("form", sort=False):
         value = float(logsumexp(part["log_evidence"]))
         share = np.exp(part["log_evidence"] - value)
         se = float(np.sqrt(((share * part["log_evidence_se"].fillna(0)) ** 2).sum()))
-        sums[str(form)] = value - math.log(one["noise"].nunique()), se
+        sums[str(form)] = value - math.log(used["noise"].nunique()), se
     return sums

@@ -10,6 +10,7 @@ from scipy.special import softmax
 
 from ridgebayes import drawing
 from ridgebayes._types import Tabular
+from ridgebayes.cautions import cautions
 from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.comparison.same_loads import same_loads
 from ridgebayes.comparison.verdict import Verdict, ranked_forms, verdict_of
@@ -84,6 +85,8 @@ class Comparison(Predictive, Tabular):
     {'iid'}
     >>> len(found.components)  # one error model: nothing to compare
     0
+    >>> found.cautions[0].split(",")[0]
+    'Errors of rows were taken as independent'
     >>> found.plot().get_xlabel()
     'ln Bayes factor over the most probable form'
     """
@@ -143,6 +146,13 @@ class Comparison(Predictive, Tabular):
             The axes drawn on.
         """
         return drawing.records.draw_forms(self.to_dataframe(), ax)
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What makes the answer doubtful, a sentence each: units, copies, independence, priors."""
+        shares, noises = self.probabilities, set(self.evidence["noise"])
+        best = max(self.fits, key=lambda name: shares.get(name, -1.0), default="")
+        return cautions(self.table, noises, self.noise, self.fits.get(best))
 
     @property
     def own_evidence(self) -> pd.DataFrame:
@@ -221,7 +231,7 @@ class Comparison(Predictive, Tabular):
 
         Forms of negligible probability need not converge.
         """
-        shares, found = self.probabilities, {}
+        shares, lacking = self.probabilities, {}
         for name, fit in self.fits.items():
             failures = list(fit.convergence_failures)
             for posterior, _ in fit.averaged:
@@ -229,8 +239,8 @@ class Comparison(Predictive, Tabular):
                     noise = posterior.noise.name
                     failures += [f"{noise}: {why}" for why in posterior.convergence_failures]
             if failures and shares.get(name, 1.0) >= MIN_FORM_PROBABILITY:
-                found[name] = tuple(failures)
-        return found
+                lacking[name] = tuple(failures)
+        return lacking
 
     @property
     def averaged(self) -> list[tuple[Posterior, float]]:

@@ -101,10 +101,10 @@ def predicting(comparison: Comparison) -> Predicting | None:
     if not {best, _PLAINEST} <= set(crps.dropna().index) or len(width) < 2:
         return None
     wide = width["mean_width"]
-    found = Predicting(
+    ratios = Predicting(
         float(crps[_PLAINEST] / crps[best]), float(wide["iid"] / wide[comparison.noise.name])
     )
-    return found if np.isfinite([found.without_form, found.without_offset]).all() else None
+    return ratios if np.isfinite([ratios.without_form, ratios.without_offset]).all() else None
 
 
 def sensitivity_factors(comparison: Comparison, against: str) -> pd.DataFrame:
@@ -142,10 +142,10 @@ def sensitivity_factors(comparison: Comparison, against: str) -> pd.DataFrame:
 
 def problems(comparison: Comparison) -> tuple[str, ...]:
     """Return what is wrong with a comparison, a sentence each; empty if it is complete."""
-    found = [f"{name}: could not be fitted: {why}" for name, why in comparison.failures.items()]
+    sentences = [f"{name}: could not be fitted: {why}" for name, why in comparison.failures.items()]
     for name, failures in comparison.unconverged.items():
-        found += [f"{name}: did not converge: {what}" for what in failures]
+        sentences += [f"{name}: did not converge: {what}" for what in failures]
     for name in comparison.fits:
         if name not in comparison.probabilities:
-            found.append(f"{name}: no method gave a usable evidence")
-    return tuple(found)
+            sentences.append(f"{name}: no method gave a usable evidence")
+    return tuple(sentences)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.inference.posterior import Posterior
@@ -12,8 +13,7 @@ from ridgebayes.model.rows import Rows
 _CLOSE = 1e-7  # of log loads that are the same: those of the half-plane are computed to 1e-8
 _N_POINT, _SHIFT = 3, 0.5  # coefficients tried of each form; prior sds between them
 _MANY = 200  # coefficients beyond which not all textures are looked at, but so many
-_N_STEP, _N_HALVED, _FALL = 60, 30, 0.99  # of a search, which ends where it no longer gets nearer
-_SINGULAR = 1e-8  # directions of coefficients that change loads by less are not followed
+_N_HALVED = 30  # steps towards a draw, until a form has loads there
 
 
 def same_loads(one: Posterior, other: Posterior) -> bool:
@@ -54,16 +54,16 @@ def same_loads(one: Posterior, other: Posterior) -> bool:
     )
 
 
-def _apart(one: Rows, other: Rows, n_texture: int) -> FloatArray | None:
+def _apart(first: Rows, other: Rows, n_texture: int) -> FloatArray | None:
     """Return the gap of log rates at equal loads, (n_texture,); None if it varies in a texture.
 
     A load is (shape/rate)^2, and the rate is one of all rows of a texture.
     """
-    texture = np.concatenate([one.texture, one.texture])
+    texture = np.concatenate([first.texture, first.texture])
     with np.errstate(invalid="ignore"):
-        apart = 0.5 * np.concatenate([one.upper - other.upper, one.lower - other.lower])
-    known = np.isfinite(apart)
-    texture, apart = texture[known], apart[known]
+        apart = 0.5 * np.concatenate([first.upper - other.upper, first.lower - other.lower])
+    has_load = np.isfinite(apart)
+    texture, apart = texture[has_load], apart[has_load]
     low, high = np.full(n_texture, np.inf), np.full(n_texture, -np.inf)
     np.minimum.at(low, texture, apart)
     np.maximum.at(high, texture, apart)
@@ -99,13 +99,13 @@ class _Reachable:
         names = [model.parameter_names.index(name) for name in form.parameter_names]
         u = posterior.coordinates[len(posterior.coordinates) // 2, : model.n_parameter]
         a, b = data.a_over_R[chosen], data.b_over_R[chosen]
-        found = cls(form, a, b, model.to_theta(u)[None, names])
-        points = [found.points[0]]
+        reached = cls(form, a, b, model.to_theta(u)[None, names])
+        points = [reached.points[0]]
         for k in range(1, _N_POINT):
             step = _SHIFT * np.cos(k + np.arange(len(u)))  # no coefficient, and no pair alike
             for _ in range(_N_HALVED):
                 theta = model.to_theta(u + step)[names]
-                if np.isfinite(found.log_rates(theta)).all():
+                if np.isfinite(reached.log_rates(theta)).all():
                     points.append(theta)
                     break
                 step = 0.5 * step
@@ -118,28 +118,19 @@ class _Reachable:
 
     def holds(self, log_rates: FloatArray) -> bool:
         """Return whether the form reaches each of some sets of log rates, (n_point, n)."""
-        return bool(np.isfinite(log_rates).all()) and all(map(self._reaches, log_rates))
+        start = self.log_rates(self.points[0])
+        have_loads = np.isfinite(log_rates).all() and np.isfinite(start).all()
+        return bool(have_loads) and all(map(self._reaches, log_rates))
 
     def _reaches(self, target: FloatArray) -> bool:
-        """Return whether coefficients lead to log rates, by Gauss and Newton's steps."""
-        theta = self.points[0]
-        off = target - self.log_rates(theta)
-        for _ in range(_N_STEP):
-            if np.abs(off).max() < 0.5 * _CLOSE:
-                return True
-            step = self._step(theta, off)
-            for _ in range(_N_HALVED):
-                new = target - self.log_rates(theta + step)
-                if np.sum(new * new) < _FALL * np.sum(off * off):  # not where one is NaN
-                    break
-                step = 0.5 * step
-            else:
-                return False
-            theta, off = theta + step, new
-        return False
+        """Return whether coefficients lead to log rates, by least squares."""
 
-    def _step(self, theta: FloatArray, off: FloatArray) -> FloatArray:
-        slopes = self.form.log_rate_gradient(theta, self.a, self.b)
-        size = np.maximum(np.linalg.norm(slopes, axis=0), np.finfo(float).tiny)
-        step: FloatArray = np.linalg.lstsq(slopes / size, off, rcond=_SINGULAR)[0] / size
-        return step
+        def off(theta: FloatArray) -> FloatArray:
+            return self.log_rates(theta) - target
+
+        def slopes(theta: FloatArray) -> FloatArray:
+            return self.form.log_rate_gradient(theta, self.a, self.b)
+
+        rounding = dict.fromkeys(["ftol", "xtol", "gtol"], float(np.finfo(float).eps))
+        nearest = least_squares(off, self.points[0], slopes, x_scale="jac", **rounding)
+        return bool(np.abs(nearest.fun).max() < 0.5 * _CLOSE)

@@ -59,15 +59,15 @@ def _left_out(fit: Fit, rows: np.ndarray) -> Loo:
     """Score a fit row by row, given each row's log-likelihood at its draws."""
     # The kept draws are thinned beyond the autocorrelation time where chains are long.
     reff = float(fit.summary["ess_bulk"].min()) / fit.kept_chains.log_density.size
-    known = AllRows.of(fit, STANDARD.effort, fit.seed)
+    all_rows = AllRows.of(fit, STANDARD.effort, fit.seed)
 
     def refitted(row: int) -> float:
         left = np.arange(rows.shape[-1]) == row
         seed = int(stream(fit.seed, f"leave row {row + 1}").integers(2**63))
         try:
-            found = known.without(left, seed)
+            score = all_rows.without(left, seed)
         except ComputationError:
             return math.nan
-        return found.log_score if found.status == "ok" else math.nan
+        return score.log_score if score.status == "ok" else math.nan
 
     return leave_one_out(rows, min(max(reff, 1e-3), 1.0), refitted)

@@ -145,10 +145,10 @@ def ranked_forms(evidence: pd.DataFrame) -> dict[str, float]:
 
 def leads(evidence: pd.DataFrame, sensitivity: pd.DataFrame) -> dict[str, float]:
     """Return ln BF of the best form over the strongest other one, by what is changed."""
-    one, forms = used_evidence(evidence), ranked_forms(evidence)
-    changes = [*_perturbed(one, forms, sensitivity), *_unusable(evidence, one, forms)]
-    found = {what: _lead(values, next(iter(forms))) for what, values in changes}
-    return {what: lead for what, lead in found.items() if not math.isnan(lead)}
+    used, forms = used_evidence(evidence), ranked_forms(evidence)
+    changes = [*_perturbed(used, forms, sensitivity), *_unusable(evidence, used, forms)]
+    by_change = {what: _lead(values, next(iter(forms))) for what, values in changes}
+    return {what: lead for what, lead in by_change.items() if not math.isnan(lead)}
 
 
 def of_errors(prior: str) -> bool:
@@ -157,33 +157,33 @@ def of_errors(prior: str) -> bool:
 
 
 def _perturbed(
-    one: pd.DataFrame, forms: dict[str, float], sensitivity: pd.DataFrame
+    used: pd.DataFrame, forms: dict[str, float], sensitivity: pd.DataFrame
 ) -> Iterator[tuple[str, dict[str, float]]]:
     """Give ln evidences by form under each change of a prior, and under each error model alone."""
     for (prior, factor), part in sensitivity.groupby(["prior", "factor"], sort=False):
-        found = zip(part["form"], part["log_evidence"], strict=True)
-        new = {form: value for form, value in found if form in forms and not math.isnan(value)}
+        values = zip(part["form"], part["log_evidence"], strict=True)
+        new = {form: value for form, value in values if form in forms and not math.isnan(value)}
         of = "nugget" if prior == NUGGET else f"{prior} prior's scale"
         what = f"{of} times {factor:g}"
         if of_errors(str(prior)):
             yield what, forms | new
         else:
             yield from ((f"{form}'s {what}", forms | {form: new[form]}) for form in new)
-    share = np.exp(one["log_evidence"] - logsumexp(one["log_evidence"]))
-    by_noise = share.groupby(one["noise"]).sum()
+    share = np.exp(used["log_evidence"] - logsumexp(used["log_evidence"]))
+    by_noise = share.groupby(used["noise"]).sum()
     for noise in by_noise.index[by_noise > MIN_PAIR_WEIGHT]:
-        alone = one[one["noise"] == noise].set_index("form")["log_evidence"]
+        alone = used[used["noise"] == noise].set_index("form")["log_evidence"]
         yield f"error model {noise} alone", alone.dropna().to_dict()
 
 
 def _unusable(
-    evidence: pd.DataFrame, one: pd.DataFrame, forms: dict[str, float]
+    evidence: pd.DataFrame, used: pd.DataFrame, forms: dict[str, float]
 ) -> Iterator[tuple[str, dict[str, float]]]:
     """Give ln evidences with what is known of a pair whose own could not be used."""
-    known = pd.MultiIndex.from_frame(one[["form", "noise"]])
+    usable = pd.MultiIndex.from_frame(used[["form", "noise"]])
     pairs = pd.MultiIndex.from_frame(evidence[["form", "noise"]])
-    lost = evidence[~pairs.isin(known) & np.isfinite(evidence["log_evidence"])]
-    n_noise = max(one["noise"].nunique(), 1)
+    lost = evidence[~pairs.isin(usable) & np.isfinite(evidence["log_evidence"])]
+    n_noise = max(used["noise"].nunique(), 1)
     for (form, noise), value in lost.groupby(["form", "noise"])["log_evidence"].max().items():
         if form in forms:
             known_too = float(np.logaddexp(forms[form], value - math.log(n_noise)))

@@ -12,52 +12,48 @@ A table for each form, and one for the error models; `distributions.grammar` lis
     df = "gamma(2, 0.1)"           # shape, rate
 """
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from ridgebayes.distributions.auto import at_place
 from ridgebayes.distributions.distribution import Distribution, LogNormal
 from ridgebayes.distributions.grammar import parse_distribution
+from ridgebayes.distributions.scipy_frozen import from_scipy
 from ridgebayes.errors import InputError
 from ridgebayes.model.default_priors import NOISE_PRIORS, SLOPES, coefficient_priors
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
+from ridgebayes.runtime.reading import read_toml
 from ridgebayes.runtime.text import clipped
 
 OF_ERRORS = "noise"
-# By form name or "noise", then by parameter: distributions, or their texts.
-Priors: TypeAlias = Mapping[str, Mapping[str, Distribution | str]]
+# By form name or "noise", then by parameter: distributions, SciPy's too, or their texts.
+Priors: TypeAlias = Mapping[str, Mapping[str, Any]]
 ResolvedPriors: TypeAlias = Mapping[str, Mapping[str, Distribution]]
 
 
 def resolve_priors(
-    given: Mapping[str, object] | None,
+    given: Mapping[str, object] | str | os.PathLike[str] | None,
     forms: Sequence[Form],
     noises: Sequence[Noise],
     data: Observations,
-    *,
-    where: str = "priors",
-    folder: Path = Path(),
 ) -> dict[str, dict[str, Distribution]]:
     """Return the distributions that replace default priors.
 
     Parameters
     ----------
-    given : mapping, optional
-        By form name, or ``noise``, and parameter name; K of the power law is that of every texture
-        without a K of its own. Resolved priors may be resolved again.
+    given : mapping or path, optional
+        By form name, or ``noise``, and parameter name, or a file of them; K of the power law is
+        that of every texture without a K of its own. Resolved priors may be resolved again.
     forms : sequence of Form
         Forms that are fitted.
     noises : sequence of Noise
         Error models.
     data : Observations
         Rows, whose textures the power law has a K for.
-    where : str, optional
-        Name of the priors in error messages.
-    folder : Path, optional
-        Folder that files of samples are relative to.
 
     Raises
     ------
@@ -65,6 +61,10 @@ def resolve_priors(
         If a prior is of a form or a parameter that nothing has, no known distribution, or not above
         0 where the parameter is; key and value are named.
     """
+    where, folder = "priors", Path()  # of messages; of files of samples
+    if isinstance(given, str | os.PathLike):
+        where, folder = str(given), Path(given).parent
+        given = read_toml(Path(given))
     defaults: dict[str, dict[str, Distribution | None]] = {
         form.name: dict(coefficient_priors(form.bind(data.textures, data.labels))) for form in forms
     }
@@ -108,6 +108,7 @@ def _resolved(
     value: object, default: Distribution | None, where: str, folder: Path
 ) -> Distribution:
     auto = float(default.median) if isinstance(default, LogNormal) else None
+    value = from_scipy(value, where)
     if not isinstance(value, Distribution):
         value = parse_distribution(value, where, folder=folder, auto=auto is not None)
     if auto is not None:
@@ -119,6 +120,7 @@ def _resolved(
 
 def _of_any_texture(value: object, where: str, folder: Path) -> Distribution:
     """Return the prior of slopes, in which the median of a texture is still open."""
+    value = from_scipy(value, where)
     if isinstance(value, Distribution):
         return value
     return parse_distribution(value, f"{where} {SLOPES}", folder=folder, auto=True)

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.comparison.cautions import cautions
 from ridgebayes.inference.presets import QUICK
 
 
@@ -16,9 +15,9 @@ def _compared(frame, noise="step"):
 
 def test_cautions__loads_that_contradict_the_prior(paper):
     frame = paper.calibration.frame
-    assert cautions(_compared(frame)) == ()
+    assert _compared(frame).cautions == ()
     wrong = _compared(frame.assign(p_over_E=4 * frame["p_over_E"]))
-    (told,) = cautions(wrong)
+    (told,) = wrong.cautions
     assert told.startswith("The loads contradict a prior: c of modified is 0.")
     # The prior is log-normal about 1.382 with a log-sd of 0.1: times exp(-0.2326) and exp(0.2326).
     assert "expected 1.1 to 1.74 (98 %). Check that widths are over R and loads are p/E" in told
@@ -27,7 +26,7 @@ def test_cautions__loads_that_contradict_the_prior(paper):
 @pytest.mark.parametrize(("factor", "shown"), [(1e-3, "0.00085"), (30, "26")])
 def test_cautions__loads_in_other_units(paper, factor, shown):
     frame = paper.calibration.frame
-    *high, told = cautions(_compared(frame.assign(p_over_E=factor * frame["p_over_E"])))
+    *high, told = _compared(frame.assign(p_over_E=factor * frame["p_over_E"])).cautions
     assert len(high) == (factor == 30)  # p/E to 0.58
     # The printed loads are 0.85 times those of eqs (3, 4) of the study, by the median of 41 rows.
     assert told == (
@@ -37,7 +36,7 @@ def test_cautions__loads_in_other_units(paper, factor, shown):
 
 
 def test_cautions__rows_that_are_taken_as_independent(paper):
-    (told,) = cautions(rb.compare(paper, rb.Modified(), noise="iid", accuracy=QUICK))
+    (told,) = rb.compare(paper, rb.Modified(), noise="iid", accuracy=QUICK).cautions
     assert told.startswith("Errors of rows were taken as independent, and no other error model")
 
 
@@ -47,13 +46,13 @@ def test_cautions__rows_that_the_evidence_says_are_independent(paper):
     errors = 0.01 * np.random.default_rng(2).standard_normal(len(frame))
     drawn = _compared(frame.assign(p_over_E=rb.Modified().load(*places) * np.exp(errors)), "auto")
     assert drawn.noise.name == "iid"
-    assert cautions(drawn) == ()
+    assert drawn.cautions == ()
 
 
 def test_cautions__counts_rows_that_repeat_a_load(comparison):
     table = comparison.table
     both = pd.concat([table.frame, table.calibration.frame.iloc[:5].assign(source="copy")])
-    told = cautions(replace(comparison, table=rb.ContactTable.from_frame(both)))
+    told = replace(comparison, table=rb.ContactTable.from_frame(both)).cautions
     assert told[0].startswith("5 rows of curves whose loads are those of another source")
 
 
@@ -62,7 +61,7 @@ def test_cautions__what_no_body_can_have_is_told_with_the_worst_row(comparison, 
 
     def told(**columns):
         table = rb.ContactTable.from_frame(rows.assign(**columns))
-        return cautions(replace(comparison, table=table))
+        return replace(comparison, table=table).cautions
 
     # Widths in mm of a body of 8 mm: Q = 18 of the finest texture, 8 pitches from its groove.
     a, b = 8 * rows["a_over_R"], 8 * rows["b_over_R"]
@@ -85,7 +84,7 @@ def test_cautions__series_that_have_no_texture_in_common(paper):
 
     def told(frame, comparison=compared):
         table = rb.ContactTable.from_frame(frame)
-        return " ".join(cautions(replace(comparison, table=table)))
+        return " ".join(replace(comparison, table=table).cautions)
 
     words = "No texture has rows of two series (sources, where no series is named)."
     assert told(frame.assign(series=of_texture)).startswith(words)
@@ -93,3 +92,14 @@ def test_cautions__series_that_have_no_texture_in_common(paper):
     assert words not in told(frame.assign(series=of_texture.mask(frame.index == 0, "rig 3")))
     none_weighed = replace(compared, evidence=compared.evidence.assign(noise="step"))
     assert words not in told(frame.assign(series=of_texture), none_weighed)
+
+
+def test_cautions__are_warned_of_in_python_once_and_kept(paper):
+    with pytest.warns(rb.CautionWarning, match="taken as independent") as caught:
+        fit = rb.calibrate(paper, rb.Modified(), noise="iid")
+    assert fit.cautions == tuple(str(warning.message) for warning in caught)
+    assert caught[0].filename == __file__
+    with pytest.warns(rb.CautionWarning) as caught:
+        compared = rb.compare(paper, "modified", noise="iid", accuracy="quick")
+    assert compared.cautions == fit.cautions == tuple(str(one.message) for one in caught)
+    assert rb.calibrate(paper, rb.Modified(), noise="step", accuracy="quick").cautions == ()

@@ -1,13 +1,15 @@
-"""Cautions that a comparison prints beside its answer."""
+"""Cautions that a fit or a comparison prints beside its answer."""
+
+import warnings
+from collections.abc import Collection
 
 import numpy as np
 
-from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.contact.hertz import transition_load
-from ridgebayes.model.noise import SERIES
+from ridgebayes.errors import CautionWarning
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.model.noise import SERIES, Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.results import Fit
 from ridgebayes.runtime.text import count
 from ridgebayes.table.table import ContactTable
 
@@ -32,37 +34,52 @@ _CHECK = "Check that widths are over R and loads are p/E"
 _98_PERCENT = 2.326  # prior sds on either side
 
 
-def cautions(comparison: Comparison) -> tuple[str, ...]:
+def cautions(
+    table: ContactTable,
+    noises: Collection[str],
+    selected: Noise,
+    best: Posterior | None = None,
+) -> tuple[str, ...]:
     """Return sentences on the table, the error model, and priors that the loads contradict.
 
     Parameters
     ----------
-    comparison : Comparison
-        One form will do.
+    table : ContactTable
+        Table that was fitted.
+    noises : collection of str
+        Error models that were weighed.
+    selected : Noise
+        Error model under which parameters are shown.
+    best : Posterior, optional
+        Posterior whose priors are compared with the loads.
     """
-    found = []
-    if n_repeated := len(comparison.table.repeated):
-        found.append(
+    sentences = []
+    if n_repeated := len(table.repeated):
+        sentences.append(
             f"{count(n_repeated, 'row')} of curves whose loads are those of another source, solver "
             "or series to all digits. Copies count twice: leave one of each out."
         )
-    found += _beyond_any_body(comparison.table)
-    of_series = comparison.evidence["noise"].str.contains(SERIES).any()
-    if of_series and Observations.from_table(comparison.table).one_series_per_texture:
-        found.append(_ONE_SERIES)
-    caution = comparison.noise.caution
-    if caution and comparison.evidence["noise"].nunique() == 1:
-        found.append(_OF_NOISE.get(caution, caution))
-    times = _times_smooth(comparison.table)
+    sentences += _beyond_any_body(table)
+    of_series = any(SERIES in name for name in noises)
+    if of_series and Observations.from_table(table).one_series_per_texture:
+        sentences.append(_ONE_SERIES)
+    if selected.caution and len(noises) == 1:
+        sentences.append(_OF_NOISE.get(selected.caution, selected.caution))
+    times = _times_smooth(table)
     if not 1 / _OTHER_UNITS <= times <= _OTHER_UNITS:
-        found.append(
+        sentences.append(
             f"The loads are {times:.2g} times those that make a smooth body touch as far (Hertz, "
             f"median of the rows). {_CHECK}."
         )
-    else:
-        for name in forms_by_probability(comparison)[:1]:
-            found += _contradicted(comparison.fits[name])
-    return tuple(found)
+    elif best is not None:
+        sentences += _contradicted(best)
+    return tuple(sentences)
+
+
+def warn_of(sentences: Collection[str]) -> None:
+    """Warn of cautions at the line that called a public function."""
+    for sentence in sentences:
+        warnings.warn(sentence, CautionWarning, stacklevel=3)
 
 
 def _beyond_any_body(table: ContactTable) -> list[str]:
@@ -70,20 +87,20 @@ def _beyond_any_body(table: ContactTable) -> list[str]:
     rows = table.calibration.frame
     a, b, Q = rows["a_over_R"], rows["b_over_R"], rows["Q"]
     reach = b / 2 + (Q / 2 - 1) * (a + b)  # of the last proximal edge, from the axis
-    found = []
+    sentences = []
     if n := int((reach > 1).sum()):
         worst = rows.iloc[int(reach.argmax())]
-        found.append(
+        sentences.append(
             f"{count(n, 'row')} with a contact wider than the body: Q = {worst['Q']:.0f} at a/R = "
             f"{worst['a_over_R']:g}, b/R = {worst['b_over_R']:g} ends {reach.max():.2g} R from the "
             f"axis. {_CHECK}."
         )
     if n := int((rows["p_over_E"] > _MOST_LOAD).sum()):
-        found.append(
+        sentences.append(
             f"{count(n, 'row')} with p/E above {_MOST_LOAD:g}, up to {rows['p_over_E'].max():.3g}: "
             f"no model here holds there. {_CHECK}."
         )
-    return found
+    return sentences
 
 
 def _times_smooth(table: ContactTable) -> float:
@@ -96,7 +113,7 @@ def _times_smooth(table: ContactTable) -> float:
     return float(np.median(rows["p_over_E"] / transition_load(Q, a, b, nu=nu)))
 
 
-def _contradicted(fit: Fit) -> list[str]:
+def _contradicted(fit: Posterior) -> list[str]:
     """Say which coefficient lies far outside its prior; nothing where none does."""
     means, priors = fit.summary.set_index("parameter")["mean"], fit.model.priors
     scores = {name: float(priors[name].score(means[name])) for name in fit.form.parameter_names}
