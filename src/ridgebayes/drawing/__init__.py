@@ -33,7 +33,6 @@ def __getattr__(name: str) -> object:
 
 
 if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
-    from ridgebayes.drawing import costs as costs
     from ridgebayes.drawing import coverage as coverage
     from ridgebayes.drawing import designs as designs
     from ridgebayes.drawing import forms as forms
