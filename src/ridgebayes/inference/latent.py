@@ -18,7 +18,7 @@ import numpy as np
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.inference.points import Batch, Estimate, PointIntegral
 from ridgebayes.inference.precision import Precision
-from ridgebayes.model.design import Design
+from ridgebayes.model.design import DesignMatrix
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.model import Model
 from ridgebayes.model.offsets import Root
@@ -48,7 +48,7 @@ class LatentIntegral:
             first = self.design.first
             levels = self.design.rest if first is None else np.vstack([first, self.design.rest])
             self._groups = groups = RowGroups.of(self.rows, levels)
-            self._group_design = Design(
+            self._group_design = DesignMatrix(
                 None if first is None else first[groups.row],
                 self.design.n_first,
                 self.design.rest[:, groups.row],

@@ -16,7 +16,7 @@ from scipy.special import ndtri
 from ridgebayes._types import FloatArray
 from ridgebayes.inference.precision import Precision
 from ridgebayes.inference.working_rows import WorkingRows
-from ridgebayes.model.design import Design
+from ridgebayes.model.design import DesignMatrix
 from ridgebayes.model.linear_algebra import solve_lower
 from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import Rows
@@ -94,13 +94,13 @@ class PointIntegral:
     ----------
     rows : Rows
         Rows.
-    design : Design
+    design : DesignMatrix
         Levels of their predictors.
     tail : Tail
         Distribution of the rows' own errors.
     """
 
-    def __init__(self, rows: Rows, design: Design, tail: Tail) -> None:
+    def __init__(self, rows: Rows, design: DesignMatrix, tail: Tail) -> None:
         self.rows, self.design, self.tail = rows, design, tail
         self._richtmyer = np.sqrt(_primes(max(design.n_rest, 1))) % 1.0
         # Rows of one texture stand together in this order.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.model.design import Design
+from ridgebayes.model.design import DesignMatrix
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.offsets import Root
 
@@ -32,7 +32,7 @@ class Precision:
     corner: FloatArray
 
     @classmethod
-    def of(cls, design: Design, root: Root, weight: FloatArray) -> "Precision":
+    def of(cls, design: DesignMatrix, root: Root, weight: FloatArray) -> "Precision":
         """Factorise; NaN for draws whose matrix is not positive definite to rounding.
 
         The cost grows with the textures and with the cube of the other levels.
@@ -79,7 +79,7 @@ class Precision:
         solution = self.back(*self.half(first[..., None], rest[..., None]))
         return solution[0][..., 0], solution[1][..., 0]
 
-    def predictor_variance(self, design: Design) -> FloatArray:
+    def predictor_variance(self, design: DesignMatrix) -> FloatArray:
         """Return the variance of each predictor's offset given the rows, shape (n_draw, n)."""
         root, n_draw, n = self.root, len(self.diagonal), len(design.distinct)
         variance = np.zeros((n_draw, n))

@@ -6,7 +6,7 @@ from scipy import sparse
 from ridgebayes._types import FloatArray, IntArray
 
 
-class Design:
+class DesignMatrix:
     """Levels of each linear predictor: the matrix Z, without its zeros.
 
     Parameters

@@ -13,7 +13,7 @@ import numpy as np
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.model.design import Design
+from ridgebayes.model.design import DesignMatrix
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.noise import SERIES, SMOOTH, Noise
 from ridgebayes.model.observations import Observations
@@ -54,7 +54,7 @@ class Root:
         return self.first * first, (rest[..., None, :] @ self.rest)[..., 0, :]
 
     def inside(self, border: FloatArray, corner: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return border and corner of L' G L, G as `Design.gram` returns it."""
+        """Return border and corner of L' G L, G as `DesignMatrix.gram` returns it."""
         border = border * self.first[..., None, :]
         is_diagonal = corner.ndim < border.ndim
         if not self.is_dense:
@@ -139,7 +139,7 @@ class Offsets:
         self.n_first = len(data.textures) if has_first else 0
         self.n_level = self.n_first + self.n_rest
         rest = np.array(levels, dtype=np.int64).reshape(len(levels), len(Q))
-        self.design = Design(texture if has_first else None, self.n_first, rest, self.n_rest)
+        self.design = DesignMatrix(texture if has_first else None, self.n_first, rest, self.n_rest)
 
     def own(self) -> "Offsets":
         """Return the error model's offsets alone, without the power law's log K."""
@@ -192,12 +192,12 @@ class Offsets:
         covariance[..., :: n + 1] *= 1 + self.nugget
         return covariance.reshape(*lead, n, n)
 
-    def covariance(self, design: Design, eta: FloatArray) -> FloatArray:
+    def covariance(self, design: DesignMatrix, eta: FloatArray) -> FloatArray:
         """Return the covariance of a design's predictors by smooth and other offsets, (..., n, n).
 
         Parameters
         ----------
-        design : Design
+        design : DesignMatrix
             Rows of `Offsets.design`.
         eta : ndarray of float, shape (..., n_noise)
             Error model parameters; the error model has a smooth offset.
