@@ -1,4 +1,4 @@
-"""Variables and attributes of a posterior's file, which `tests/inference/test_netcdf.py` holds them to."""
+"""Variables and attributes of a posterior file, as `tests/inference/test_netcdf.py` checks it."""
 
 SAMPLE = ("chain", "draw")
 _EACH_ROW, _EACH_TEXTURE = ("row",), ("texture",)

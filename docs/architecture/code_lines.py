@@ -24,7 +24,7 @@ BUDGETS = {
     "scene": 1_294,
     "simulate": 510,
     "fea": 4_803,
-    "model": 1_602,
+    "model": 1_606,
     "inference": 2_571,
     "predict": 1_346,
     "evidence": 604,
