@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import typer
+from netcdf_content import ATTRIBUTES, CONTENT
 from pydantic import PlainValidator
 
 import ridgebayes as rb
@@ -25,9 +26,7 @@ from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
 from ridgebayes.fea.mapping import CONSTANTS, CORNERS, KEYS, PER_Q
 from ridgebayes.fea.words import DIMENSIONS
 from ridgebayes.friction.table import COLUMNS as FRICTION_COLUMNS
-from ridgebayes.inference.arviz_groups import CONTENT
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
-from ridgebayes.inference.netcdf import ATTRIBUTES
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.default_priors import NOISE_PRIORS, REASONS, coefficient_priors
 from ridgebayes.model.forms import FORMS, form_named

@@ -1,4 +1,5 @@
 import gc
+import runpy
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,11 +10,11 @@ import xarray as xr
 
 from ridgebayes.errors import InputError
 from ridgebayes.inference import posterior as posterior_module
-from ridgebayes.inference.arviz_groups import CONTENT, all_groups, attributes
+from ridgebayes.inference.arviz_groups import all_groups, attributes
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.latent import LatentIntegral
-from ridgebayes.inference.netcdf import ATTRIBUTES, read_netcdf, write_netcdf
+from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior, posterior_of
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.forms import Modified
@@ -22,6 +23,7 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.results import Fit, calibrate
 from ridgebayes.runtime.quiet import import_arviz
 
+DOCS = Path(__file__).parents[2] / "docs"
 NAMES = ("classic", "power-law", "modified", "hybrid")
 EFFORT = Effort(n_draw=128, n_round=2)
 
@@ -115,18 +117,20 @@ def test_files__hold_what_their_contract_says(fits, observed, tmp_path):
     data = replace(data, labels=("one", "two", "three", "four"))
     model = Model(data, Modified(), Noise("step-smooth+series", nugget=1e-6))
     of_series = drawn(model)
-    seen, told = set(), set()
+    documented = runpy.run_path(str(DOCS / "netcdf_content.py"))
+    content = documented["CONTENT"]
+    seen, attrs = set(), set()
     for one in (fits["hybrid"], fits["power-law"], of_series):
         write_netcdf(one, tmp_path / "one.nc")
         with xr.open_datatree(tmp_path / "one.nc", engine="h5netcdf") as tree:
-            told |= set(tree.attrs) - set(attributes(one))
+            attrs |= set(tree.attrs) - set(attributes(one))
             for group, values in tree.children.items():
                 for name, variable in values.data_vars.items():
                     entry = "PARAMETER" if name in one.model.parameter_names else name
-                    assert variable.dims == CONTENT[group][entry][0], (group, name)
+                    assert variable.dims == content[group][entry][0], (group, name)
                     seen.add((group, entry))
-    assert seen == {(group, name) for group, names in CONTENT.items() for name in names}
-    assert told == set(ATTRIBUTES)
+    assert seen == {(group, name) for group, names in content.items() for name in names}
+    assert attrs == set(documented["ATTRIBUTES"])
 
 
 def test_all_groups__labels_each_K_with_its_texture(fits):

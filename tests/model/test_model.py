@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes.distributions.distribution import HalfNormal, LogNormal, Normal
+from ridgebayes.distributions.distribution import LogNormal, Normal
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.latent import LatentIntegral
@@ -187,15 +187,6 @@ def test_model__refuses_a_prior_that_does_not_belong():
     rule = r"prior of 'K\[a0.012_b0.03\]': expected log-normal, since log K is integrated in closed"
     with pytest.raises(InputError, match=rule):
         Model(data, PowerLaw(), priors={"K": rb.Uniform(10.0, 200.0)})
-
-
-def test_with_priors__replaces_some_and_keeps_the_rest():
-    model = Model(observations(made_up(25)), Hybrid(), priors={"c2": Normal(0.0, 0.5)})
-    other = model.with_priors({"sigma": HalfNormal(1.0)})
-    assert list(other.priors) == ["c1", "c2", "sigma"]
-    assert other.priors["c2"] == Normal(0.0, 0.5)
-    assert other.priors["sigma"] == HalfNormal(1.0)
-    assert model.priors["sigma"] == HalfNormal(0.05)
 
 
 def test_model__refuses_what_it_cannot_serve(observed):

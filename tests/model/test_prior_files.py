@@ -76,7 +76,7 @@ def test_resolve__k_of_every_texture_is_kept_for_new_ones_beside_that_of_one(dat
     model = Model(data, rb.PowerLaw(), Noise(), own)
     assert model.parameter_names == ("K[x]", "K[y]", "K[z]", "sigma")
     assert [model.priors[f"K[{label}]"] for label in "xyz"] == [own[f"K[{x}]"] for x in "xyz"]
-    again = model.with_priors({"sigma": rb.HalfNormal(0.1)})
+    again = Model(data, rb.PowerLaw(), Noise(), {**model.given_priors, "sigma": rb.HalfNormal(0.1)})
     new = slope_prior((0.02, 0.02), again.prior_of_slopes)
     assert new == rb.LogNormal(2 * 1.382 / 0.04, 0.05)
     assert slope_prior((0.02, 0.02), Model(data, rb.PowerLaw()).prior_of_slopes).log_sd == 0.3

@@ -17,9 +17,10 @@ from scipy.special import logsumexp
 from ridgebayes._types import FloatArray
 from ridgebayes.evidence.pairs import Pair, WeighedPairs, in_parallel, weigh
 from ridgebayes.evidence.tables import used_evidence
-from ridgebayes.inference.importance import Drawn, log_mean
+from ridgebayes.inference.importance import Drawn
 from ridgebayes.inference.pareto_smoothing import pareto_k
 from ridgebayes.inference.presets import QUICK
+from ridgebayes.inference.proposal import log_mean
 from ridgebayes.model.default_priors import SLOPES
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import SMOOTH
@@ -201,19 +202,17 @@ def _reweighted(task: _Reweighting) -> dict[_Change, tuple[float, float]]:
     likelihood: FloatArray | None = None
     answers: dict[_Change, tuple[float, float]] = {}
     for prior, factor in task.changes:
+        if factor == 1:
+            answers[prior, factor] = 0.0, -math.inf
+            continue
         if prior in (SLOPES, NUGGET):
             if likelihood is None:
                 likelihood = _likelihood(pair, pair, some)
-            changed = (
-                likelihood
-                if factor == 1
-                else _likelihood(_changed(pair, (prior, factor)), pair, some)
-            )
-            ratio = changed - likelihood
+            ratio = _likelihood(_changed(pair, (prior, factor)), pair, some) - likelihood
         else:
             ratio = _log_ratio(model, theta, names[prior], factor)
         answers[prior, factor] = (
-            (log_mean(ratio), pareto_k(ratio)) if ratio.any() else (0.0, -math.inf)
+            (float(log_mean(ratio)), pareto_k(ratio)) if ratio.any() else (0.0, -math.inf)
         )
     return answers
 
@@ -227,7 +226,7 @@ def _likelihood(changed: Pair, pair: Pair, u: FloatArray) -> FloatArray:
 def _log_ratio(model: Model, theta: FloatArray, names: list[str], factor: float) -> FloatArray:
     """Return log of new over old prior density of draws (n, n_outer), shape (n,)."""
     ratio = np.zeros(len(theta))
-    for name in names if factor != 1 else ():
+    for name in names:
         x, old = theta[:, model.outer_names.index(name)], model.priors[name]
         with np.errstate(invalid="ignore"):  # draws beyond both priors
             ratio += old.stretched(factor).log_pdf(x) - old.log_pdf(x)

@@ -25,7 +25,7 @@ from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.modes import N_START, find_modes
 from ridgebayes.inference.pareto_smoothing import MAX_PARETO_K, pareto_k
-from ridgebayes.inference.proposal import Mixture, log_sum
+from ridgebayes.inference.proposal import Mixture, log_mean, log_sum
 from ridgebayes.inference.target import Evaluated, Target, joined
 from ridgebayes.runtime.randomness import stream
 
@@ -194,7 +194,7 @@ def _evidence(
 ) -> LogEvidence:
     """Return the log evidence; its status says what is wrong with the weights."""
     together = np.concatenate(weights)
-    value = log_mean(together)
+    value = float(log_mean(together))
     if not math.isfinite(value):
         n = len(together)
         raise ComputationError(
@@ -205,7 +205,7 @@ def _evidence(
     between = np.exp([log_mean(log_weight) - value for log_weight in weights])
     # The larger of what the weights and what the scatter of the four sets say.
     se = max(within, float(between.std(ddof=1)) / math.sqrt(len(weights)))
-    gap = abs(log_mean(np.concatenate(halves)) - value)
+    gap = abs(float(log_mean(np.concatenate(halves))) - value)
     k, failed = pareto_k(together), []
     # A tail of shape k puts about n^(k - 1) of the sum into its largest weight. Bounded weights may
     # have any shape above a threshold, and a largest one that is far smaller.
@@ -309,14 +309,6 @@ def effective_share(log_weight: FloatArray) -> float:
         return 0.0
     weights = np.exp(log_weight - top)
     return float(weights.sum() ** 2 / (weights**2).sum() / len(weights))
-
-
-def log_mean(log_weight: FloatArray) -> float:
-    """Return the log of the mean of weights."""
-    top = log_weight.max()
-    if not np.isfinite(top):
-        return -math.inf
-    return float(top + math.log(np.exp(log_weight - top).mean()))
 
 
 def _tempered(log_weight: FloatArray, d: int) -> FloatArray:

@@ -322,14 +322,7 @@ class LatentIntegral:
         ndarray of float, shape (n_draw, n_row)
             Exact for normal rows, from the diagonal of the inverse covariance; of rows that share
             nothing their own log density.
-
-        Raises
-        ------
-        ValueError
-            If rows that are not normal share offsets.
         """
-        if not self.is_exact:
-            raise ValueError("rows that are not normal share offsets")
         n = max(_BATCH_SIZE // (self.design.n * max(self.design.n_rest, 1)), 1)
         parts = [self._given_others(u[i : i + n]) for i in range(0, len(u), n)]
         return np.concatenate(parts)

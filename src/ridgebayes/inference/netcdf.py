@@ -28,21 +28,6 @@ from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import clipped, one_line_message
 
 _MIN_PACKED_BYTES = 1_000  # packing smaller arrays saves nothing
-# Attributes of a file, beside those that arviz has too.
-ATTRIBUTES = {
-    "ridgebayes_version": "version that wrote it",
-    "form": "contact form",
-    "noise": "error model",
-    "priors": "JSON: the prior of each parameter; `K`: of the power law's slopes, if it was given",
-    "summary": "JSON: the parameters' rows of `summary.csv`",
-    "missing": "JSON: rules of convergence that were not met",
-    "stopping_rule_missing": "JSON: those of them that the walk itself found",
-    "seed": "seed of the run",
-    "sampler": "`emcee` or `importance`",
-    "n_walker": "walkers of an ensemble: draws of one step stand side by side",
-    "series": "JSON: labels of the series, where there are several",
-    "nugget": "variance of a smooth offset that is its place's own, where it is not the default",
-}
 _READ = ("constant_data", "observed_data", "sample_stats")
 Read = TypeVar("Read")
 

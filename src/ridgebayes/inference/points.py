@@ -15,6 +15,7 @@ from scipy.special import ndtri
 
 from ridgebayes._types import FloatArray
 from ridgebayes.inference.precision import Precision
+from ridgebayes.inference.proposal import log_mean
 from ridgebayes.inference.working_rows import WorkingRows
 from ridgebayes.model.design import DesignMatrix
 from ridgebayes.model.linear_algebra import solve_lower
@@ -145,15 +146,15 @@ class PointIntegral:
         first, log_first = self._first_points(batch, normal, rest, rng, n_inner)
         if n_first:
             # Given the rest the integral is a product of one over each texture's score.
-            log_weight = log_weight + _log_mean(log_first).sum(axis=-1)
+            log_weight = log_weight + log_mean(log_first).sum(axis=-1)
             first = _chosen(first, log_first, rng)
         else:
             log_weight, first = log_weight + log_first[0], first[0]
         log_weight = np.where(np.isnan(log_weight), -np.inf, log_weight)
         scores = _chosen(np.concatenate([first, rest], axis=-1), log_weight[..., None], rng)
         if n_outer > 1:
-            return Estimate(_log_mean(log_weight), _log_mean(log_weight[::2]), scores)
-        from_half = _log_mean(log_first[::2]).sum(axis=-1)[0]
+            return Estimate(log_mean(log_weight), log_mean(log_weight[::2]), scores)
+        from_half = log_mean(log_first[::2]).sum(axis=-1)[0]
         return Estimate(log_weight[0], from_half, scores)
 
     def _rest_points(
@@ -244,9 +245,9 @@ class PointIntegral:
             top = np.maximum.reduceat(log_rows[..., self._order], self._begins, axis=-1)
             relative = np.exp(log_rows - top[..., self.rows.texture])
             mean = np.add.reduceat(relative[..., self._order], self._begins, axis=-1)
-            log_mean = top + np.log(mean / self._n_in_texture) + np.log(root.first)
+            log_rows_mean = top + np.log(mean / self._n_in_texture) + np.log(root.first)
             share = n_at_rows / n
-            log_q = np.logaddexp(log_q + math.log(1 - share), log_mean + math.log(share))
+            log_q = np.logaddexp(log_q + math.log(1 - share), log_rows_mean + math.log(share))
         log_weight = joint - 0.5 * (first**2 + _LOG_2PI) - log_q
         return first, np.where(np.isnan(log_weight), -np.inf, log_weight)
 
@@ -295,13 +296,6 @@ def _log_logistic(t: FloatArray) -> FloatArray:
     z = np.abs(t) / _POINT_SCALE
     value: FloatArray = -z - 2 * np.log1p(np.exp(-z)) - math.log(_POINT_SCALE)
     return value
-
-
-def _log_mean(x: FloatArray) -> FloatArray:
-    """Return the log of the mean of exponentials over the first axis."""
-    top = x.max(axis=0)
-    value: FloatArray = np.where(top == -np.inf, 0.0, top)
-    return np.asarray(value + np.log(np.exp(x - value).mean(axis=0)))
 
 
 def _chosen(scores: FloatArray, log_weight: FloatArray, rng: np.random.Generator) -> FloatArray:

@@ -156,4 +156,10 @@ def log_sum(terms: FloatArray) -> FloatArray:
     """Return log sum exp over the first axis: SciPy's own takes longer to begin than to add."""
     top = terms.max(axis=0)
     value: FloatArray = np.where(np.isfinite(top), top, 0.0)
-    return np.asarray(value + np.log(np.exp(terms - value).sum(axis=0)))
+    with np.errstate(divide="ignore"):
+        return np.asarray(value + np.log(np.exp(terms - value).sum(axis=0)))
+
+
+def log_mean(terms: FloatArray) -> FloatArray:
+    """Return the log of the mean of exponentials over the first axis."""
+    return log_sum(terms) - math.log(len(terms))

@@ -142,10 +142,6 @@ class Model:
         """Outer parameters: those that the sampler sees."""
         return len(self.outer)
 
-    def with_priors(self, priors: Mapping[str, Distribution]) -> "Model":
-        """Return the model with some priors replaced."""
-        return Model(self.data, self.form, self.noise, {**self.given_priors, **priors})
-
     def log_prior(self, theta: FloatArray) -> FloatArray:
         """Return the log prior density in theta, shape ``theta.shape[:-1]``."""
         return self._joint.log_pdf(theta)
