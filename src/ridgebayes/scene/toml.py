@@ -90,14 +90,12 @@ def _uncertain(
     from ridgebayes.scene.uncertain import read_source  # loads scipy: not for certain scenes
 
     try:
-        source = read_source(dimension, raw, (info.context or {}).get("folder", Path()))
-        if source is not None and not may_be_zero:
-            source[0].refuse_below(0.0, "must be > 0")
+        read = read_source(dimension, raw, (info.context or {}).get("folder", Path()))
+        if read is not None and not may_be_zero:
+            read[0].refuse_below(0.0, "must be > 0")
     except InputError as error:
         raise ValueError(str(error)) from None
-    if source is None:
-        return None
-    return _Measure(Fraction(repr(source[1])), raw, source[0], source[2])
+    return None if read is None else _Measure(Fraction(repr(read[1])), raw, read[0], read[2])
 
 
 def _or_uncertain(raw: object, plain: ValidatorFunctionWrapHandler, info: ValidationInfo) -> object:
