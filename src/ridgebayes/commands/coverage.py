@@ -41,15 +41,15 @@ def command(asked: Coverage) -> Answer:
         executor_for(n_worker, asked.scheduler) as executor,
     ):
         known: dict[str, Any] = {"rng": asked.seed, "executor": executor}
-        found = coverage(request.table, request.forms, models, progress=progress.stage, **known)
-        if found.empty:
+        shares = coverage(request.table, request.forms, models, progress=progress.stage, **known)
+        if shares.empty:
             raise InputError(
                 f"{request.table.where}: expected a row that gives the load itself, got only "
                 "brackets and counts; bands are not compared with these"
             )
-        write_csv(found, partial / "coverage.csv")
+        write_csv(shares, partial / "coverage.csv")
         with progress.stage("figure"):
-            drawing.style.save(drawing.coverage.plot_coverage(found), partial / "coverage")
+            drawing.style.save(drawing.coverage.plot_coverage(shares), partial / "coverage")
         options = {
             "table": str(asked.table) if asked.table else None,
             "forms": names,
@@ -58,19 +58,19 @@ def command(asked: Coverage) -> Answer:
         }
         about = about_run("coverage", asked.seed, options, request.table)
         write_json(about | {"stages": progress.stages}, partial / COVERAGE_JSON)
-    return _answer(found, asked.out)
+    return _answer(shares, asked.out)
 
 
-def _answer(found: pd.DataFrame, out: Path) -> Answer:
+def _answer(shares: pd.DataFrame, out: Path) -> Answer:
     """Return the bands of 90 %; fits that failed are an error."""
-    shown = found[found["prob"] == 0.9]
+    shown = shares[shares["prob"] == 0.9]
     columns = ["form", "noise", "n", "covered", "share", "share_se", "mean_width"]
     failed = shown[shown["n_failed"] > 0]
     rows = zip(failed["form"], failed["noise"], failed["failed"], strict=True)
-    told = f"{out}: {len(found)} rows; look at {out / 'coverage.png'}"
+    told = f"{out}: {len(shares)} rows; look at {out / 'coverage.png'}"
     return Answer(
         ("Bands of 90 %:", shown[columns].round(3), told),
-        found,
+        shares,
         files_in(out),
         problem="\n".join(f"{form}, {name}: {why}" for form, name, why in rows),
     )

@@ -43,7 +43,7 @@ def command(asked: options.PlanOptions) -> Answer:
     if asked.out is not None:
         write_frame(plan_table(plans), asked.out)
     parts: list[str | pd.DataFrame] = [*medians_taken(scene.uncertain_names)]
-    parts += [part for one in plans for part in scene_text(scene, one)]
+    parts += [part for planned in plans for part in scene_text(scene, planned)]
     reasons = plan_table(plans)[["texture", "effect", "number", "reason"]]
     files, failed, problem = [asked.out] if asked.out else [], [], ""
     if asked.figures is not None:
@@ -76,10 +76,10 @@ def _draw(scene: Scene, plans: Sequence[Plan], folder: Path) -> list[str]:
     from ridgebayes.commands.plan_figures import draw_plan
 
     folder.mkdir(parents=True, exist_ok=True)
-    return [why for one in plans for why in draw_plan(scene, one, folder)]
+    return [why for planned in plans for why in draw_plan(scene, planned, folder)]
 
 
-def scene_text(scene: Scene, one: Plan) -> list[str | pd.DataFrame]:
+def scene_text(scene: Scene, planned: Plan) -> list[str | pd.DataFrame]:
     """Say what a texture of a scene is: sentences, and its effects as a table.
 
     Parameters
@@ -89,9 +89,9 @@ def scene_text(scene: Scene, one: Plan) -> list[str | pd.DataFrame]:
     one : Plan
         Plan of one of its textures.
     """
-    texture = one.texture
-    lines = [f"a/R = {texture.a_over_R:g}, b/R = {texture.b_over_R:g}: {_expected(scene, one)}"]
-    simulated = [effect for effect in one.effects if effect.simulated]
+    texture = planned.texture
+    lines = [f"a/R = {texture.a_over_R:g}, b/R = {texture.b_over_R:g}: {_expected(scene, planned)}"]
+    simulated = [effect for effect in planned.effects if effect.simulated]
     wanted = f"loads right to {percent(scene.relative)}" if scene.relative else "its loads"
     sizes = ", ".join(
         f"{effect.name} ({percent(effect.estimate)})"
@@ -100,10 +100,12 @@ def scene_text(scene: Scene, one: Plan) -> list[str | pd.DataFrame]:
     )
     cost = duration(sum(effect.cost_s for effect in simulated))
     cost = cost if cost.startswith("under") else f"about {cost}"
-    how = _METHODS[one.solver]
+    how = _METHODS[planned.solver]
     lines.append(f"To compute {wanted}, simulate: {sizes}. By {how} that takes {cost}.")
-    if one.left_out:
-        names = ", ".join(f"{effect.name} ({percent(effect.estimate)})" for effect in one.left_out)
+    if planned.left_out:
+        names = ", ".join(
+            f"{effect.name} ({percent(effect.estimate)})" for effect in planned.left_out
+        )
         lines.append(f"Not simulated, though it may matter: {names}.")
     rows = [
         {
@@ -112,31 +114,33 @@ def scene_text(scene: Scene, one: Plan) -> list[str | pd.DataFrame]:
             "changes loads by": percent(effect.estimate),
             "takes": duration(effect.cost_s),
         }
-        for effect in one.effects
+        for effect in planned.effects
         if not math.isnan(effect.cost_s)
     ]
-    unknown = ", ".join(effect.name for effect in one.effects if math.isnan(effect.cost_s))
+    unknown = ", ".join(effect.name for effect in planned.effects if math.isnan(effect.cost_s))
     return [*lines, pd.DataFrame(rows), f"Not modelled: {unknown}."]
 
 
-def _expected(scene: Scene, one: Plan) -> str:
+def _expected(scene: Scene, planned: Plan) -> str:
     """Say which count and contact the highest load gives."""
-    p = scene.highest_load(one.texture)
+    p = scene.highest_load(planned.texture)
     load = f"p/E = {p:.3g}"
     body = scene.body
     if body.load and p == scene.p_over_E:
         load = f"{body.load} ({load})"
-    alone = scene.model_copy(update={"textures": (one.texture,)})
-    (found,) = contact_at_loads(alone, [p]).to_dict("records")
-    if math.isnan(found["half_width_over_R"]):
-        return f"Q at {load} is not known: {found['status']}."
-    width = 2 * found["half_width_over_R"]
+    alone = scene.model_copy(update={"textures": (planned.texture,)})
+    (contact,) = contact_at_loads(alone, [p]).to_dict("records")
+    if math.isnan(contact["half_width_over_R"]):
+        return f"Q at {load} is not known: {contact['status']}."
+    width = 2 * contact["half_width_over_R"]
     size = f"{width:.2g} R"
     if body.radius is not None:
         size += f" ({1e3 * width * float(body.radius):.2g} mm)"
-    mean = " on average over offsets" if one.texture.offset == "uniform" else ""
-    words = f"at {load} expect Q = {found['Q']:.3g}{mean} in a contact {size} wide"
-    words += f", of which {percent(found['contact_fraction'])} touches."
-    if found["rel_se"]:
-        words += f" Standard error of the load: {percent(found['rel_se'])}, of lengths half of it."
-    return words if found["status"] == "ok" else f"{words} This is {found['status']}."
+    mean = " on average over offsets" if planned.texture.offset == "uniform" else ""
+    words = f"at {load} expect Q = {contact['Q']:.3g}{mean} in a contact {size} wide"
+    words += f", of which {percent(contact['contact_fraction'])} touches."
+    if contact["rel_se"]:
+        words += (
+            f" Standard error of the load: {percent(contact['rel_se'])}, of lengths half of it."
+        )
+    return words if contact["status"] == "ok" else f"{words} This is {contact['status']}."

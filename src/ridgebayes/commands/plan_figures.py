@@ -26,7 +26,7 @@ _TOLERANCE = 1e-5  # of the curves
 _EDGES = 10.0  # a ridge, of the mesh
 
 
-def draw_plan(scene: Scene, one: Plan, folder: Path) -> list[str]:
+def draw_plan(scene: Scene, planned: Plan, folder: Path) -> list[str]:
     """Draw a texture's body at the highest load, Q against load, and the size of each effect.
 
     Returns
@@ -34,14 +34,16 @@ def draw_plan(scene: Scene, one: Plan, folder: Path) -> list[str]:
     list of str
         Reason for each figure that could not be made.
     """
-    texture, p_max = one.texture, scene.highest_load(one.texture)
+    texture, p_max = planned.texture, scene.highest_load(planned.texture)
     sharp = Profile(texture.a_over_R, texture.b_over_R)
-    profile = one.profile or (sharp if one.solver == "half-plane" else full_profile(texture))
+    profile = planned.profile
+    if profile is None:
+        profile = sharp if planned.solver == "half-plane" else full_profile(texture)
     failed = []
     recipes: dict[str, Callable[[], Figure]] = {
-        "effects": lambda: plot_effects(plan_table([one]), scene.relative),
-        "counts": lambda: _counts(profile, sharp, scene, one),
-        "deformed": lambda: _deformed(profile, scene, one, p_max),
+        "effects": lambda: plot_effects(plan_table([planned]), scene.relative),
+        "counts": lambda: _counts(profile, sharp, scene, planned),
+        "deformed": lambda: _deformed(profile, scene, planned, p_max),
     }
     for name, make in recipes.items():
         label = f"{name}-{plan_label(texture)}"
@@ -55,19 +57,19 @@ def draw_plan(scene: Scene, one: Plan, folder: Path) -> list[str]:
     return failed
 
 
-def _counts(profile: Profile, sharp: Profile, scene: Scene, one: Plan) -> Figure:
-    p_max = scene.highest_load(one.texture)
+def _counts(profile: Profile, sharp: Profile, scene: Scene, planned: Plan) -> Figure:
+    p_max = scene.highest_load(planned.texture)
     # The same line twice would hide the first: each profile goes by its first name.
     names: dict[Profile, str] = {profile: "as planned"}
-    names.setdefault(full_profile(one.texture), "all that the scene gives")
+    names.setdefault(full_profile(planned.texture), "all that the scene gives")
     names.setdefault(sharp, "ridges alone")
-    p = _half_plane_load(scene, one, p_max)
-    found = {name: _curve(each, scene, p) for each, name in names.items()}
-    if one.solver == "two-scale":
-        found = {
-            name: (load_of(loads, scene.nu, scene.ogden), Q) for name, (loads, Q) in found.items()
+    p = _half_plane_load(scene, planned, p_max)
+    steps = {name: _curve(side, scene, p) for side, name in names.items()}
+    if planned.solver == "two-scale":
+        steps = {
+            name: (load_of(loads, scene.nu, scene.ogden), Q) for name, (loads, Q) in steps.items()
         }
-    curves = {name: curve for name, curve in found.items() if len(curve[0])}
+    curves = {name: curve for name, curve in steps.items() if len(curve[0])}
     smooth = _smooth(sharp, scene, p_max)
     if len(smooth[0]):
         curves["Hertz, no grooves"] = smooth
@@ -76,9 +78,9 @@ def _counts(profile: Profile, sharp: Profile, scene: Scene, one: Plan) -> Figure
     return plot_counts(curves)
 
 
-def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> Figure:
-    if one.solver != "cylinder-fe":
-        p = _half_plane_load(scene, one, p_max)
+def _deformed(profile: Profile, scene: Scene, planned: Plan, p_max: float) -> Figure:
+    if planned.solver != "cylinder-fe":
+        p = _half_plane_load(scene, planned, p_max)
         return plot_pressed(solve_contact(profile, load_factor(scene.nu) * p, rel_tol=_TOLERANCE))
     if p_max > HIGHEST_LOAD:  # it would take minutes to find out
         raise ComputationError(f"p/E = {p_max:.2g} is above {HIGHEST_LOAD:g}")
@@ -90,18 +92,18 @@ def _deformed(profile: Profile, scene: Scene, one: Plan, p_max: float) -> Figure
         raise ComputationError(str(failed)) from None
 
 
-def _half_plane_load(scene: Scene, one: Plan, p_max: float) -> float:
+def _half_plane_load(scene: Scene, planned: Plan, p_max: float) -> float:
     """Return the load under which a half-plane does what the body does."""
-    return (
-        float(half_plane_load(p_max, scene.nu, scene.ogden)) if one.solver == "two-scale" else p_max
-    )
+    if planned.solver != "two-scale":
+        return p_max
+    return float(half_plane_load(p_max, scene.nu, scene.ogden))
 
 
 def _curve(profile: Profile, scene: Scene, p_max: float) -> tuple[FloatArray, FloatArray]:
     factor = load_factor(scene.nu)
-    found = reaching_loads(profile, W_max=factor * p_max, n_max=200, rel_tol=_TOLERANCE)
-    ok = np.array([status == "ok" for status in found.status], dtype=bool)
-    return found.W[ok] / factor, found.Q[ok].astype(float)
+    events = reaching_loads(profile, W_max=factor * p_max, n_max=200, rel_tol=_TOLERANCE)
+    ok = np.array([status == "ok" for status in events.status], dtype=bool)
+    return events.W[ok] / factor, events.Q[ok].astype(float)
 
 
 def _smooth(profile: Profile, scene: Scene, p_max: float) -> tuple[FloatArray, FloatArray]:

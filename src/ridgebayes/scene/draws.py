@@ -98,10 +98,10 @@ def _next(
         values |= {k: v for k, v in derived.items() if k not in values or np.ndim(v)}
     if isinstance(values["offset"], str):
         values["offset"] = random("scene", "offset").uniform(-0.5, 0.5, n)
-    found = {name: np.array(np.broadcast_to(value, n), float) for name, value in values.items()}
-    _check(found)
-    profile = {name: found.pop(name) for name in ("a", "b", "depth", "corner", "offset")}
-    return SceneDraws(profile, found.pop("nu"), found.pop("p_over_E"), found)
+    arrays = {name: np.array(np.broadcast_to(value, n), float) for name, value in values.items()}
+    _check(arrays)
+    profile = {name: arrays.pop(name) for name in ("a", "b", "depth", "corner", "offset")}
+    return SceneDraws(profile, arrays.pop("nu"), arrays.pop("p_over_E"), arrays)
 
 
 def _check(drawn: dict[str, FloatArray]) -> None:

@@ -177,17 +177,17 @@ def beyond_reach(scene: Scene, solver: str = "auto") -> str:
         raise InputError(
             f"poissons_ratio = {scene.nu:g}: expected {two_scale.LEAST_NU:g} to 0.5 for two-scale"
         )
-    known = scene.nu >= two_scale.LEAST_NU
-    reach = two_scale.REACH if known else HIGHEST_LOAD
+    two_scales = scene.nu >= two_scale.LEAST_NU
+    reach = two_scale.REACH if two_scales else HIGHEST_LOAD
     if solver in ("auto", "two-scale") and highest > reach:
         number, _, unit = written.partition(" ")
         most = f"p/E = {reach:g}"
         if number and written == f"{number} {unit}":
             most += f", {float(number) * reach / highest:.3g} {unit}"
         why = "no solver goes further"
-        why += "" if known else f" where poissons_ratio is under {two_scale.LEAST_NU:g}"
+        why += "" if two_scales else f" where poissons_ratio is under {two_scale.LEAST_NU:g}"
         raise InputError(f"load: {load}; expected at most {most}: {why}")
-    goes_on = not scene.friction and known
+    goes_on = not scene.friction and two_scales
     if highest <= HIGHEST_LOAD or (solver in ("auto", "two-scale") and goes_on):
         return ""
     return (

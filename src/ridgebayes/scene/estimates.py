@@ -170,13 +170,13 @@ class _Base:
     @cached_property
     def penetration(self) -> float:
         """How deep the surface hangs into any groove at the highest load, corners as they are."""
-        found = self.last
+        rounded = self.last
         if self.given.corner:
             round_ones = replace(self.sharp, corner=self.given.corner)
-            found = solve_contact(round_ones, self.last.W, rel_tol=_ROUGH)
-        solutions = [body for body in (self.last, found) if body.status == "ok"]
+            rounded = solve_contact(round_ones, self.last.W, rel_tol=_ROUGH)
+        solutions = [solution for solution in (self.last, rounded) if solution.status == "ok"]
         if not solutions:
-            raise _too_narrow(self.texture, found.status)
+            raise _too_narrow(self.texture, rounded.status)
         deepest = max(max(solution.penetrations.values()) for solution in solutions)
         # Beyond the ridges looked at it grows as the pressure in the middle: with the root of W.
         return deepest * math.sqrt(self.W_max / self.last.W)
@@ -228,19 +228,19 @@ class _Base:
 def _decided(base: _Base, effects: list[Effect], left: float) -> list[Effect]:
     """Neglect the smallest effects, as long as all of them together stay within what is left."""
     said = {}
-    for one in sorted(effects, key=lambda one: (math.isnan(one.estimate), one.estimate)):
-        if one.estimate == 0.0:
-            said[one.name] = replace(one, simulated=False)
+    for effect in sorted(effects, key=lambda item: (math.isnan(item.estimate), item.estimate)):
+        if effect.estimate == 0.0:
+            said[effect.name] = replace(effect, simulated=False)
             continue
-        simulated = not _SAFETY * one.estimate <= left
-        reason = f"{one.reason}; {'above' if simulated else 'within'} {base.wanted}"
-        if math.isnan(one.estimate):
-            reason = f"{one.reason}; size not known, simulated to be safe"
-        elif simulated and one.estimate <= base.tolerance:
-            reason = f"{one.reason}; with all that is neglected above {base.wanted}"
-        left -= 0.0 if simulated else _SAFETY * one.estimate
-        said[one.name] = replace(one, simulated=simulated, reason=reason)
-    return [said[one.name] for one in effects]
+        simulated = not _SAFETY * effect.estimate <= left
+        reason = f"{effect.reason}; {'above' if simulated else 'within'} {base.wanted}"
+        if math.isnan(effect.estimate):
+            reason = f"{effect.reason}; size not known, simulated to be safe"
+        elif simulated and effect.estimate <= base.tolerance:
+            reason = f"{effect.reason}; with all that is neglected above {base.wanted}"
+        left -= 0.0 if simulated else _SAFETY * effect.estimate
+        said[effect.name] = replace(effect, simulated=simulated, reason=reason)
+    return [said[effect.name] for effect in effects]
 
 
 def _ridges(base: _Base) -> Effect:
@@ -359,13 +359,13 @@ def _material(base: _Base) -> Effect:
     estimate = math.nan
     if nu >= two_scale.LEAST_NU:
         p = min(base.p_max, two_scale.REACH)
-        own, soft = (float(two_scale.width_ratio(p, nu, one)) for one in (ogden, NEO_HOOKEAN))
-        estimate = abs((soft / own) ** 2 - 1)
+        stiff, soft = (float(two_scale.width_ratio(p, nu, terms)) for terms in (ogden, NEO_HOOKEAN))
+        estimate = abs((soft / stiff) ** 2 - 1)
     what += "a smooth body's load against a neo-Hookean one's"
-    (found,) = _decided(
+    (effect,) = _decided(
         base, [Effect("material", exponent, estimate, True, what, _PER_MATERIAL)], base.tolerance
     )
-    return found
+    return effect
 
 
 def _friction(base: _Base) -> Effect:

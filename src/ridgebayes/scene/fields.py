@@ -41,8 +41,8 @@ def _ogden(raw: object) -> Ogden:
     rule = "must be one to three pairs [share, exponent]"
     if not isinstance(raw, list | tuple) or not 1 <= len(raw) <= _MOST_TERMS:
         raise ValueError(rule)
-    numbers = [one for pair in raw if isinstance(pair, list | tuple) for one in pair]
-    plain = all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers)
+    numbers = [x for pair in raw if isinstance(pair, list | tuple) for x in pair]
+    plain = all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers)
     if not plain or any(not isinstance(pair, list | tuple) or len(pair) != 2 for pair in raw):
         raise ValueError(rule)
     terms = tuple((float(share), float(exponent)) for share, exponent in raw)
@@ -96,24 +96,24 @@ def findings(
     """
     lines = []
     every = error.errors(include_url=False)
-    unknown = [found["loc"] for found in every if found["type"] == "extra_forbidden"]
+    unknown = [finding["loc"] for finding in every if finding["type"] == "extra_forbidden"]
     meant = {place: "" if hint is None else hint(place) for place in unknown}
-    for found in every:
-        *table, name = found["loc"] or ("",)
+    for finding in every:
+        *table, name = finding["loc"] or ("",)
         asked = f"did you mean {name}?"
-        if found["type"] == "missing" and any(
+        if finding["type"] == "missing" and any(
             list(place[:-1]) == table and text == asked for place, text in meant.items()
         ):
             continue  # reported once, as the unknown key that it was written as
         key = ""
-        for part in found["loc"]:
+        for part in finding["loc"]:
             key += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if key else ''}{part}"
-        rule = found["msg"].removeprefix("Value error, ")
-        if found["type"] == "extra_forbidden":
-            rule = "; ".join(filter(None, ("unknown key", meant[found["loc"]])))
-        elif found["type"] == "missing":
+        rule = finding["msg"].removeprefix("Value error, ")
+        if finding["type"] == "extra_forbidden":
+            rule = "; ".join(filter(None, ("unknown key", meant[finding["loc"]])))
+        elif finding["type"] == "missing":
             rule = "missing; expected a value"
-        shown = "" if found["type"] == "missing" else f" = {shown_value(found['input'])}"
+        shown = "" if finding["type"] == "missing" else f" = {shown_value(finding['input'])}"
         # A rule between several keys names them itself.
         about = f"{key}{shown}: " if key else ""
         lines.append(f"{where}: {about}{rule[:1].lower()}{rule[1:]}")
@@ -130,6 +130,6 @@ def syntax_error(content: bytes, error: Exception) -> str:
             key, value, unit = quantity[1], quantity[2], (quantity[3] or "").strip()
             wrong = "a decimal comma" if "," in value else "a unit without quotes"
             right = f'"{with_point(value)} {unit}"' if unit else with_point(value)
-            given = f"{key}{value} {unit}".strip()
-            return f"line {number}: {given}: has {wrong}; expected {key}{right}"
+            written = f"{key}{value} {unit}".strip()
+            return f"line {number}: {written}: has {wrong}; expected {key}{right}"
     return f"not a TOML file in UTF-8: {one_line_message(error)}"

@@ -299,11 +299,11 @@ class Scene(fields.Record):
     @property
     def apart(self) -> tuple["Scene", ...]:
         """A scene for each of the textures, of the same body and load."""
-        found = []
+        scenes = []
         for number, texture in enumerate(self.textures, start=1):
             uncertain = self.uncertain and self.uncertain.of_texture(number)
-            found.append(self.model_copy(update={"textures": (texture,), "uncertain": uncertain}))
-        return tuple(found)
+            scenes.append(self.model_copy(update={"textures": (texture,), "uncertain": uncertain}))
+        return tuple(scenes)
 
     def to_toml(self, path: str | os.PathLike[str]) -> None:
         """Write the scene without units: `Scene.from_toml` reads an equal one.
@@ -325,7 +325,7 @@ class Scene(fields.Record):
                 f"scene: {', '.join(self.uncertain_names)}: distributions cannot be written; "
                 "`at_medians()` gives the scene of the medians"
             )
-        textures = [one.model_dump(exclude_defaults=True) for one in self.textures]
+        textures = [texture.model_dump(exclude_defaults=True) for texture in self.textures]
         ogden = None if self.ogden == NEO_HOOKEAN else self.ogden
         text = scene_text(self.model_dump() | {"textures": textures, "ogden": ogden})
         Path(path).write_text(text, encoding="utf-8")

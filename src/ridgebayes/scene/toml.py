@@ -64,8 +64,8 @@ def _measured(
     dimension: Dimension, raw: object, info: ValidationInfo, *, may_be_zero: bool = False
 ) -> _Measure:
     """Read a quantity: text with a unit, a plain number, or a distribution of either."""
-    if (found := _uncertain(dimension, raw, info, may_be_zero)) is not None:
-        return found
+    if (measure := _uncertain(dimension, raw, info, may_be_zero)) is not None:
+        return measure
     if not isinstance(raw, str | int | float) or isinstance(raw, bool):
         raise ValueError("must be a number, or text with a number and a unit")
     try:
@@ -90,21 +90,21 @@ def _uncertain(
     from ridgebayes.scene.uncertain import read_source  # loads scipy: not for certain scenes
 
     try:
-        found = read_source(dimension, raw, (info.context or {}).get("folder", Path()))
-        if found is not None and not may_be_zero:
-            found[0].refuse_below(0.0, "must be > 0")
+        read = read_source(dimension, raw, (info.context or {}).get("folder", Path()))
+        if read is not None and not may_be_zero:
+            read[0].refuse_below(0.0, "must be > 0")
     except InputError as error:
         raise ValueError(str(error)) from None
-    return None if found is None else _Measure(Fraction(repr(found[1])), raw, found[0], found[2])
+    return None if read is None else _Measure(Fraction(repr(read[1])), raw, read[0], read[2])
 
 
 def _or_uncertain(raw: object, plain: ValidatorFunctionWrapHandler, info: ValidationInfo) -> object:
     """Read a number without a unit as the records do, or a distribution whose median they take."""
-    found = _uncertain(None, raw, info)
-    if found is None:
+    measure = _uncertain(None, raw, info)
+    if measure is None:
         return plain(raw)
-    plain(float(found.value))
-    return found
+    plain(float(measure.value))
+    return measure
 
 
 _Uncertain = WrapValidator(_or_uncertain)
@@ -295,13 +295,13 @@ def _clashes(scene: _SceneFile) -> list[str]:
         problems.append("body.radius: missing; widths with units need it")
     load = scene.load
     keys = ("max", "line", "force", "p_over_E")
-    given = [f"load.{key}" for key in keys if getattr(load, key) is not None]
-    if len(given) > 1:
-        problems.append(f"{', '.join(given)}: give one of them")
+    loads = [f"load.{key}" for key in keys if getattr(load, key) is not None]
+    if len(loads) > 1:
+        problems.append(f"{', '.join(loads)}: give one of them")
     if load.force is not None and load.length is None:
         problems.append("load.length: missing; a force is spread over it")
     if (load.max or load.line or load.force) and scene.body.youngs_modulus is None:
-        problems.append(f"body.youngs_modulus: missing; {given[0]} needs it")
+        problems.append(f"body.youngs_modulus: missing; {loads[0]} needs it")
     return problems
 
 
@@ -333,7 +333,7 @@ def _body(scene: _SceneFile) -> Body:
     body, load = scene.body, scene.load
     if body.radius is None or not body.radius.has_unit:
         return Body()
-    words = next((str(one.raw) for one in (load.max, load.line, load.force) if one), "")
+    words = next((str(measure.raw) for measure in (load.max, load.line, load.force) if measure), "")
     if load.force and load.length:
         words += f" on {load.length.raw}"
     modulus = body.youngs_modulus.value if body.youngs_modulus else None
@@ -348,18 +348,18 @@ def _uncertain_values(scene: _SceneFile) -> Any:
     """Return a `scene.uncertain.Uncertain`; None where a scene is certain of everything."""
     first = "texture" if len(scene.texture) == 1 else "texture[1]"
     sections = {"body": scene.body, first: scene.texture[0], "load": scene.load}
-    sections |= {f"texture[{i}]": one for i, one in enumerate(scene.texture[1:], start=2)}
+    sections |= {f"texture[{i}]": item for i, item in enumerate(scene.texture[1:], start=2)}
     given: dict[str, Any] = {
         f"{section}.{key}": value for section, model in sections.items() for key, value in model
     }
-    measures = {name: one for name, one in given.items() if isinstance(one, _Measure)}
-    if not scene.joint and all(one.source is None for one in measures.values()):
+    measures = {name: item for name, item in given.items() if isinstance(item, _Measure)}
+    if not scene.joint and all(item.source is None for item in measures.values()):
         return None
     # Here, not above: it loads scipy, which a scene that is certain does without.
     from ridgebayes.scene.uncertain import Uncertain
 
     certain = {name: _median(value) for name, value in given.items() if value is not None}
-    return Uncertain.of(certain, measures, [dict(one) for one in scene.joint])
+    return Uncertain.of(certain, measures, [dict(item) for item in scene.joint])
 
 
 def _ratio(measure: _Measure, unit: Fraction) -> float:

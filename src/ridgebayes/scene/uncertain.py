@@ -80,11 +80,11 @@ class Source:
         return np.asarray(self.given[np.minimum(place, len(self.given) - 1)])
 
     def _called(self, rng: np.random.Generator) -> float:
-        found = self.given(rng)
+        value = self.given(rng)
         try:
-            return float(found)
+            return float(value)
         except (TypeError, ValueError):
-            raise InputError(f"expected a callable that returns a number, got {found!r}") from None
+            raise InputError(f"expected a callable that returns a number, got {value!r}") from None
 
     @property
     def median(self) -> float:
@@ -146,8 +146,8 @@ def read_source(
         median = source.median
     except InputError as error:
         # A sample's own message names the row.
-        own = not problems or "empirical(" in str(raw)
-        raise InputError(str(error) if own else problems[-1]) from None
+        is_own = not problems or "empirical(" in str(raw)
+        raise InputError(str(error) if is_own else problems[-1]) from None
     if len(kinds) > 1:
         raise InputError("give units everywhere or nowhere")
     if not math.isfinite(median):
@@ -200,12 +200,12 @@ class Uncertain:
         sources = {name: one.source for name, one in measures.items() if one.source is not None}
         texts = {name: str(measures[name].raw) for name in sources}
         has_units = any(one.has_unit for one in measures.values())
-        found = [Joint.read(section, certain, sources) for section in joint]
-        seen = [name for one in found for name in one.of]
+        joints = [Joint.read(section, certain, sources) for section in joint]
+        seen = [name for one in joints for name in one.of]
         if len(set(seen)) < len(seen):
             raise InputError(f"joint: expected each place once, got {', '.join(seen)}")
-        texts |= {name: "joint draws" for one in found if one.draws is not None for name in one.of}
-        return cls(sources, texts, partial(_derived, certain, has_units), found)
+        texts |= {name: "joint draws" for one in joints if one.draws is not None for name in one.of}
+        return cls(sources, texts, partial(_derived, certain, has_units), joints)
 
     def of_texture(self, number: int) -> "Uncertain":
         """Return the uncertain values of the scene with only its texture of this number, from 1."""
@@ -276,18 +276,18 @@ class Joint:
         names, draws = tuple(section["of"]), section["draws"]
         if (draws is None) == (section["correlation"] is None):
             raise InputError("joint: expected one of correlation and draws")
-        known = [name for name, one in sources.items() if one.has_quantiles]
+        allowed = [name for name, value in sources.items() if value.has_quantiles]
         if draws is not None:  # instead of plain values
-            known = [name for name, one in certain.items() if not isinstance(one, str)]
+            allowed = [name for name, value in certain.items() if not isinstance(value, str)]
         for name in names:
-            if name not in known or names.count(name) > 1:
+            if name not in allowed or names.count(name) > 1:
                 raise InputError(
-                    f"joint.of: expected each once of {', '.join(known)}, got {name!r}"
+                    f"joint.of: expected each once of {', '.join(allowed)}, got {name!r}"
                 )
         if draws is not None:
-            found = cls(names, None, draws if hasattr(draws, "rvs") else _array(draws))
-            found.rows(1, stream(0, "shape"))
-            return found
+            joint = cls(names, None, draws if hasattr(draws, "rvs") else _array(draws))
+            joint.rows(1, stream(0, "shape"))
+            return joint
         matrix = _array(section["correlation"]).astype(np.float64)
         if (
             matrix.shape != (len(names), len(names))

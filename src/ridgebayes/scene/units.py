@@ -144,8 +144,8 @@ def with_error(text: str) -> str:
     if re.fullmatch(rf"\s*{_NUMBER}\s*%\s*", error):
         return f"lognormal({value}, {error})"
     try:
-        (size, kind), (own, own_kind) = _size(error), _size(value)
-        ratio = float(size / own) if kind == own_kind else 0.0
+        (size, kind), (centre, centre_kind) = _size(error), _size(value)
+        ratio = float(size / centre) if kind == centre_kind else 0.0
     except (InputError, ValueError, ZeroDivisionError):
         ratio = 0.0
     if not ratio > 0:

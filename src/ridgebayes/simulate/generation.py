@@ -166,10 +166,10 @@ def generate(
     beyond_reach(scene, solver)
     tasks = _tasks(scene.at_medians(), solver, rel_tol, wanted.meshes)
     solve = functools.partial(_solved, pressed=pressed) if pressed is not None else _solved
-    found = _all_found(tasks, solve, executor, journal, progress)
-    if problems := [text for text in found if isinstance(text, str)]:
+    results = _all_found(tasks, solve, executor, journal, progress)
+    if problems := [text for text in results if isinstance(text, str)]:
         raise InputError("\n".join(problems))
-    curves = [curve for some in found if not isinstance(some, str) for curve in some]
+    curves = [curve for some in results if not isinstance(some, str) for curve in some]
     frame = pd.DataFrame(
         {
             name: np.concatenate([np.broadcast_to(one[name], len(one["Q"])) for one in curves])
@@ -208,10 +208,10 @@ def _all_found(
         if journal is not None and (kept := journal.find(task.given())) is not None:
             all_found[task.number] = kept
 
-    def done(task: TextureTask, found: list[Json] | str) -> None:
-        all_found[task.number] = found
-        if journal is not None and not isinstance(found, str):
-            journal.keep(task.given(), found)
+    def done(task: TextureTask, result: list[Json] | str) -> None:
+        all_found[task.number] = result
+        if journal is not None and not isinstance(result, str):
+            journal.keep(task.given(), result)
         if progress is not None:
             progress(f"{len(all_found)} of {len(tasks)} textures")
 

@@ -95,20 +95,20 @@ def contact_at_loads(
     rows = []
     scene = as_scene(scene)
     for label, load, places, scale in _solved(scene, p_over_E, solver, rel_tol):
-        each = np.array([_measures(found) for found in places])
-        mean = each[0] if len(places) == 1 else each.mean(axis=0)
+        measures = np.array([_measures(solution) for solution in places])
+        mean = measures[0] if len(places) == 1 else measures.mean(axis=0)
         count = places[0].Q if len(places) == 1 else mean[0]
-        status = next((one.status for one in places if one.status != "ok"), "ok")
+        status = next((solution.status for solution in places if solution.status != "ok"), "ok")
         error = _error(load, places[0].profile, scale, scene)
         rows.append([label, load, count, *mean[1:4].tolist(), mean[4] * scale, error, status])
     return pd.DataFrame(rows, columns=RESPONSE_COLUMNS)
 
 
-def _measures(found: ContactSolution) -> list[float]:
+def _measures(solution: ContactSolution) -> list[float]:
     """Return the count, contact fraction, half-width, approach and deepest penetration."""
-    left, right = found.ends
-    deepest = max(found.penetrations.values(), default=math.nan)
-    return [found.Q, found.contact_fraction, 0.5 * (right - left), found.approach, deepest]
+    left, right = solution.ends
+    deepest = max(solution.penetrations.values(), default=math.nan)
+    return [solution.Q, solution.contact_fraction, 0.5 * (right - left), solution.approach, deepest]
 
 
 def ridge_forces(
@@ -161,18 +161,18 @@ def ridge_forces(
     """
     scene = _of_known_offset(scene)
     rows = []
-    for label, load, (found,), scale in _solved(scene, p_over_E, solver, rel_tol):
-        profile, pressing, grooves = found.profile, found.pressing, found.penetrations
-        if not found.segments:
-            rows.append([label, load, "", -1, *[math.nan] * 6, found.status])
-        error = _error(load, found.profile, scale, scene)
-        contacts = zip(found.covered.items(), pressing.forces.tolist(), strict=True)
+    for label, load, (solution,), scale in _solved(scene, p_over_E, solver, rel_tol):
+        profile, pressing, grooves = solution.profile, solution.pressing, solution.penetrations
+        if not solution.segments:
+            rows.append([label, load, "", -1, *[math.nan] * 6, solution.status])
+        error = _error(load, solution.profile, scale, scene)
+        contacts = zip(solution.covered.items(), pressing.forces.tolist(), strict=True)
         for (segment, (left, right)), force in contacts:
             kind, share = "floor" if segment.ridge is None else "ridge", force / pressing.load
             number = profile.ridge_before(segment)
             pressure, hang = 2 * load * share / (right - left), grooves.get(number, math.nan)
             values = [left, right, share, pressure, hang * scale, error]
-            rows.append([label, load, kind, number, *values, found.status])
+            rows.append([label, load, kind, number, *values, solution.status])
     return pd.DataFrame(rows, columns=FORCE_COLUMNS)
 
 
@@ -231,15 +231,15 @@ def edge_forces(
     """
     scene = _of_known_offset(scene)
     rows = []
-    for label, load, (found,), _ in _solved(scene, p_over_E, "half-plane", rel_tol):
-        if not found.segments:
-            rows.append([label, load, "", -1, 0, *[math.nan] * 4, found.status])
+    for label, load, (solution,), _ in _solved(scene, p_over_E, "half-plane", rel_tol):
+        if not solution.segments:
+            rows.append([label, load, "", -1, 0, *[math.nan] * 4, solution.status])
             continue
-        edges = edges_of(found, scene.nu)
+        edges = edges_of(solution, scene.nu)
         kinds = np.where(edges.is_floor, "floor", "ridge")
         each = (kinds, edges.ridge, edges.side, edges.x, edges.K, edges.G)
-        for one in zip(*(column.tolist() for column in each), strict=True):
-            rows.append([label, load, *one, edges.lateral, found.status])
+        for row in zip(*(column.tolist() for column in each), strict=True):
+            rows.append([label, load, *row, edges.lateral, solution.status])
     return pd.DataFrame(rows, columns=EDGE_COLUMNS)
 
 
@@ -283,9 +283,9 @@ def _solved(
         # Pressures are of the ridges even where transition loads would not notice these.
         sharp = [Profile(texture.a_over_R, texture.b_over_R) for texture in scene.textures]
         plans = plan(scene)
-        profiles = [one.profile or none for one, none in zip(plans, sharp, strict=True)]
+        profiles = [planned.profile or none for planned, none in zip(plans, sharp, strict=True)]
         high = bool(loads.max() > HIGHEST_LOAD)
-        solvers = ["two-scale" if high else one.solver for one in plans]
+        solvers = ["two-scale" if high else planned.solver for planned in plans]
     for texture, profile, chosen in zip(scene.textures, profiles, solvers, strict=True):
         label = texture_label(texture.a_over_R, texture.b_over_R)
         offsets = _OFFSETS if texture.offset == "uniform" else [profile.offset]
@@ -295,13 +295,10 @@ def _solved(
             by_body[loads > HIGHEST_LOAD] = math.nan
         elif chosen != "half-plane":
             by_body = two_scale.width_ratio(loads, scene.nu, scene.ogden) ** -2.0
-        for load, scale, found in zip(
-            loads.tolist(),
-            by_body.tolist(),
-            zip(*(_pressed(one, scene, loads, by_body, rel_tol) for one in places), strict=True),
-            strict=True,
-        ):
-            yield label, load, found, scale
+        by_place = [_pressed(place, scene, loads, by_body, rel_tol) for place in places]
+        scales = zip(loads.tolist(), by_body.tolist(), strict=True)
+        for (load, scale), solutions in zip(scales, zip(*by_place, strict=True), strict=True):
+            yield label, load, solutions, scale
 
 
 def _pressed(
@@ -312,10 +309,12 @@ def _pressed(
     W = load_factor(scene.nu) * loads[within] / by_body[within]
     checked = two_scale.checked(scene.ogden)
     solved = iter(solve_many_contacts(profile, W, rel_tol=rel_tol))
-    found = [next(solved) if one else no_solution(profile, two_scale.BEYOND) for one in within]
+    solutions = [
+        next(solved) if reached else no_solution(profile, two_scale.BEYOND) for reached in within
+    ]
     return [
-        replace(one, status=two_scale.UNCHECKED)
-        if scale != 1.0 and load > checked and one.status == "ok"
-        else one
-        for load, scale, one in zip(loads, by_body, found, strict=True)
+        replace(solution, status=two_scale.UNCHECKED)
+        if scale != 1.0 and load > checked and solution.status == "ok"
+        else solution
+        for load, scale, solution in zip(loads, by_body, solutions, strict=True)
     ]

@@ -109,7 +109,7 @@ class TextureTask:
 
 
 def transition_curves(
-    task: TextureTask, one: Plan, pressed: "CylinderVisitor | None" = None
+    task: TextureTask, planned: Plan, pressed: "CylinderVisitor | None" = None
 ) -> Iterator[Json]:
     """Yield the curves of a texture: one, or several where its offset is any, or meshes change.
 
@@ -134,15 +134,15 @@ def transition_curves(
         If the texture has no transition, or over 65,536, under the load.
     """
     texture, scene, solver = task.texture, task.scene, task.solver
-    chosen = chosen_solver(one, solver)
+    chosen = planned.solver if solver == "auto" else solver
     by_elements, two_scales = chosen == "cylinder-fe", chosen == "two-scale"
-    profile = one.profile if solver == "auto" else full_profile(texture)
+    profile = planned.profile if solver == "auto" else full_profile(texture)
     if profile is None and (by_elements or two_scales):
         profile = full_profile(texture)
     if solver == "hertz" or profile is None:
         yield _curve(task, _many(task, _hertz), "hertz", "effects=none")
         return
-    names = _simulated(task, one, chosen)
+    names = _simulated(task, planned, chosen)
     if "material" not in names:
         task = replace(task, scene=scene.model_copy(update={"ogden": NEO_HOOKEAN}))
     effects = "effects=" + "+".join(names).replace(" ", "-")
@@ -154,10 +154,10 @@ def transition_curves(
     for offset in offsets:
         here = replace(profile, offset=offset)
         if by_elements:
-            for found, edges, body, reached in _elements(here, task):
+            for rows, edges, body, reached in _elements(here, task):
                 rounded = body.profile != here
                 how = f"{effects} corners=a/{1 / _ROUNDED:g}" if rounded else effects
-                curve = _curve(task, found, "cylinder-fe", how, offset, edges)
+                curve = _curve(task, rows, "cylinder-fe", how, offset, edges)
                 if rounded:
                     curve |= {"rel_se": math.hypot(curve["rel_se"], _ROUNDED_SE)}
                 yield curve
@@ -166,19 +166,19 @@ def transition_curves(
             continue
         sharp, how = here == Profile(here.a, here.b), f"{effects} rel_tol={task.rel_tol:g}"
         with_reach = task.at_half_plane_load() if two_scales else task
-        found = _many(with_reach, _half_plane) if sharp else _events(here, with_reach)
-        curve = _curve(task, found, "half-plane", how, offset)
+        rows = _many(with_reach, _half_plane) if sharp else _events(here, with_reach)
+        curve = _curve(task, rows, "half-plane", how, offset)
         yield _two_scale(curve, here, task.scene.ogden) if two_scales else curve
 
 
-def _simulated(task: TextureTask, one: Plan, chosen: str) -> list[str]:
+def _simulated(task: TextureTask, planned: Plan, chosen: str) -> list[str]:
     """Return the names of the effects that a solver simulates."""
     scene, large = task.scene, chosen in ("cylinder-fe", "two-scale")
     names = ["ridges", *optional_effects(task.texture)]
     if scene.ogden != NEO_HOOKEAN and large:
         names += ["material"]
     if task.solver == "auto":
-        names = [name for name in names if name in one.simulated or not one.effects]
+        names = [name for name in names if name in planned.simulated or not planned.effects]
     if large:
         names += ["finite body and large deformation"]
     if chosen == "cylinder-fe" and scene.friction > 0:
@@ -187,9 +187,9 @@ def _simulated(task: TextureTask, one: Plan, chosen: str) -> list[str]:
 
 
 def _curve(
-    task: TextureTask, found: _Rows, solver: str, how: str, offset: float = 0.0, edges: int = 0
+    task: TextureTask, rows: _Rows, solver: str, how: str, offset: float = 0.0, edges: int = 0
 ) -> Json:
-    texture, (Q, p_over_E, status) = task.texture, found
+    texture, (Q, p_over_E, status) = task.texture, rows
     return {
         "a_over_R": texture.a_over_R,
         "b_over_R": texture.b_over_R,
@@ -211,12 +211,12 @@ UNIFORM = tuple((2 * i + 1) / 32 for i in range(8))  # offsets that represent al
 
 def optional_effects(texture: Texture) -> list[str]:
     """Return the effects that a texture gives beyond its ridges."""
-    given = {
+    effects = {
         "offset": texture.offset != 0.0,
         "groove floor": texture.groove_depth_over_R is not None,
         "corner radius": texture.corner_radius_over_R != 0.0,
     }
-    return [name for name, on in given.items() if on]
+    return [name for name, on in effects.items() if on]
 
 
 # Edges a ridge of the mesh, and the relative error of its loads: docs/validation/cylinder.md. Where
@@ -226,30 +226,25 @@ ELEMENTS_SE = {48: 5e-4, 24: 1e-3, 10: 4e-3}
 _ROUNDED, _ROUNDED_SE = 0.05, 2e-3
 
 
-def chosen_solver(one: Plan, solver: str) -> str:
-    """Return the solver that is named, or the plan's for "auto"."""
-    return one.solver if solver == "auto" else solver
-
-
 def _two_scale(curve: Json, profile: Profile, ogden: Ogden) -> Json:
     """Return a curve of half-plane loads at the loads that do so at large deformation."""
     nu = curve["nu"]
     loads = two_scale.load_of(curve["p_over_E"], nu, ogden)
     error = two_scale.relative_error(loads, profile, nu, ogden)
     said = [
-        two_scale.UNCHECKED if one == "ok" and p > two_scale.checked(ogden) else one
-        for one, p in zip(curve["status"], loads.tolist(), strict=True)
+        two_scale.UNCHECKED if status == "ok" and p > two_scale.checked(ogden) else status
+        for status, p in zip(curve["status"], loads.tolist(), strict=True)
     ]
     rows = {"p_over_E": loads.tolist(), "rel_se": np.nan_to_num(error).tolist(), "status": said}
     source = curve["source"].replace(" half-plane ", " two-scale ", 1)
     return curve | rows | {"solver": "two-scale", "source": source}
 
 
-def friction_refused(scene: Scene, one: Plan, solver: str) -> str:
+def friction_refused(scene: Scene, planned: Plan, solver: str) -> str:
     """Say what is wrong with leaving out friction; nothing if it may be."""
-    friction = next((effect for effect in one.effects if effect.name == "friction"), None)
+    friction = next((effect for effect in planned.effects if effect.name == "friction"), None)
     wanted = max(scene.relative or 0.0, FINITE_ELEMENT_ERROR if solver == "auto" else 0.0)
-    by_elements = chosen_solver(one, solver) == "cylinder-fe"
+    by_elements = (planned.solver if solver == "auto" else solver) == "cylinder-fe"
     if friction is None or by_elements or friction.estimate <= wanted:
         return ""
     return (
@@ -280,12 +275,12 @@ def _events(profile: Profile, task: TextureTask) -> _Rows:
     from ridgebayes.contact.reaching import reaching_loads  # loaded on use
 
     factor, W_max = load_factor(task.scene.nu), load_factor(task.scene.nu) * task.p_max
-    found = reaching_loads(profile, W_max=W_max, n_max=_MAX_TRANSITIONS, rel_tol=task.rel_tol)
-    status = np.array(found.status, dtype=np.str_)
-    keep = (found.Q >= 4) | (status != "ok")
+    events = reaching_loads(profile, W_max=W_max, n_max=_MAX_TRANSITIONS, rel_tol=task.rel_tol)
+    status = np.array(events.status, dtype=np.str_)
+    keep = (events.Q >= 4) | (status != "ok")
     if not keep.any():
         raise InputError(f"no transition to 4 edges or more under p/E = {task.p_max!r}")
-    return np.maximum(found.Q, 4)[keep], found.W[keep] / factor, status[keep]
+    return np.maximum(events.Q, 4)[keep], events.W[keep] / factor, status[keep]
 
 
 def _elements(
@@ -296,7 +291,7 @@ def _elements(
     from ridgebayes.contact.cylinder.cylinder import MOST_FAILURES, Cylinder, transition_curve
 
     last, scene, p_max = 3, task.scene, task.p_max  # a table holds transitions from Q = 4 on
-    known: Transition | None = None
+    after: Transition | None = None
     for edges in task.meshes:
         final = edges == task.meshes[-1]
         rounds = final and edges != task.meshes[0] and not profile.corner
@@ -307,15 +302,15 @@ def _elements(
         reached: list[Transition] = []
         # A mesh that takes all steps at a sharp corner never passes it: see validation/cylinder.md.
         tries = MOST_FAILURES if final or profile.corner else 2
-        found = transition_curve(body, p_max, seen=reached.append, most_failures=tries, after=known)
+        curve = transition_curve(body, p_max, seen=reached.append, most_failures=tries, after=after)
         # With friction loads depend on the way, and every transition is a stop.
-        known = reached[-1] if reached and not scene.friction else known
-        (Q, p_over_E), status = found[:2], np.array(found[2], dtype=np.str_)
+        after = reached[-1] if reached and not scene.friction else after
+        (Q, p_over_E), status = curve[:2], np.array(curve[2], dtype=np.str_)
         done = bool(np.all(status == "ok"))
         keep = (last < Q) & (final | ~np.isnan(p_over_E))
         if keep.any():
             rows = Q[keep], p_over_E[keep], status[keep]
-            yield rows, edges, body, [one for one in reached if last < one.Q]
+            yield rows, edges, body, [transition for transition in reached if last < transition.Q]
             last = int(Q[keep][-1])
         if done:
             break
@@ -330,9 +325,9 @@ def _filled(p_over_E: FloatArray, pitch_over_R: float, nu: float) -> FloatArray:
     to matter and the smooth body's half-width is k pitches.
     """
     k = np.arange(1, p_over_E.size + 1)
-    known = np.flatnonzero(~np.isnan(p_over_E))
-    if known.size:
-        estimate = p_over_E[known[-1]] * (k / k[known[-1]]) ** 2
+    computed = np.flatnonzero(~np.isnan(p_over_E))
+    if computed.size:
+        estimate = p_over_E[computed[-1]] * (k / k[computed[-1]]) ** 2
     else:
         estimate = hertz.load_of_half_width(k * pitch_over_R, nu=nu)
     return np.where(np.isnan(p_over_E), estimate, p_over_E)
