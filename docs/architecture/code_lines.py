@@ -15,7 +15,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "ridgebayes"
 # Code lines that a room may have: today's count, so that a room which grows says so. Lower a budget
 # when its room has shrunk; write the reason beside a budget that is raised.
 BUDGETS = {
-    "modules of the package": 273,
+    "modules of the package": 500,  # with `request` and `cautions`, which were in rooms below
     "runtime": 855,
     "distributions": 460,
     "drawing": 1_058,
@@ -33,7 +33,7 @@ BUDGETS = {
     "friction": 909,
     "texture_design": 1_281,
     "report": 1_916,
-    "commands": 2_535,
+    "commands": 2_309,
 }
 _NO_CODE = {
     tokenize.COMMENT,

@@ -55,6 +55,7 @@ _HOME = {
     "citations": "comparison.citations",
     "compare": "comparison.compare",
     "coverage": "checks.coverage",
+    "cost": "checks.cost",
     "friction_inputs": "friction.inputs",
     "Design": "texture_design.record",
     "design": "texture_design.design",
@@ -85,6 +86,7 @@ def __dir__() -> list[str]:
 
 if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
     from ridgebayes._types import __version__ as __version__
+    from ridgebayes.checks.cost import cost as cost
     from ridgebayes.checks.coverage import coverage as coverage
     from ridgebayes.commands.run import run as run
     from ridgebayes.commands.run_files import read_run as read_run

@@ -32,7 +32,7 @@ _Row = tuple[str, str, str, float, float, float, str]
 _T = TypeVar("_T")
 
 
-def accuracy_costs(
+def cost(
     table: ContactTable,
     form: Form | None = None,
     *,
@@ -74,7 +74,7 @@ def accuracy_costs(
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> costs = accuracy_costs(rb.paper_sweep(), rb.Modified(), rng=1)
+    >>> costs = rb.cost(rb.paper_sweep(), rb.Modified(), rng=1)
     >>> bool((costs["error"] < costs["target_error"]).all()), len(costs)
     (True, 9)
     """

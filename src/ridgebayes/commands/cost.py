@@ -1,6 +1,6 @@
 """`ridgebayes cost`: error and run time of each accuracy, on this machine, with this table."""
 
-from ridgebayes.checks.cost import accuracy_costs
+from ridgebayes.checks.cost import cost
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.terminal import Answer, files_in
@@ -28,7 +28,7 @@ def command(asked: options.Cost) -> Answer:
         executor_for(asked.workers, asked.scheduler) as executor,
     ):
         with progress.stage("accuracies"):
-            costs = accuracy_costs(
+            costs = cost(
                 table,
                 texture=texture,
                 elements=asked.elements,

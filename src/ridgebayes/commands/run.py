@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from ridgebayes._types import Rng
-from ridgebayes.checks.cost import accuracy_costs
+from ridgebayes.checks.cost import cost
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.checks.left_out import left_out_scores
 from ridgebayes.checks.report_data import ReportData, report_data
@@ -198,8 +198,8 @@ def run(
             if extras:
                 comparison = _add_left_out(comparison, request, progress)
                 with progress.stage("what accuracy costs"):
-                    cost = submit_or_defer(local, accuracy_costs, comparison.table)
-                    comparison = replace(comparison, cost=cost())
+                    costs = submit_or_defer(local, cost, comparison.table)
+                    comparison = replace(comparison, cost=costs())
             # The few figures of a quick run are drawn here, and workers need no library for them.
             drawing = local if extras or local is None else thread
             galleries = [_write(comparison, partial, progress, local, drawing)]
