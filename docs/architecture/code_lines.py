@@ -17,7 +17,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "ridgebayes"
 BUDGETS = {
     "modules of the package": 500,  # with `request` and `cautions`, which were in rooms below
     "runtime": 855,
-    "distributions": 460,
+    "distributions": 495,  # with those of SciPy
     "drawing": 1_058,
     "contact": 3_385,
     "table": 631,
@@ -33,7 +33,7 @@ BUDGETS = {
     "friction": 909,
     "texture_design": 1_281,
     "report": 1_916,
-    "commands": 2_309,
+    "commands": 2_315,
 }
 _NO_CODE = {
     tokenize.COMMENT,
