@@ -163,7 +163,9 @@ def test_ansys__nodes_at_corners_need_no_places(tmp_path):
         frame(paths, R="8")
     assert error.value.mapping == {f"status Q={4 + 2 * i}": str(n) for i, n in enumerate(nodes)}
     corners = tuple(f"{key}={node}" for key, node in error.value.mapping.items())
-    found = frame(paths, R="8", map=corners, closed_is=(3,))
+    with pytest.raises(InputError, match="--symmetry: missing; expected half or full"):
+        frame(paths, R="8", map=corners, closed_is=(3,))
+    found = frame(paths, R="8", map=corners, closed_is=(3,), symmetry="half")
     load = RUN["force"] / (8 * 0.06)
     for row, reached in zip(found.itertuples(), RUN["load"], strict=True):
         above = np.flatnonzero(load >= reached)[0]
