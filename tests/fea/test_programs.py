@@ -273,10 +273,16 @@ def vtu(k):
         head = f'<DataArray type="Float64" Name="{name}" NumberOfComponents="3" format="ascii">'
         return f"{head}\n{rows}\n</DataArray>"
 
+    line = {"connectivity": "0 1", "offsets": "2", "types": "3"}  # of two nodes
+    cells = "".join(
+        f'<DataArray type="Int32" Name="{name}" format="ascii">{text}</DataArray>'
+        for name, text in line.items()
+    )
     return (
         '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" byte_order="LittleEndian">'
-        f'<UnstructuredGrid><Piece NumberOfPoints="{len(points)}" NumberOfCells="0">'
-        f"<Points>{array(points, 'Points')}</Points><PointData>{array(moved, 'U')}</PointData>"
+        f'<UnstructuredGrid><Piece NumberOfPoints="{len(points)}" NumberOfCells="1">'
+        f"<Cells>{cells}</Cells><Points>{array(points, 'Points')}</Points>"
+        f"<PointData>{array(moved, 'U')}</PointData>"
         "</Piece></UnstructuredGrid></VTKFile>\n"
     )
 
