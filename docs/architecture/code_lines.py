@@ -23,7 +23,7 @@ BUDGETS = {
     "table": 631,
     "scene": 1_294,
     "simulate": 507,
-    "fea": 4_803,
+    "fea": 4_694,
     "model": 1_606,
     "inference": 2_571,
     "predict": 1_346,

@@ -37,7 +37,6 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.columns import read_columns
 from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.history import RunBody
-from ridgebayes.fea.map_files import read_mapping
 from ridgebayes.fea.read import Given, import_files
 from ridgebayes.fea.record import Imported
 from tests.fea.runs import read_abaqus_dat, read_abaqus_rpt, read_calculix, read_series
@@ -599,7 +598,7 @@ def _array(content: bytes, rng: np.random.Generator) -> bytes:
             plain = zlib.decompress(base64.b64decode(content[head.end() : to]))
         except (ValueError, zlib.error):  # what looked like a header was none
             return mutants(content, rng)
-        packed = zlib.compress(_bytes(plain, rng))
+        packed = zlib.compress(mutants(plain, rng))
         sizes[3] = len(packed)
         new = base64.b64encode(sizes.tobytes()) + base64.b64encode(packed)
         return content[: head.start()] + new + content[to:]
@@ -612,34 +611,6 @@ def _array(content: bytes, rng: np.random.Generator) -> bytes:
         letters = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/="
         changed[int(rng.integers(start, end))] = letters[int(rng.integers(65))]
     return bytes(changed)
-
-
-def _bytes(content: bytes, rng: np.random.Generator) -> bytes:
-    """Damage what is no text: single bytes, words of eight, or where it ends.
-
-    Most of an HDF5 file's header pages are zeros that nobody reads: those are hit less often.
-    """
-    kind = int(rng.integers(8))
-    if kind == 0:
-        return (_truncate, _cut, _shuffle)[int(rng.integers(3))](content, rng)
-    changed = np.frombuffer(content, dtype=np.uint8).copy()
-    told = np.flatnonzero(changed)
-    for _ in range(int(rng.integers(1, 4))):
-        at = int(told[int(rng.integers(len(told)))]) if len(told) else 0
-        at = at if rng.integers(4) else int(rng.integers(len(changed)))
-        word = slice(at & ~7, (at & ~7) + 8)
-        if kind == 1:
-            changed[word] = (0, 255)[int(rng.integers(2))]
-        elif kind == 2:
-            other = int(rng.integers(max(len(changed) // 8, 1))) * 8
-            changed[word] = changed[other : other + 8]
-        elif kind == 3:
-            changed[at] = (0, 1, 127, 128, 255)[int(rng.integers(5))]
-        elif kind == 4:
-            changed[at] ^= 1 << int(rng.integers(8))
-        else:
-            changed[at] = int(rng.integers(256))
-    return changed.tobytes()
 
 
 def _series_beside(path: Path) -> Imported:
@@ -691,7 +662,7 @@ for _one in (
     Target(
         "series, XDMF of text", "text.xdmf", _xdmf_files("XML")[0], _xdmf, _doubt_run, inside_xml
     ),
-    Target("series, HDF5", "run.h5", _H5, _series_beside, _doubt_run, _bytes),
+    Target("series, HDF5", "run.h5", _H5, _series_beside, _doubt_run),
     *(
         Target(
             name,
@@ -811,57 +782,6 @@ for _one in (
     Target("status", "run.sta", _STA.encode(), _status, _doubt_run),
 ):
     register(_one)
-
-
-# --- mappings ------------------------------------------------------------------------------------
-
-_TABLES = Path(__file__).parents[2] / "data" / "fea" / "tables"
-_MAP_TOML = (_TABLES / "columns.toml").read_bytes()
-_MAP_TABLE = (_TABLES / "long.csv").read_bytes()
-
-
-def inside_toml(content: bytes, rng: np.random.Generator) -> bytes:
-    """Damage text, or put another kind of value in place of a value or a key."""
-    if rng.integers(2):
-        return mutants(content, rng)
-    places = list(re.finditer(rb'^\w+|"[^"\n]*"|\[\w+\]', content, re.M))
-    at, other = (places[int(rng.integers(len(places)))] for _ in range(2))
-    words = (
-        *(
-            "nan",
-            "inf",
-            "1e400",
-            "true",
-            "1979-05-27",
-            "[]",
-            "{}",
-            "0.49",
-            "0x1F",
-            "8",
-            "0x" + "f" * 4000,
-        ),
-        *('"8"', '"0 mm"', '"-8 mm"', '"1e400 mm"', '"8 kPa"', '"*"', '"Q=*"', '""', '";"'),
-        *('"Ridge width;um"', '"8 mm;mm"', '"\\u0000"', "''' x'''", '"nan mm"', '"(8) mm"'),
-        *("p_over_E", "a_over_R", "nu", "Q", "source", '"Q=4"', '"gap Q=4"', "load", "p"),
-    )
-    new = other[0] if rng.integers(2) else words[int(rng.integers(len(words)))].encode()
-    return content[: at.start()] + new + content[at.end() :]
-
-
-def _map_used(path: Path) -> Imported:
-    """Read a table as a mapping says."""
-    table = path.with_name("long.csv")
-    if not table.exists():
-        table.write_bytes(_MAP_TABLE)
-    mapping, values = read_mapping(path)
-    try:
-        return read_columns(table, mapping, values=values)
-    except InputError as error:
-        # A header that is not there is told of the table.
-        raise InputError(str(error).replace("long.csv", path.name)) from None
-
-
-register(Target("map, used", "columns.toml", _MAP_TOML, _map_used, mutate=inside_toml))
 
 
 def main() -> None:

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.deck import Deck, read_deck
 from ridgebayes.fea.history import RunBody
 from tests.fea.runs import read_abaqus_dat
 
@@ -61,12 +60,6 @@ def test_read_abaqus_dat__finds_the_loads(tmp_path, full, R, E):
     assert (np.abs(found["p_over_E"] / run["load"] - 1) < 3 * found["rel_se"]).all()
     assert "34 increments with RIM and TOP" in done.messages[0]
     assert set(found["solver"]) == {"abaqus"}
-
-
-def test_read_abaqus_dat__brackets_hold_the_loads(tmp_path):
-    found = read(tmp_path, brackets=True).table.frame
-    assert (found["p_over_E_lower"] < RUN["load"]).all()
-    assert (found["p_over_E"] >= RUN["load"]).all()
 
 
 @pytest.mark.slow
@@ -190,14 +183,6 @@ def test_read_abaqus_dat__tables_of_all_nodes_hold_the_sets(tmp_path):
     np.testing.assert_array_equal(loads(tmp_path, text), loads(tmp_path))
 
 
-def test_read_abaqus_dat__other_tables_are_said(tmp_path):
-    start = PRINTED.index("   THE FOLLOWING TABLE")
-    other = PRINTED[start : PRINTED.index("\n   THE FOLLOWING TABLE", start + 9)]
-    other = other.replace("U1 ", "V1 ").replace("U2 ", "V2 ")
-    done = read(tmp_path, PRINTED[:start] + other + PRINTED[start:])
-    assert "not used: V1 V2 of RIM" in done.messages
-
-
 def test_read_abaqus_dat__an_increment_printed_again_counts_once_as_last(tmp_path):
     start = PRINTED.index("INCREMENT     5 SUMMARY")
     start = PRINTED.rindex("\n", 0, start)
@@ -219,12 +204,6 @@ def test_read_abaqus_dat__a_perturbation_step_is_left_out(tmp_path):
     done = read(tmp_path, PRINTED + extra)
     assert sum("increment ignored, a perturbation step" in line for line in done.messages) == 34
     np.testing.assert_array_equal(done.table.frame["p_over_E"], loads(tmp_path))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("change", [lambda t: "\ufeff" + t, lambda t: t.replace("\n", "\r\n")])
-def test_read_abaqus_dat__marks_and_line_ends_change_nothing(tmp_path, change):
-    np.testing.assert_array_equal(loads(tmp_path, change(PRINTED)), loads(tmp_path))
 
 
 def changed_row(new):
@@ -258,24 +237,3 @@ def changed_row(new):
 def test_read_abaqus_dat__what_cannot_be_understood_is_named(tmp_path, text, message):
     with pytest.raises(InputError, match=rf"run\.dat.*{message}"):
         read(tmp_path, text)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"surface": "ARC"}, "no node set 'ARC'"),
-        ({"body": RunBody(RUN["a"], RUN["b"], E=2.0)}, "the material has E = 1, and 2 was given"),
-        ({"body": RunBody(RUN["a"], RUN["b"], nu=0.4)}, "the material has nu = 0.5, and 0.4 was"),
-        ({"body": RunBody(0.06, RUN["b"])}, "no rigid nodes at the corners"),
-    ],
-)
-def test_read_abaqus_dat__what_contradicts_the_deck_is_refused(tmp_path, options, message):
-    with pytest.raises(InputError, match=message):
-        read(tmp_path, **options)
-
-
-def test_rigid_nodes__are_those_of_the_ridges(tmp_path):
-    (tmp_path / "a.inp").write_text(WRITER.deck_text(RUN))
-    deck = read_deck(tmp_path / "a.inp")
-    assert deck.rigid_nodes([1]) == [n for n in deck.nodes if n > N + 1]
-    assert Deck(nodes={1: (0.0, 0.0), 2: (1.0, 0.0)}).rigid_nodes([1]) == [2]

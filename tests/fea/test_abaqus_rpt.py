@@ -171,12 +171,6 @@ def test_read_abaqus_rpt__elements_and_modes_are_not_used(tmp_path):
     np.testing.assert_array_equal(done.table.frame["p_over_E"], loads(tmp_path))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("change", [lambda t: "\ufeff" + t, lambda t: t.replace("\n", "\r\n")])
-def test_read_abaqus_rpt__marks_and_line_ends_change_nothing(tmp_path, change):
-    np.testing.assert_array_equal(loads(tmp_path, change(PRINTED)), loads(tmp_path))
-
-
 def changed_row(change):
     at = PRINTED.index(f"\n{50:16d} ") + 1
     end = PRINTED.index("\n", at)

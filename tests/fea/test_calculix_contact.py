@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.calculix import read_levels
 from ridgebayes.fea.history import RunBody
 from tests.fea.runs import read_calculix as read_calculix_contact
 
@@ -134,24 +133,6 @@ def level_text(k, *faces, moved=0.0):
 
 
 @pytest.mark.slow
-def test_read_calculix_contact__levels_printed_again_are_counted(tmp_path):
-    text = dat_text(RUN)
-    assert (
-        "34 levels of a time printed again: the later one counts"
-        in read(tmp_path, 2 * text).messages
-    )
-
-
-def test_read_calculix_contact__levels_that_did_not_converge_are_left_out(tmp_path):
-    lines = [f"1 {k} 1 5 {k / 100:.6E} 0.1 0.1" for k in range(1, 31)]
-    sta = "\n".join([*lines, "1 31 1U 60 3.000000E-01 0.1 0.1", ""])
-    done = read(tmp_path, sta=sta)
-    assert "4 levels ignored: they did not converge" in done.messages
-    assert any("30 converged increments" in line for line in done.messages)
-    assert f"30 increments to p/E = {RUN['force'][29]:.5g}" in " ".join(done.messages)
-
-
-@pytest.mark.slow
 def test_read_calculix_contact__a_level_without_contact_print_is_left_out(tmp_path):
     text = dat_text(RUN) + "\n total force (fx,fy,fz) for set TOP and time  0.9E+01\n\n 0. 1. 0.\n"
     assert any(
@@ -202,50 +183,6 @@ def test_read_calculix_contact__of_nodes_is_told(tmp_path):
         read(tmp_path, text)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"E": 2.0}, "the material has E = 1, and 2 was given"),
-        ({"nu": 0.4}, "the material has nu = 0.5"),
-        ({"R": 0.9}, "off a circle of R = 0.9"),
-        ({"symmetry": "full"}, "--symmetry half"),
-        ({"text": ""}, "no level with displacements of RIM or contact stress"),
-        ({"text": dat_text(RUN).encode("utf-16")}, "UTF-8"),
-        ({"deck": "*NODE\n1, 0., 1.\n"}, "no node set 'RIM'"),
-    ],
-)
-def test_read_calculix_contact__what_contradicts_is_refused(tmp_path, options, message):
-    with pytest.raises(InputError, match=message):
-        read(tmp_path, **options)
-
-
 def pressed(level):
     rows = level.blocks["contact stress"].values
     return {(int(e), int(f)) for e, f, p, *_ in rows if p > 0}
-
-
-def test_read_levels__reads_lines_of_a_real_run(tmp_path):
-    (tmp_path / "run.dat").write_text(REAL)
-    ((level,), _) = read_levels(tmp_path / "run.dat", "", "NTOP")
-    assert level.time == 0.1
-    assert pressed(level) == {(16, 4), (104, 6)}
-    assert level.force == -2.167576e-3
-
-
-def test_read_levels__a_time_printed_again_counts_as_last(tmp_path):
-    again = re.sub("1.468460E-01", "0.000000E+00", REAL)
-    (tmp_path / "run.dat").write_text(REAL + again)
-    ((level,), _) = read_levels(tmp_path / "run.dat", "", "NTOP")
-    assert pressed(level) == {(104, 6)}
-
-
-@pytest.mark.parametrize("row", [" 7 0. -0.1 0.", " 8.5 0. -0.1 0."])
-def test_read_levels__forces_of_each_node_stand_once(tmp_path, row):
-    head = " forces (fx,fy,fz) for set NTOP and time  0.1000000E+00"
-    good = f"{head}\n\n 7 0. -0.1 0.\n 8 0. -0.2 0.\n"
-    (tmp_path / "run.dat").write_text(good)
-    ((level,), _) = read_levels(tmp_path / "run.dat", "", "NTOP")
-    assert level.force == pytest.approx(-0.3)
-    (tmp_path / "run.dat").write_text(f"{good}{row}\n")
-    with pytest.raises(InputError, match=r"line 5: node .* a whole number, each node once"):
-        read_levels(tmp_path / "run.dat", "", "NTOP")

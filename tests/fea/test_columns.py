@@ -171,12 +171,6 @@ def test_read_columns__guesses_are_said_aloud(read):
     assert "a: column 'Ridge width (mm)' in mm, guessed from its header" in found.messages
 
 
-def test_read_columns__a_mapping_stands_beside_what_is_recognised(read):
-    text = "w (mm),Groove width (mm),Q,p_over_E\n0.24,0.08,4,0.0021\n"
-    found = read(text, {"a": "w"}, values={"R": "8 mm"})
-    assert found.table.textures == ((0.03, 0.01),)
-
-
 def test_read_columns__two_columns_of_one_meaning_are_refused(refusal):
     text = "a_over_R,b_over_R,Q,Pressure [kPa],p [kPa],p [Pa]\n.03,.01,4,1,1,1000\n"
     assert "could both be p" in refusal(text, values={"E": "60 kPa"})
@@ -227,27 +221,6 @@ def test_read_columns__source_names_file_digest_mapping_and_keeps_the_files_own(
     assert source[1].endswith("; y")
 
 
-def test_read_columns__source_stays_short_whatever_the_number_of_columns(read):
-    header = ",".join(f"load {Q}" for Q in range(4, 400, 2))
-    loads = ",".join(str(Q) for Q in range(4, 400, 2))
-    found = read(f"a_over_R,b_over_R,{header}\n.03,.01,{loads}\n", {"p_over_E": "load *"})
-    source = column(found, "source")[0]
-    assert source.endswith("p_over_E Q=4='load 4' and 197 more")
-    found = read(CONTRACT, values={"series": 1000 * "x"})
-    assert len(column(found, "source")[0]) < 400
-
-
-def test_read_columns__series_and_solver_come_from_values(read):
-    found = read(CONTRACT, values={"series": "s2", "solver": "abaqus", "role": "held-out"})
-    assert set(column(found, "series")) == {"s2"}
-    assert set(column(found, "solver")) == {"abaqus"}
-    assert len(found.table.held_out) == 2
-
-
-def test_read_columns__values_that_are_not_needed_are_said(read):
-    assert "values given but not used: E" in read(CONTRACT, values={"E": "60 kPa"}).messages
-
-
 @pytest.mark.parametrize(
     ("values", "words"),
     [
@@ -271,13 +244,6 @@ def test_read_columns__bad_cells_name_line_column_value_and_rule(refusal):
     assert "line 4, column 'Ridge width [mm]' = '': expected not empty" in text
     text = refusal(LONG.replace("0.0087", "-1"), MAP, values=BODY)
     assert text.endswith("line 3, column 'Load (N/mm)' = '-1': expected above 0")
-
-
-def test_read_columns__equal_complaints_are_told_once_with_three_rows_and_a_count(refusal):
-    text = CONTRACT + "0.03,0.01,8,oops\n" * 33
-    words = refusal(text)
-    assert "column 'p_over_E', 33 cells: expected a finite number" in words
-    assert "line 4 = 'oops', line 5 = 'oops', line 6 = 'oops' and 30 more" in words
 
 
 def test_read_columns__rules_of_the_contract_name_lines_of_the_file(refusal):
@@ -416,12 +382,6 @@ def test_read_columns__repeats_and_specimens_make_one_series(read):
     found = read(REPEATS + "\n".join(rows))
     assert column(found, "series") == [f"S{s}, {n}" for s in (1, 2) for n in (1, 2) for _ in "46"]
     assert "series: Specimen, Repeat, joined" in found.messages
-
-
-def test_read_columns__a_specimen_hides_no_repeat(read):
-    rows = [f"S{s},{n},.0{s},.01,4,.00{s}{n}" for s in (1, 2) for n in (1, 2)]
-    labels = ["S1, 1", "S1, 2", "S2, 1", "S2, 2"]
-    assert column(read(REPEATS + "\n".join(rows)), "series") == labels
 
 
 def test_read_columns__a_number_for_each_row_is_no_series(read):
@@ -574,11 +534,6 @@ def test_read_columns__wide_tables_may_have_lower_ends(read):
     np.testing.assert_array_equal(found.table.column("p_over_E_lower"), [np.nan, 0.007, np.nan])
 
 
-def test_read_columns__a_word_in_a_wide_cell_is_refused(refusal):
-    text = WIDE.format("Q=", "").replace("9", "n/a")
-    assert "line 3, column 'Q=8' = 'n/a'" in refusal(text)
-
-
 def test_read_columns__words_alone_in_wide_cells_are_told_by_cell(refusal):
     said = refusal("a/R,b/R,Q=4,Q=6\n.03,.01,x1,\n")
     assert "line 2, column 'Q=4' = 'x1': expected a finite number" in said
@@ -630,27 +585,12 @@ def test_read_columns__status_and_pressure_bracket_the_load(read, header, cell):
     assert column(found, "p_over_E") == [0.004]
 
 
-def test_read_columns__mapped_corners_may_have_any_header(read):
-    text = history(("first,second", lambda i: f"{int(i > 2)},{int(i > 4)}"))
-    found = read(text, {"status Q=4": "first", "status Q=6": "second"})
-    assert column(found, "p_over_E") == [0.003, 0.005]
-
-
 def test_read_columns__each_texture_and_series_is_a_run_of_its_own(read):
     one = history(("status Q=4", lambda i: int(i >= 4)))
     other = "\n".join(line.replace(".03", ".05") for line in one.splitlines()[1:])
     found = read(one + other.replace(",1", ",0", 1))
     assert found.table.textures == ((0.03, 0.01), (0.05, 0.01))
     assert "status Q=4: column 'status Q=4'" in found.messages
-
-
-def test_read_columns__corners_reached_together_leave_the_inner_one(read):
-    text = history(("status Q=4,status Q=6", lambda i: f"{int(i > 2)},{int(i > 2)}"))
-    found = read(text)
-    assert column(found, "Q") == [4]
-    assert any(
-        "Q = 6 ignored: reached in the same increment as Q = 4" in line for line in found.messages
-    )
 
 
 def test_read_columns__corners_in_the_wrong_order_are_refused(refusal):
@@ -673,14 +613,6 @@ def test_read_columns__codes_of_contact_programs_are_refused(refusal):
     assert "line 3 = '2', line 4 = '3', line 5 = '3' and 3 more" in words
 
 
-def test_read_columns__pressures_below_0_are_refused(refusal):
-    assert "0 where open" in refusal(history(("pressure Q=4", lambda i: -i)))
-
-
-def test_read_columns__a_history_without_contact_is_refused(refusal):
-    assert "no corner is reached" in refusal(history(("gap_over_R Q=4", lambda i: 9 - i)))
-
-
 # --- files ------------------------------------------------------------------------------------
 
 
@@ -692,12 +624,6 @@ def test_read_columns__a_pickle_in_disguise_is_not_opened(refusal, name, protoco
             return pytest.fail, ("unpickled",)
 
     assert "a pickle" in refusal(pickle.dumps(Bomb(), protocol), name=name)
-
-
-@pytest.mark.parametrize("protocol", [0, 1])
-@pytest.mark.parametrize("name", ["mine.csv", "mine.xlsx", "mine.parquet"])
-def test_read_columns__old_pickles_are_no_tables(refusal, name, protocol):
-    assert refusal(pickle.dumps({"a": [1.0] * 9}, protocol), name=name)
 
 
 @pytest.mark.parametrize("name", ["mine.xls", "mine.xlsm", "mine.xlsb"])
@@ -721,11 +647,6 @@ def test_read_columns__a_suffix_that_lies_is_refused(refusal, name, content):
 @pytest.mark.parametrize("name", ["mine.csv", "mine.xlsx", "mine.parquet"])
 def test_read_columns__an_empty_file_is_refused(refusal, name):
     assert "empty" in refusal(b"", name=name)
-
-
-def test_read_columns__a_missing_file_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"gone\.csv: no such file"):
-        read_columns(tmp_path / "gone.csv")
 
 
 def test_read_columns__a_sheet_of_a_text_file_is_refused(refusal):
@@ -767,10 +688,3 @@ def test_read_columns__columns_that_touch_otherwise_are_told(refusal):
     words = refusal(FIXED.replace("2    0.240    0.080", "2    0.2400.080"))
     assert "line 2: columns run together" in words
     assert "expected blanks between columns" in words
-
-
-def test_read_columns__a_header_behind_a_per_cent_sign_is_one(read):
-    text = (
-        "% Model: press.mph\n% a_over_R b_over_R Q p_over_E\n0.03 0.01 4 0.001\n0.03 0.01 6 0.004\n"
-    )
-    assert read(text).table.column("Q").tolist() == [4, 6]

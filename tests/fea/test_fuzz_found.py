@@ -174,24 +174,3 @@ PRINT = fuzzing.TARGETS["contact print"].content
 def test_contact_print__what_cannot_be_right_is_refused(tmp_path, old, new):
     count = 0 if b"e308" in new else 1
     refused("contact print", tmp_path, change(old, new, PRINT, count))
-
-
-# --- mappings -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"[values]\nR = 0x" + b"f" * 4000,
-        b"[columns]\na = 0x" + b"f" * 4000,
-        b"[values]\n" + b".".join([b"a"] * 3000) + b" = 1",
-    ],
-)
-def test_map__values_that_cannot_be_printed_are_refused(tmp_path, content):
-    refused("map, used", tmp_path, content)
-
-
-def test_map__quantities_of_thousands_of_digits_are_refused(tmp_path):
-    content = b'[values]\nR = "%b mm"\nE = "60 kPa"\n' % (b"9" * 5000)
-    columns = fuzzing._MAP_TOML.partition(b"[values]")[0]
-    refused("map, used", tmp_path, columns + content)

@@ -50,14 +50,6 @@ def test_table_of__halves_of_a_full_body_give_its_loads():
     np.testing.assert_allclose(whole["p_over_E"], half["p_over_E"], rtol=1e-12)  # rounding
 
 
-def test_table_of__brackets_hold_the_loads():
-    run = WRITER.pressed()
-    body = RunBody(run["a"], run["b"])
-    found = table_of(levels(run), body, brackets=True).table.frame
-    assert (found["p_over_E_lower"] < run["load"]).all()
-    assert (found["p_over_E"] >= run["load"]).all()
-
-
 def test_table_of__the_side_that_touches_first_counts():
     run = WRITER.pressed(full=True)
     # Lower on the left alone, by less than an increment: that side is a little earlier.
@@ -134,14 +126,6 @@ def test_table_of__few_nodes_and_no_circle_are_refused():
     bent = run["nodes"] * [1.0, 0.9]
     with pytest.raises(InputError, match="expected the undeformed surface of a cylinder"):
         table(run, undeformed=bent)
-
-
-def test_table_of__a_body_that_stops_early_has_the_rest_not_reached():
-    run = WRITER.pressed()
-    few = {"load": run["force"][:20], "position": run["position"][:20]}
-    done = table(run, **few)
-    assert done.table.frame["Q"].tolist() == [4, 6]
-    assert "Q = 8 to 12: not reached" in done.messages
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.lines import Line, NodeTable, Printed, on, read_lines
+from ridgebayes.fea.lines import Line, read_lines
 
 
 @pytest.mark.parametrize(
@@ -37,36 +36,3 @@ def test_read_lines__a_last_line_without_an_end_is_told(tmp_path):
     assert [line.text for line in read_lines(path)] == ["one", "two"]
     last = read_lines(path, unfinished=True)[-1]
     assert (last.number, last.text, last.ended) == (3, "thr", False)
-
-
-def test_node_table__has_no_number_where_a_node_has_no_row(tmp_path):
-    lines = [Line(tmp_path, 2, "7 1.0 2.0")]
-    table = NodeTable(Line(tmp_path, 1, ""), "RIM", "", ["U1", "U2"], lines)
-    assert table.has("U2")
-    assert not table.has("U2", "RF2")
-    np.testing.assert_array_equal(table.of([3, 7], "U2", "U1"), [[np.nan] * 2, [2.0, 1.0]])
-    assert table.of([], "U1", "U2").shape == (0, 2)
-
-
-class Letters(Printed):
-    def __init__(self):
-        super().__init__()
-        self.seen = []
-
-    @on("ab")
-    def two(self, line, match):
-        self.seen.append((line.number, match[0].strip()))
-
-    @on("a")
-    def one(self, line, match):
-        self.table = NodeTable(line, "RIM", "")
-
-    def row(self, line, table):
-        self.seen.append((line.number, table.nodes))
-
-
-def test_printed__gives_a_line_to_the_first_pattern_or_else_to_the_table(tmp_path):
-    reader = Letters()
-    for number, text in enumerate(("xab", "  abc", "a", "xab"), start=4):
-        reader.take(Line(tmp_path, number, text))
-    assert reader.seen == [(5, "ab"), (7, "RIM")]

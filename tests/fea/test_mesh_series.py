@@ -145,22 +145,6 @@ def vtu(folder, change=lambda text: text, **options):
     return paths
 
 
-def test_read_series__appended_data_are_read(tmp_path):
-    def appended(text):
-        found = re.search(r'format="binary">\s*([^<]+)</DataArray>\s*</Points>', text)
-        array = found[0].replace('format="binary">', 'format="appended" offset="4">')
-        array = array.replace(found[1], "\n")
-        data = f'<AppendedData encoding="base64">_AAAA{found[1].strip()}</AppendedData></VTKFile>'
-        return text.replace(found[0], array).replace("</VTKFile>", data)
-
-    # The rim is below the next corner from the first state on, and above those further out.
-    body = RunBody(RUN["a"], RUN["b"], top=-0.9949)
-    plain = frame(vtu(tmp_path / "a"), body, loads=[0.001, 0.002])
-    moved = frame(vtu(tmp_path / "b", appended), body, loads=[0.001, 0.002])
-    columns = ["Q", "p_over_E", "p_over_E_lower"]
-    np.testing.assert_array_equal(moved[columns], plain[columns])
-
-
 @pytest.mark.parametrize(
     ("paths", "loads", "message"),
     [
@@ -351,15 +335,6 @@ def test_read_series__a_broken_hdf5_is_refused(tmp_path):
 )
 def test_read_series__numbers_in_the_xml_are_numbers(tmp_path, change, message):
     refused(write(tmp_path, data_format="XML"), change, message)
-
-
-def test_read_series__two_geometries_are_refused(tmp_path):
-    path = write(tmp_path)
-    geometry = re.search("<Geometry.*?</Geometry>", path.read_text())[0]
-    moved = geometry.replace("</", " </", 1)
-    refused(
-        path, lambda t: t.replace(geometry, geometry + moved), "several geometries; expected one"
-    )
 
 
 @pytest.mark.parametrize(

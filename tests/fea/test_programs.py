@@ -163,7 +163,9 @@ def test_ansys__nodes_at_corners_need_no_places(tmp_path):
         frame(paths, R="8")
     assert error.value.mapping == {f"status Q={4 + 2 * i}": str(n) for i, n in enumerate(nodes)}
     corners = tuple(f"{key}={node}" for key, node in error.value.mapping.items())
-    found = frame(paths, R="8", map=corners, closed_is=(3,))
+    with pytest.raises(InputError, match="--symmetry: missing; expected half or full"):
+        frame(paths, R="8", map=corners, closed_is=(3,))
+    found = frame(paths, R="8", map=corners, closed_is=(3,), symmetry="half")
     load = RUN["force"] / (8 * 0.06)
     for row, reached in zip(found.itertuples(), RUN["load"], strict=True):
         above = np.flatnonzero(load >= reached)[0]
@@ -271,10 +273,16 @@ def vtu(k):
         head = f'<DataArray type="Float64" Name="{name}" NumberOfComponents="3" format="ascii">'
         return f"{head}\n{rows}\n</DataArray>"
 
+    line = {"connectivity": "0 1", "offsets": "2", "types": "3"}  # of two nodes
+    cells = "".join(
+        f'<DataArray type="Int32" Name="{name}" format="ascii">{text}</DataArray>'
+        for name, text in line.items()
+    )
     return (
         '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" byte_order="LittleEndian">'
-        f'<UnstructuredGrid><Piece NumberOfPoints="{len(points)}" NumberOfCells="0">'
-        f"<Points>{array(points, 'Points')}</Points><PointData>{array(moved, 'U')}</PointData>"
+        f'<UnstructuredGrid><Piece NumberOfPoints="{len(points)}" NumberOfCells="1">'
+        f"<Cells>{cells}</Cells><Points>{array(points, 'Points')}</Points>"
+        f"<PointData>{array(moved, 'U')}</PointData>"
         "</Piece></UnstructuredGrid></VTKFile>\n"
     )
 

@@ -101,14 +101,6 @@ def test_transitions_of__errors_of_the_gap_are_errors_of_the_load():
     assert rows["rel_se"].iloc[0] == pytest.approx(0.01 / 0.37, rel=1e-9)
 
 
-def test_transitions_of__corners_come_in_the_order_of_Q():
-    gap = np.hstack([straight(0.45), straight(0.25)])
-    rows, messages = transitions_of(LOAD, gap, np.array([6, 4]), brackets=True)
-    assert rows["Q"].tolist() == [4, 6]
-    assert rows["p_over_E"].tolist() == [0.3, 0.5]
-    assert messages == []
-
-
 def test_transitions_of__without_increments_says_so():
     with pytest.raises(InputError, match="no increment is left"):
         transitions_of(np.zeros(3), straight(0.37, np.zeros(3)), np.array([4]))
@@ -120,35 +112,6 @@ def test_transitions_of__two_corners_in_one_increment_are_one_row():
     rows, messages = transitions_of(load, gap, np.array([4, 6]), brackets=True)
     assert rows["Q"].tolist() == [4]
     assert messages == ["Q = 6 ignored: reached in the same increment as Q = 4"]
-
-
-def test_transitions_of__what_lies_ahead_is_said_in_one_line():
-    gap = np.array([[-0.1, 0.2, 0.4]])
-    _, messages = transitions_of(np.array([0.1]), gap, np.array([4, 6, 8]))
-    assert messages == ["Q = 6 to 8: not reached"]
-
-
-def test_transitions_of__loads_of_lost_contact_are_shown_to_the_fifth():
-    load = np.arange(1.0, 10.0)
-    gap = np.where(load == 2, -1.0, 1.0)[:, None]
-    _, messages = transitions_of(load, gap, np.array([4]), brackets=True)
-    assert messages == ["Q = 4: contact is lost again at p/E = 3, 4, 5, 6, 7 and 2 more"]
-
-
-def test_histories__remarks_on_runs_are_shown_to_the_twentieth():
-    n_run = 23
-    curve = pd.DataFrame(
-        {"a_over_R": 0.03, "b_over_R": 0.01, "series": np.arange(n_run).repeat(2).astype(str)}
-    )
-    load, gap = np.tile([0.1, 0.2], n_run), np.tile([[1.0, 1.0], [-1.0, 1.0]], (n_run, 1))
-    rows, messages = transitions_of_runs(curve, load, gap, np.array([4, 6]), brackets=True)
-    assert len(rows) == n_run
-    assert messages[0] == "23 runs of increments"
-    assert messages[1] == "a/R = 0.03, b/R = 0.01, 0: Q = 6: not reached"
-    assert messages[20:] == [
-        "a/R = 0.03, b/R = 0.01, 19: Q = 6: not reached",
-        "and 3 more remarks on runs",
-    ]
 
 
 def test_transitions_of__a_body_that_lies_on_a_corner_to_rounding_touches_it():

@@ -2,10 +2,11 @@ r"""Output of other finite element programs to contact tables, and scenes to the
 
 A run is a contact history (`history`), and one module a format makes it: `calculix`, `abaqus_dat`,
 `abaqus_rpt`, `febio`, `ansys`, `mesh_series` (over `mesh_files`). `history.table_of` makes loads of
-any, by `rim` and `transitions`. Tables of any columns are read by `columns`, over `delimited`,
-`spreadsheet` and `parquet`; what words mean stands in `words.toml`. `read` recognises a file and
-calls them; `deck_text` writes decks. The room knows tables and scenes, and nothing of models. A
-file becomes a table, with messages about it:
+any, by `rim` and `transitions`. `columns` reads tables: cells (`delimited`, `spreadsheet`,
+`parquet`), their header (`layout`), its meaning (`mapping`, by `words` of `words.toml`), numbers in
+SI units (`quantities`) and what follows (`interpret`). `read` recognises a file and calls them;
+`deck_text` writes decks. The room knows tables and scenes, and nothing of models. A file becomes a
+table, with messages about it:
 
 >>> from pathlib import Path
 >>> from tempfile import TemporaryDirectory

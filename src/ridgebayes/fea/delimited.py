@@ -54,9 +54,7 @@ _WORDS = {".": "point", ",": "comma"}
 _BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
 
 _UNEVEN = ('"', "#", "=", "nan")  # quotes, comments, formulas, no numbers
-
-# Digits to the nearest float, which is the default from pandas 3.1 on.
-_IS_NEW = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
+_IS_NEW = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)  # digits are exact by default
 _EXACT: dict[str, Any] = {} if _IS_NEW else {"float_precision": "round_trip"}
 
 _Row = tuple[int, list[str]]  # line, and cells
@@ -243,9 +241,8 @@ class TextTable(TableFile):
         return frame
 
     def _options(self) -> dict[str, Any]:
-        names = list(self.headers)
-        how: dict[str, Any] = {"keep_default_na": False, "quoting": csv.QUOTE_NONE}
-        return how | {"sep": self._separator, "header": None, "names": names}
+        how: dict[str, Any] = {"sep": self._separator, "header": None, "names": list(self.headers)}
+        return how | {"keep_default_na": False, "quoting": csv.QUOTE_NONE}
 
     def _read_even(self, text: str, first: int) -> bool:
         """Keep the rows for pandas, if they are cells and nothing else, as many in each."""
@@ -260,9 +257,8 @@ class TextTable(TableFile):
         if (n_mark[is_row] != len(self.headers) - 1).any():
             return False
         begin, last = body.lstrip("\n").split("\n", 1)[0], body.rpartition("\n")[2]
-        if sum(bool(cell.strip()) for cell in last.split(separator)) < 2:
-            return False  # a note, perhaps
-        if any(_WITH_UNIT.fullmatch(cell) for cell in begin.split(separator)):
+        is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # perhaps
+        if is_note or any(_WITH_UNIT.fullmatch(cell) for cell in begin.split(separator)):
             return False
         self._body, self._units = body, {}
         self.lines = np.flatnonzero(is_row) + first + self._how.skip_rows
@@ -335,7 +331,6 @@ class TextTable(TableFile):
         counts: Counter[Any] = Counter()
         for cells in text.values():
             counts.update(cells[cells != ""].value_counts(sort=False).to_dict())
-
         some = ((cell, _exact(cell, self._is_typed)) for cell in counts)
         exact = {cell: number for cell, number in some if number is not None}
         if fortran := [cell.strip() for cell in exact if cell not in self._is_typed]:

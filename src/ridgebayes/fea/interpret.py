@@ -344,6 +344,8 @@ class ColumnInterpreter(Quantities):
         if use.key == "status":
             gap, bad = touching(as_text(self.cells[use.header]), self._how.closed_is)
             self._problems.cells(self.cells.index[bad], use.header, STATUS_RULE)
+            if bad.any():
+                self._problems.options.setdefault("closed_is", "?")
             return gap
         if use.key == "pressure":
             numbers = self.cells[use.header].to_numpy(dtype=float)

@@ -59,6 +59,8 @@ def read_node_table(path: Path, mapping: Mapping[str, str], how: Reading) -> Con
     if kind == "status":
         gap, bad = touching(as_text(cells[columns[kind]]), how.closed_is)
         problems.cells(cells.index[bad | np.isnan(gap)], columns[kind], STATUS_RULE)
+        if bad.any():
+            problems.options["closed_is"] = "?"
         values = -gap
     else:
         values = cells[columns[kind]].to_numpy(dtype=float)

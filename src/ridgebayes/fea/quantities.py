@@ -130,7 +130,9 @@ class Quantities:
         for key in keys:
             if (use := self._use(key, None)) is not None:
                 self._tell(use)
-                found[key] = as_text(self.cells[use.header])
+                codes, distinct = pd.factorize(self.cells[use.header], use_na_sentinel=False)
+                words = as_text(pd.Series(distinct)).take(codes)  # each text once
+                found[key] = words.set_axis(self.cells.index)
             elif key in self._values:
                 self._tell_value(key)
                 found[key] = str(self._values[key])

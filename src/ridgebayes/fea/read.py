@@ -233,6 +233,12 @@ def _history(name: str, paths: Sequence[Path], given: Given, body: RunBody) -> C
             if match is None or not node.isdigit():
                 raise InputError(f"--map {key}={node}: expected 'status Q=4=NODE' for a listing")
             corners[int(match[1])] = int(node)
+        if corners and given.symmetry is None:
+            raise FileError(
+                str(path),
+                needs=["--symmetry: missing; expected half or full, the body of the reactions"],
+                options={"symmetry": "?"},
+            )
         return read_ansys(paths, closed_is=given.closed_is, corners=corners)
     if name == "abaqus-rpt":
         if given.deck is not None:

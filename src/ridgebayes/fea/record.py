@@ -112,12 +112,12 @@ class FileError(InputError):
 
     def broken_rows(self) -> set[int]:
         """Return the file's rows with a cell that no option mends."""
-        return {r for (_, rule), rows in self._cells.items() if "-empty" not in rule for r in rows}
+        return {r for (_, rule), rows in self._cells.items() if "--" not in rule for r in rows}
 
     def raise_all(self, source: TableFile | None = None) -> None:
         """Raise what was noted, if anything was."""
-        # What --empty could mend is not broken.
-        self.is_broken = bool(self.wrong) or any("-empty" not in rule for _, rule in self._cells)
+        # A cell that an option mends is not broken.
+        self.is_broken = bool(self.wrong) or any("--" not in rule for _, rule in self._cells)
         self.wrong += [] if source is None else self._of_cells(source)
         self.needs += [f"the columns are {self.columns}"] if self.columns else []
         if self.wrong or self.needs:
