@@ -26,7 +26,7 @@ BUDGETS = {
     "fea": 4_803,
     "model": 1_604,
     "inference": 2_630,
-    "predict": 1_346,
+    "predict": 1_135,
     "evidence": 605,
     "comparison": 1_179,
     "checks": 1_126,
