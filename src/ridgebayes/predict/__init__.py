@@ -1,11 +1,11 @@
 """Predictions of a posterior: the distribution of Q at a load, and of the load that reaches a Q.
 
 `predict` has both, of one posterior and of weighted ones (`Predictive`); `q_distribution` and
-`load_distribution` the records that they return (`predicted` what both do, `load_draws` the draws
-of loads), and mixtures of them by given weights; `predictive_cdf` the averages over draws,
-`interpolant` their tables for many loads; `joint_draws` counts drawn at many loads, each
-body on its own texture; `extrapolation` what lies beyond the calibrated range. The room knows
-`inference` and `model`.
+`load_distribution` are the records that they return (`predicted` what both do), and mixtures of
+them by given weights. `posterior_loads` has the log loads of a posterior's draws, each of which is
+normal, and `load_draws` the averages over draws that all answers are made of. `joint_draws` draws
+loads and counts of bodies, each on its own texture, and `of_scene` predicts those of a scene;
+`extrapolation` flags what lies beyond the calibrated range. The room knows `inference` and `model`.
 
 >>> import numpy as np
 >>> from ridgebayes.predict.q_distribution import QDistribution, mix_q

@@ -85,11 +85,11 @@ class Predictive(ABC):
         Under Student errors no further count than that of a body in contact over its whole width
         is given a probability.
         *Accuracy.* Monte Carlo error of a probability under 0.005 (10,240 draws of independent
-        rows; 2,560 where rows share offsets; half as many under Student errors). Posteriors that
-        are averaged have as many in all, each by its weight, but no less than a sixteenth.
-        *Cost.* Some 0.3 s for 100,000 loads of one texture: means over draws are tabulated, to
-        1e-13, where more than 1,000 loads need one; of Student errors to 1e-7, also where counts
-        share them.
+        rows; 2,560 where rows share offsets). Under Student errors each draw has a normal error
+        whose scale is drawn. Posteriors that are averaged have as many draws in all, each by its
+        weight, but no less than a sixteenth.
+        *Cost.* Some 0.3 s for 100,000 loads of one texture: averages over draws are tabulated where
+        more than 512 loads need one, to a tenth of the Monte Carlo error.
 
         Examples
         --------
@@ -161,7 +161,7 @@ class Predictive(ABC):
         -----
         *Validity.* As `predict`; a load is flagged where its median lies above the highest
         calibrated one, but not at a texture and count that a row was fitted at.
-        *Cost.* Each distinct place is worked out once, a block at a time: some 0.2 ms a quantile
+        *Cost.* Each distinct place is worked out once, a block at a time: some 2 ms a quantile
         where rows are independent, 1 ms where textures or steps share offsets, 8 ms under
         ``step-smooth``. A million places take some 300 MB.
 
