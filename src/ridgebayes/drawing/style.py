@@ -240,7 +240,7 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
         # Straight from the canvas: `savefig` would draw everything once more beforehand.
         dpi = figure.dpi
         if kind == "png":
-            agg = FigureCanvasAgg(figure)
+            agg: Any = FigureCanvasAgg(figure)
             agg.draw()
             # 256 colours: a third of the size.
             pixels = Image.fromarray(np.asarray(agg.buffer_rgba())).convert("RGB")
