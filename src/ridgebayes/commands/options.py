@@ -111,6 +111,8 @@ class Predict:
         Probability inside the band.
     plot : Path, optional
         Figure to draw, .png, .svg or .pdf.
+    width : str, optional
+        Width of the figure, such as '85 mm' for a journal's column. '188 mm' if not given.
     """
 
     folder: Argument[Path]
@@ -127,6 +129,7 @@ class Predict:
     form: str = "average"
     prob: float = 0.9
     plot: Path | None = None
+    width: str | None = None
     force: bool = False
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
+from ridgebayes.scene.units import to_si
 
 _LOADS = "one load, LO:HI:N or log:LO:HI:N with 0 < LO <= HI and N >= 1, such as 0.001:0.02:50"
 
@@ -111,6 +112,23 @@ def parse_loads(
     if not 0 < ends[0] <= ends[1] < float("inf") or count < 1:
         raise InputError(f"{option} {text!r}: expected {_LOADS}")
     return np.geomspace(*ends, count) if is_log else np.linspace(*ends, count)
+
+
+def parse_inches(text: str, option: str) -> float:
+    """Return the width of a figure in inches: room for a panel and its labels, up to a poster.
+
+    Examples
+    --------
+    >>> round(parse_inches("85 mm", "--width"), 3)
+    3.346
+    """
+    try:
+        metres = float(to_si(text, "length"))
+    except InputError as error:
+        raise InputError(f"{option} {error}") from None
+    if not 0.05 <= metres <= 1:
+        raise InputError(f"{option} {text!r}: expected 50 to 1000 mm")
+    return metres / 0.0254
 
 
 def medians_taken(names: Sequence[str]) -> list[str]:

@@ -12,6 +12,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.commands import options
 from ridgebayes.commands.parsing import (
     parse_form,
+    parse_inches,
     parse_loads,
     refuse_existing,
     refuse_suffix,
@@ -53,12 +54,15 @@ def command(asked: options.Predict) -> Answer:
         refuse_existing(file, asked.force)
     if asked.plot is not None:
         refuse_suffix(asked.plot, (".png", ".svg", ".pdf"))
+    elif asked.width is not None:
+        raise InputError(f"--width {asked.width!r}: needs --plot, the figure that it is of")
+    width = None if asked.width is None else parse_inches(asked.width, "--width")
     if asked.kind not in (*KINDS, "both"):
         raise InputError(f"--kind {asked.kind!r}: expected curve, simulation or both")
     kinds = KINDS if asked.kind == "both" else (asked.kind,)
     uncertain = _uncertain_scene(asked)
     if uncertain is not None:
-        return _of_scene(asked, uncertain, kinds)
+        return _of_scene(asked, uncertain, kinds, width)
     textures, loads, nu, unit = _where(asked)
     run, form = read_run(asked.folder), parse_form(asked.form)
     what: dict[str, Any] = {
@@ -72,7 +76,7 @@ def command(asked: options.Predict) -> Answer:
     write_frame(bands, asked.out)
     if asked.plot is not None:
         loads = with_transitions(run, form, bands, textures)
-        _draw(bands_table(run, loads=loads, **what), run, form, asked.plot, unit)
+        _draw(bands_table(run, loads=loads, **what), run, form, asked.plot, unit, width)
     files = [file for file in (asked.out, asked.plot) if file is not None]
     return _answer(bands, files, unit)
 
@@ -148,7 +152,9 @@ def _is_number(text: str) -> bool:
         return False
 
 
-def _of_scene(asked: options.Predict, scene: Scene, kinds: Sequence[str]) -> Answer:
+def _of_scene(
+    asked: options.Predict, scene: Scene, kinds: Sequence[str], width: float | None
+) -> Answer:
     """Answer for a scene whose distributions are drawn together with the posterior."""
     if asked.p_over_E is not None and asked.load is not None:
         raise InputError("--p-over-E and --load: expected one of them, got both")
@@ -175,7 +181,7 @@ def _of_scene(asked: options.Predict, scene: Scene, kinds: Sequence[str]) -> Ans
         first = bands.iloc[0]
         unit = float(first["load"] / first["p_over_E"]), str(first["load_unit"])
     if asked.plot is not None:
-        _draw(bands, run, form, asked.plot, unit)
+        _draw(bands, run, form, asked.plot, unit, width)
     files = [file for file in (asked.out, asked.plot) if file is not None]
     return _answer(bands, files, unit)
 
@@ -267,10 +273,21 @@ def with_transitions(
 
 
 def _draw(
-    bands: pd.DataFrame, run: Comparison, form: str, path: Path, unit: tuple[float, str] | None
+    bands: pd.DataFrame,
+    run: Comparison,
+    form: str,
+    path: Path,
+    unit: tuple[float, str] | None,
+    width: float | None,
 ) -> None:
     rows = run.table.frame
-    figure = drawing.predictions.plot_bands(bands, rows[rows["status"] == "ok"], form, unit=unit)
+    figure = drawing.predictions.plot_bands(
+        bands,
+        rows[rows["status"] == "ok"],
+        form,
+        unit=unit,
+        width=width or drawing.style.WIDTH,
+    )
     kind = path.suffix.lower().removeprefix(".")
     write_bytes(drawing.style.as_bytes(figure, kind), path)
 

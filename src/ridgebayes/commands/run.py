@@ -40,6 +40,7 @@ from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.noise import AUTO, Noise
 from ridgebayes.predict.predict import KINDS
+from ridgebayes.predict.predictive_cdf import N_LOAD_DRAWS
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.request import DEFAULT_FORMS, FormsLike, PriorsLike, Request, TableLike
 from ridgebayes.runtime.memory import watched_memory
@@ -272,14 +273,21 @@ def _compared(request: Request, progress: Progress, folder: Path) -> Comparison:
 def _thinned(comparison: Comparison) -> Comparison:
     """Keep the draws that files keep: they go to every task, and summaries are there already.
 
-    A form that the rows rule out, whose bands are in no average, keeps an eighth.
+    The posteriors of a form keep so many together, each by its weight: where rows share offsets,
+    which are coordinates too, as many as predictions use; a quarter where the rows rule the form
+    out, so that its bands are in no average.
     """
-    n = Preset.named(comparison.accuracy).n_kept
-    fits, shares = {}, comparison.probabilities
+    n_kept, fits = Preset.named(comparison.accuracy).n_kept, {}
     for name, fit in comparison.fits.items():
-        kept = n if shares.get(name, 1.0) >= MIN_FORM_PROBABILITY else n // 8
-        others = {noise: other.thinned(kept) for noise, other in fit.others.items()}
-        fits[name] = replace(fit.thinned(kept), others=others)
+        posteriors = fit.posteriors.values()
+        n = min(n_kept, N_LOAD_DRAWS) if any(one.noise.factors for one in posteriors) else n_kept
+        if comparison.probabilities.get(name, 1.0) < MIN_FORM_PROBABILITY:
+            n //= 4
+        share = n / sum(len(one.draws) for one in posteriors)
+        others = {
+            noise: one.thinned(round(share * len(one.draws))) for noise, one in fit.others.items()
+        }
+        fits[name] = replace(fit.thinned(round(share * len(fit.draws))), others=others)
     return replace(comparison, fits=fits)
 
 

@@ -8,6 +8,7 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError, OutputError, RidgebayesError
@@ -141,7 +142,7 @@ def _keep_only_chains(folder: Path) -> None:
 
 
 def write_csv(frame: pd.DataFrame, path: Path, executor: Executor | None = None) -> None:
-    """Write a frame as CSV, floats in full, whole or not at all.
+    """Write a frame as CSV, floats in full, probabilities of counts without ".0".
 
     An executor makes the text of a long one, where digits take longer than the numbers did.
     """
@@ -155,6 +156,8 @@ def write_csv(frame: pd.DataFrame, path: Path, executor: Executor | None = None)
 
 
 def _csv(frame: pd.DataFrame, *, header: bool = False) -> str:
+    names = frame.columns[frame.columns.str.startswith("p_q_ge_")]
+    frame = frame.assign(**{name: np.char.mod("%g", frame[name]) for name in names})
     return str(frame.to_csv(index=False, header=header, lineterminator="\n"))
 
 

@@ -29,6 +29,7 @@ from ridgebayes.table.table import ContactTable
 AVERAGE = "average"
 _KEPT = 100_000  # bands of each posterior up to which all are kept; of more, some are made twice
 _N_LOAD, _FEWEST = 200, 10  # loads of a texture: fewer where bands would be more than are kept
+_DECIMALS = 6  # of probabilities, those of NEGLIGIBLE; their Monte Carlo error is 0.005
 _DRAWN = 2**24  # draws times rows of a form's loads, beyond which there are fewer draws
 
 
@@ -286,5 +287,6 @@ def _joined(blocks: list[pd.DataFrame]) -> pd.DataFrame:
     kept = next((i for i, c in enumerate(tail) if highest[c] < NEGLIGIBLE), len(tail) - 1)
     names = [name for name in blocks[0] if name not in highest] + tail[: kept + 1]
     for i, block in enumerate(blocks):
-        blocks[i] = block.reindex(columns=names, fill_value=0.0)
+        digits = dict.fromkeys(["q_mean", *tail[: kept + 1]], _DECIMALS)
+        blocks[i] = block.reindex(columns=names, fill_value=0.0).round(digits)
     return pd.concat(blocks, ignore_index=True)

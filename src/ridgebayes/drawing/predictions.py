@@ -42,6 +42,7 @@ def plot_bands(
     n_texture: int | None = None,
     untitled: bool = False,
     unit: tuple[float, str] | None = None,
+    width: float = WIDTH,
 ) -> Figure:
     """Draw Q against load with the bands of one form, a panel a texture.
 
@@ -59,6 +60,8 @@ def plot_bands(
         Whether the figure goes without its heading.
     unit : tuple of float and str, optional
         The load at which p = E, and its unit: the axis is then of loads in that unit.
+    width : float, inches, optional
+        Width of the figure, such as that of a journal's column.
 
     Returns
     -------
@@ -71,7 +74,8 @@ def plot_bands(
     shown = list(by_texture)[:MOST_TEXTURES]
     labels = (_load_label(unit), "edges in contact $Q$")
     # Without a heading it shares a screen with the words that answer.
-    figure, panels = panel_grid(len(shown), 1.55 if untitled else 1.8, 1.0, labels=labels)
+    height = 1.55 if untitled else 1.8
+    figure, panels = panel_grid(len(shown), height, 1.0, labels=labels, width=width)
     for axes, texture in zip(panels, shown, strict=True):
         rows = observed.get(texture, table.iloc[:0])
         draw_band(axes, by_texture[texture], colour_of(form))
@@ -107,14 +111,20 @@ def draw_band(axes: Axes, bands: pd.DataFrame, colour: str) -> None:
     # more, so that both are seen where they are the same.
     for kind, alpha, room in (("simulation", 0.30, 0.55), ("curve", 0.80, 0.25)):
         part = bands[bands["kind_of_band"] == kind].sort_values("p_over_E")
+        if part.empty:
+            continue
         p, lower, upper = (part[c].to_numpy(float) for c in ("p_over_E", "q_lower", "q_upper"))
         outside = part["extrapolation"].to_numpy(bool)
+        # Steps, and both ends of extrapolation: loads between would only make the file large.
+        steps = np.diff(np.stack([lower, upper, outside]), axis=1).any(axis=0)
+        ends = np.flatnonzero(np.diff(outside))
+        kept = np.unique(np.r_[0, np.flatnonzero(steps) + 1, ends, len(p) - 1])
         for is_outside in (False, True):
             axes.fill_between(
-                p,
-                lower - room,
-                upper + room,
-                where=(outside == is_outside).tolist(),
+                p[kept],
+                lower[kept] - room,
+                upper[kept] + room,
+                where=(outside[kept] == is_outside).tolist(),
                 step="post",
                 linewidth=0,
                 color="#9A9A9A" if is_outside else colour,
@@ -181,7 +191,8 @@ def _legend(figure: Figure, colour: str, bands: pd.DataFrame, observed: pd.DataF
         handles.append(
             Patch(facecolor=grey, edgecolor=white, hatch="////", alpha=0.5, label="extrapolation")
         )
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    n_column = max(round(len(handles) * figure.get_figwidth() / WIDTH), 1)
+    figure.legend(handles=handles, loc="outside lower center", ncols=n_column)
 
 
 @styled()

@@ -2,6 +2,7 @@
 """Parts that all figures share: colours and names of the forms, text from outside, bytes out."""
 
 import io
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
@@ -17,6 +19,7 @@ from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
+from PIL import Image
 
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import short_label, visible
@@ -48,6 +51,8 @@ QUIET = "#8A8A8A"
 WIDTH = 7.4  # inches: what A4 holds, so that a tick label of 9 pt is printed as such
 DPI = 180
 MOST_LEGEND = 4  # entries in a row
+# Paths of an SVG in points: a hundredth is far below a pixel.
+_PATH, _BEYOND_HUNDREDTH = re.compile(rb'(?<= d=")[^"]*'), re.compile(rb"(\.\d\d)\d+")
 _STYLE: dict[str, Any] = {
     "font.size": 10,
     "axes.titlesize": 10,
@@ -89,9 +94,10 @@ def panel_grid(
     margin: float,
     *,
     labels: tuple[str, str] = ("", ""),
+    width: float = WIDTH,
     **shared: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure with n panels, at most three a row, and those panels.
+    """Return a figure with n panels, as many a row as its width holds, and those panels.
 
     Parameters
     ----------
@@ -101,6 +107,8 @@ def panel_grid(
         Height of a row, and of all that is not a panel.
     labels : tuple of str, optional
         Labels of the lowest panels' horizontal axes and of the first panels' vertical axes.
+    width : float, inches, optional
+        Width of the figure; three panels a row in that of A4.
     **shared
         `sharex` and `sharey` of matplotlib.
 
@@ -111,9 +119,9 @@ def panel_grid(
     list of matplotlib.axes.Axes
         The n panels.
     """
-    n_column = min(3, n)
+    n_column = min(max(round(3 * width / WIDTH), 1), n)
     n_row = -(-n // n_column)
-    figure = new_figure(WIDTH, margin + row_height * n_row)
+    figure = new_figure(width, margin + row_height * n_row)
     panels = list(figure.subplots(n_row, n_column, squeeze=False, **shared).flat)
     for axes in panels[n:]:
         axes.set_visible(False)
@@ -230,20 +238,26 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
     with styled():
         lay_out(figure)
         # Straight from the canvas: `savefig` would draw everything once more beforehand.
+        dpi = figure.dpi
         if kind == "png":
             agg: Any = FigureCanvasAgg(figure)
-            agg.print_png(file, metadata={"Software": None})
+            agg.draw()
+            # 256 colours: a third of the size.
+            pixels = Image.fromarray(np.asarray(agg.buffer_rgba())).convert("RGB")
+            colours = pixels.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+            colours.save(file, "png", dpi=(dpi, dpi))
+        elif kind == "pdf":
+            pdf: Any = FigureCanvasPdf(figure)
+            pdf.print_pdf(file, metadata={"CreationDate": None, "Creator": None})
         else:
-            dpi = figure.dpi
-            if kind == "pdf":
-                pdf: Any = FigureCanvasPdf(figure)
-                pdf.print_pdf(file, metadata={"CreationDate": None, "Creator": None})
-            else:
-                svg: Any = FigureCanvasSVG(figure)
-                svg.print_svg(file, metadata={"Date": None, "Creator": None})
-            figure.dpi = dpi  # it draws at 72 points an inch, and leaves that behind
+            svg: Any = FigureCanvasSVG(figure)
+            svg.print_svg(file, metadata={"Date": None, "Creator": None})
+        figure.dpi = dpi  # svg and pdf draw at 72 points an inch, and leave that behind
     FigureCanvasBase(figure)  # lets go of the pixels
-    return file.getvalue()
+    content = file.getvalue()
+    if kind == "svg":
+        content = _PATH.sub(lambda path: _BEYOND_HUNDREDTH.sub(rb"\1", path[0]), content)
+    return content
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -28,6 +28,8 @@ from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import clipped, one_line_message
 
 _MIN_PACKED_BYTES = 1_000  # packing smaller arrays saves nothing
+# Groups that are only for arviz: in single precision.
+_SINGLE = ("log_likelihood", "log_prior", "prior_predictive", "posterior_predictive")
 _READ = ("constant_data", "observed_data", "sample_stats")
 Read = TypeVar("Read")
 
@@ -88,17 +90,19 @@ def write_groups(
         for name, variables in groups.items():
             group = file.create_group(name)
             group.attrs.update(group_attrs or {})
-            _write_group(group, variables)
+            _write_group(group, variables, np.float32 if name in _SINGLE else None)
     # A view left open when writing fails would keep Python 3.13 from closing what it is of.
     with replacing(Path(path)) as partial, content.getbuffer() as whole:
         partial.write_bytes(whole)
 
 
-def _write_group(group: Any, variables: Variables) -> None:
+def _write_group(group: Any, variables: Variables, floats: type | None) -> None:
     import h5py
 
     for name, (dims, values) in variables.items():
         cells, how = np.asarray(values), {}
+        if floats is not None and cells.dtype.kind == "f":
+            cells = cells.astype(floats)
         if cells.dtype.kind in "OSU":
             how["dtype"] = h5py.string_dtype()
             cells = cells.astype(object)

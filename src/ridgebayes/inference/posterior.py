@@ -316,6 +316,8 @@ def completed(
         return u
     if not scores.shape[1]:
         scores = LatentIntegral(model).draw(u, rng)
+    # Most coordinates are scores of offsets: in files, half of each number is zeros then.
+    scores = scores.astype(np.float32).astype(float)
     n_first = model.offsets.n_first
     first, rest = scores[:, :n_first], scores[:, n_first:]
     if not model.has_slopes:

@@ -19,25 +19,18 @@ from ridgebayes.report.wording import (
     component_name,
     decimals,
     form_name,
-    listed,
     noise_name,
-    number,
     parameter_name,
     probability,
     reading_text,
+    say,
     with_error,
 )
-
-_NEGLIGIBLE = " Negligible: of a probability under 1e-4, so that nothing rests on the fit."
 
 
 def evidence_section(data: ReportData) -> list[Block]:
     """Return log evidences, Bayes factors and how well the methods agree."""
-    words = (
-        "The evidence of a form is the probability density of the rows, its parameters averaged "
-        "over their priors. A Bayes factor is the ratio of two evidences: ln BF = 3 means odds of "
-        "20 to 1."
-    )
+    words = say("evidence")
     blocks: list[Block] = [Text(words), ranking_table(data)]
     if len(data.comparison.probabilities) > 1:
         blocks.append(Folded("Your own prior probabilities", [_odds(data)]))
@@ -46,10 +39,7 @@ def evidence_section(data: ReportData) -> list[Block]:
         caption = "ln Bayes factor of each form against the best, by every method."
         pairs = [pairs_table(data)]
         if len(summed):
-            caption = (
-                "Star and number: ln Bayes factor of each form against the best, with error models "
-                "summed out. Other marks: by each method, under the printed error model alone."
-            )
+            caption = say("evidence_caption")
             words = "Bayes factors with the error models summed out."
             pairs.insert(0, _pairs(summed, words))
         blocks += [
@@ -101,9 +91,11 @@ def ranking_table(data: ReportData) -> Table:
     return Table(
         ["Form", "Parameters", "ln evidence", "ln BF against the best", "Probability", "Converged"],
         rows,
-        "Natural logarithms. Evidence of the log loads under the printed error model. Bayes "
-        f"factors, and probabilities {prior_words(comparison)}, with error models summed out."
-        + (_NEGLIGIBLE if any(row[-1] == "no: negligible" for row in rows) else ""),
+        say(
+            "ranking_caption",
+            prior=prior_words(comparison),
+            has_negligible=any(row[-1] == "no: negligible" for row in rows),
+        ),
         text=(0, 5),
         strong=(0,) if best is not None else (),
     )
@@ -113,8 +105,7 @@ def pairs_table(data: ReportData) -> Table:
     """Return every Bayes factor under the fits' error model."""
     return _pairs(
         data.comparison.own_bayes_factors,
-        f"Bayes factors under one error model, {data.comparison.noise.name}. Reading after Kass "
-        "and Raftery (1995): undecided where |ln BF| is under 1 or under two standard errors.",
+        say("pairs_caption", noise=data.comparison.noise.name),
     )
 
 
@@ -150,16 +141,9 @@ def agreement_table(data: ReportData) -> Table:
             cells += [_evidence(own.get("bridge")), _distance(own)]
         rows.append([form_name(name), *cells])
     header = ["Form", "importance"]
-    words = "ln evidence by independent methods. Importance: from draws of importance sampling. "
     if walked:
         header += ["bridge", "bridge − importance, in joint standard errors"]
-        words += (
-            "Bridge: from the draws of a walk by emcee. A difference above four counts as not "
-            "converged. Forms of negligible probability are not walked."
-        )
-    else:
-        words += "Forms were not walked."
-    return Table(header, rows, words)
+    return Table(header, rows, say("methods", are_walked=walked))
 
 
 def _evidence(row: Mapping[Any, Any] | None, most: int = 4) -> str:
@@ -203,13 +187,7 @@ def error_models_section(data: ReportData) -> list[Block]:
         for mean in means.to_dict("records")
     ]
     return [
-        Text(
-            "An error model states which residuals are correlated: none (iid), those of a texture, "
-            "those of a step (one count Q, in all textures) or those of a series. "
-            "Predictions and probabilities of forms are averaged over error models. "
-            "Parameters are printed under the simplest one whose evidence is within 1.1 of the "
-            f"highest: {noise_name(comparison.noise.name)}."
-        ),
+        Text(say("error_models", noise=noise_name(comparison.noise.name))),
         *_smooth(data),
         *_components(data),
         Folded(
@@ -218,16 +196,11 @@ def error_models_section(data: ReportData) -> list[Block]:
                 Table(
                     ["Error model", *map(form_name, forms), "ln of the mean", "Probability"],
                     rows,
-                    "ln evidence of every form under every error model, and the log of its mean "
-                    "over the forms, by importance sampling. A form without a usable evidence "
-                    "counts as zero. Evidences far below the best have larger errors and decide "
-                    "nothing. Names are those of --noise.",
+                    say("error_models_caption"),
                     strong=(0,),
                 ),
                 Text(
-                    "Calibrated textures and steps keep their inferred offset; new ones draw from "
-                    "its distribution. An offset that is smooth in log h and a/pitch is "
-                    "interpolated. Its uncertainty grows beyond the calibrated range of either.",
+                    say("offsets"),
                     "note",
                 ),
             ],
@@ -253,10 +226,7 @@ def _components(data: ReportData) -> list[Block]:
         Table(
             ["Component", "ln BF", "Probability", "Reading"],
             rows,
-            "Which components of the error model the data support: mean evidence of the error "
-            "models with the component over that of those without, forms summed out. Probability: "
-            "of all error models with it. Components compete, so one may be disfavoured because "
-            "another does the same work.",
+            say("components_caption"),
             text=(0, 3),
         )
     ]
@@ -267,22 +237,9 @@ def _smooth(data: ReportData) -> list[Block]:
     weights = {} if data.verdict is None else data.verdict.error_model_weights
     if sum(weight for name, weight in weights.items() if "smooth" in name) < 0.5:
         return []
-    words = (
-        "Under a smooth offset a Bayes factor says which form leaves smaller and smoother "
-        "residuals, given the priors of that offset."
-    )
     if data.predicting is None:
-        return [Text(words)]
-    form, offset = data.predicting.without_form, data.predicting.without_offset
-    more, less = ("form", "offset") if form > offset else ("offset", "form")
-    return [
-        Text(
-            f"{words} On textures left out, the error of predicted loads is {number(form, 2)} "
-            f"times as large if Classic replaces {form_name(data.shown)}, and bands are "
-            f"{number(offset, 2)} times as wide without the offset: the {more} contributes more "
-            f"to the predictions than the {less}."
-        )
-    ]
+        return [Text(say("smooth"))]
+    return [Text(say("predicts_more", by=data.predicting, shown=form_name(data.shown)))]
 
 
 def prior_section(data: ReportData) -> list[Block]:
@@ -301,22 +258,10 @@ def prior_section(data: ReportData) -> list[Block]:
         name = "c and c₁" if prior == "c" else parameter_name(str(prior))
         rows.append([form_name(str(form)), name, span, *(decimals(x, 1) for x in cells)])
     low, high = factors["factor"].min(), factors["factor"].max()
-    words = (
-        "A Bayes factor always depends on the width of the priors. Here the scale of each prior is "
-        f"varied from {low:g} to {high:g} times its default (c, c₁ and c₂ from 0.3 times), with "
-        "all else unchanged."
-    )
-    caption = (
-        f"ln Bayes factor of each form against {against}. Above zero the form is ahead. Dotted "
-        "line: the default scale. The axis is linear within 5 of zero."
-    )
+    words = say("prior_scales", low=f"{low:g}", high=f"{high:g}")
+    caption = say("prior_scales_caption", against=against)
     ahead = factors.dropna().loc[lambda x: x["ln_bf"] > 0, "form"].unique()
-    alt = (
-        f"{listed([form_name(one) for one in ahead])} {'comes' if len(ahead) == 1 else 'come'} "
-        f"ahead of {against} for some prior scale."
-        if len(ahead)
-        else f"{against} stays ahead of every other form at every prior scale."
-    )
+    alt = say("ahead_somewhere", forms=[form_name(name) for name in ahead], against=against)
     header = ["Prior of", "Scale, times default", "ln BF at the least", "at default", "at the most"]
     found = Table([f"Form, against {against}", *header], rows, text=(0, 1))
     return [
@@ -337,12 +282,7 @@ def _unscaled(data: ReportData) -> list[Block]:
     }
     if not fixed:
         return []
-    return [
-        Text(
-            f"Not varied, because uniform, truncated and empirical priors have no one scale: the "
-            f"priors of {', '.join(sorted(fixed))}. The range of the verdict does not include them."
-        )
-    ]
+    return [Text(say("unscaled", priors=", ".join(sorted(fixed))))]
 
 
 def prior_table(data: ReportData) -> Table:

@@ -13,12 +13,11 @@ from ridgebayes.comparison.verdict import LEANS, Verdict
 from ridgebayes.report.blocks import Picture
 from ridgebayes.report.wording import (
     change_text,
-    decimals,
     form_name,
     listed,
-    number,
     percent,
     probability,
+    say,
 )
 from ridgebayes.runtime.text import count
 
@@ -95,15 +94,9 @@ def _advice(data: ReportData) -> str:
     """Say what to do about fits that failed or did not converge."""
     comparison, ways = data.comparison, []
     if comparison.unconverged:
-        ways.append(
-            "a fit that did not converge needs more time (--time-limit), --accuracy reference or "
-            "narrower priors (--priors)"
-        )
+        ways.append(say("unconverged_advice"))
     if comparison.failures or set(comparison.fits) - set(comparison.probabilities):
-        ways.append(
-            "a form without a fit or an evidence needs other priors (--priors), or is left out "
-            "(--forms)"
-        )
+        ways.append(say("no_fit_advice"))
     return f"What to do: {'; '.join(ways)}." if ways else ""
 
 
@@ -137,27 +130,19 @@ def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
     least = math.exp(-LEANS) * probabilities[verdict.form]
     others = {verdict.over} | {name for name, share in probabilities.items() if share > least}
     ranked = sorted(others - {verdict.form}, key=lambda name: -probabilities[name])
-    open_ = listed([best, *map(form_name, ranked)])
-    between = "between" if len(ranked) == 1 else "among"
-    return {
-        "decisive": f"The evidence for {best} is decisive among the forms compared.",
-        "supports": f"The evidence supports {best} among the forms compared.",
-        "leans": f"The evidence leans towards {best}, not firmly.",
-        "undecided": f"The evidence does not decide {between} {open_}.",
-    }[verdict.grade]
+    return say("headline", verdict=verdict, open=[best, *map(form_name, ranked)])
 
 
 def _compared(data: ReportData) -> str:
     comparison, verdict = data.comparison, data.verdict
     rows = comparison.table.calibration
     basis = f"{count(len(rows), 'row')} of {count(len(rows.textures), 'texture')}"
-    if verdict is None:
-        return f"{listed([form_name(name) for name in comparison.fits])} fitted to {basis}."
-    names = listed([form_name(name) for name in data.ranked if name in comparison.probabilities])
-    return (
-        f"{names} were compared on {basis}. {form_name(verdict.form)} has probability "
-        f"{probability(comparison.probabilities[verdict.form])} {prior_words(comparison)}."
-    )
+    compared = comparison.fits if verdict is None else data.ranked
+    scored = [name for name in compared if verdict is None or name in comparison.probabilities]
+    names = listed([form_name(name) for name in scored])
+    prior = "" if verdict is None else prior_words(comparison)
+    what = {"verdict": verdict, "comparison": comparison}
+    return say("compared", names=names, basis=basis, prior=prior, **what)
 
 
 def prior_words(comparison: Comparison) -> str:
@@ -173,14 +158,13 @@ def _how_sure(data: ReportData) -> str:
     verdict = data.verdict
     if verdict is None:
         return ""
-    if verdict.grade == "undecided":
-        return f"{lead(verdict)} Why it is undecided: {why(verdict)}."
     _, _, least = why(verdict).partition(" (")
-    weakest = f" It is least with {least.removesuffix(')')}." if least else ""
-    return (
-        f"{lead(verdict)}{weakest} The form's posterior probability passes 0.95 if its prior "
-        f"probability is above {number(verdict.min_prior_probability, 1)}."
-    )
+    return say("how_sure", verdict=verdict, why=why(verdict), least=least.removesuffix(")"))
+
+
+def lead(verdict: Verdict) -> str:
+    """Return the Bayes factor and its range as one sentence, no finer than the range supports."""
+    return say("bayes_factor", verdict=verdict)
 
 
 def why(verdict: Verdict) -> str:
@@ -197,38 +181,10 @@ def why(verdict: Verdict) -> str:
     return f"{reason} ({change_text(weakest.removesuffix(')'))})" if weakest else reason
 
 
-def lead(verdict: Verdict) -> str:
-    """Return the Bayes factor and its range as one sentence, no finer than the range supports."""
-    low, high = verdict.ln_bf_range
-    digits = 1 if high - low < 10 else 0
-    form, over = form_name(verdict.form), form_name(verdict.over)
-    return (
-        f"The ln Bayes factor of {form} over {over}, the next, is "
-        f"{decimals(verdict.ln_bf, digits)}; across priors and error models it lies between "
-        f"{decimals(low, digits)} and {decimals(high, digits)}."
-    )
-
-
 def _consequence(data: ReportData) -> str:
     """Say what the choice of a form changes in predictions at the table's own textures."""
-    found = data.consequence
-    n = found.n_texture
-    where = f"On {'this texture' if n == 1 else f'these {n} textures'} up to the observed loads"
-    shown = form_name(data.shown)
-    wide = f"at most {count(found.width, 'edge')} wide" if found.width else "a single count"
     prob = percent(data.bands["prob"].iloc[0])
-    band = f"the {prob} band of {shown} for a further simulation or measurement is {wide}"
-    if not found.over:
-        return f"{where}, {band}."
-    return f"{where}, {shown} and {form_name(found.over)} {_apart(found.apart)}, and {band}."
-
-
-def _apart(edges: int) -> str:
-    """Return how far apart two predictions of Q are."""
-    if edges == 0:
-        return "predict the same median of Q"
-    pairs = "one pair" if edges <= 2 else f"{edges // 2} pairs"
-    return f"predict medians of Q at most {pairs} of edges apart"
+    return say("consequence", effect=data.consequence, shown=data.shown, prob=prob)
 
 
 def _bands(data: ReportData) -> Picture:
@@ -237,9 +193,5 @@ def _bands(data: ReportData) -> Picture:
     name = "bands" if n <= 3 or not n_shown else "bands-first"
     others = "all are under Predictions" if data.preset.extras else "bands.csv has all"
     some = f" {n_shown} of {n} textures; {others}." if n > 3 else ""
-    caption = (
-        f"Edges in contact Q against load, {form_name(data.shown)}. Full colour: the form's "
-        f"own curve. Pale: a further simulation or measurement. Hatched: extrapolation. The load "
-        f"axis is a square-root scale.{some}"
-    )
+    caption = say("first_bands_caption", shown=form_name(data.shown), some=some)
     return Picture(name, caption, f"{_consequence(data)} {some}".strip())

@@ -7,7 +7,7 @@ from pathlib import Path
 from ridgebayes import drawing
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.report.blocks import Block, Table, Text
-from ridgebayes.report.wording import form_name, number
+from ridgebayes.report.wording import form_name, number, say
 from ridgebayes.runtime.text import count, short_label, versions
 
 MOST_TEXTURES = 40
@@ -95,17 +95,22 @@ def _counted(data: ReportData) -> str:
     if len(used) == len(table):
         rows = f"{fitted}, all fitted"
     else:
-        rows = (
-            f"{count(len(table), 'row')}. {fitted} fitted, {len(table.held_out):,} held out, "
-            f"{len(table.left_out):,} left out"
+        rows = say(
+            "rows_used",
+            n_row=count(len(table), "row"),
+            fitted=fitted,
+            n_held_out=f"{len(table.held_out):,}",
+            n_left_out=f"{len(table.left_out):,}",
         )
     name = Path(table.where).name
-    return (
-        f"{name[:1].upper() + name[1:] if '.' not in name else name}: {rows}. "
-        f"Q up to {used.column('Q').max()}, p/E "
-        f"{_span(number(loads.min(), 3), number(loads.max(), 3))}, a/pitch "
-        f"{_span(number(min(ratios), 3), number(max(ratios), 3))}. Error model: "
-        f"{data.comparison.noise.name}."
+    return say(
+        "rows_and_ranges",
+        name=name[:1].upper() + name[1:] if "." not in name else name,
+        rows=rows,
+        Q=used.column("Q").max(),
+        loads=_span(number(loads.min(), 3), number(loads.max(), 3)),
+        ratios=_span(number(min(ratios), 3), number(max(ratios), 3)),
+        noise=data.comparison.noise.name,
     )
 
 
@@ -113,19 +118,11 @@ def forms_section(data: ReportData) -> list[Block]:
     """Return the model in formulas."""
     rows = [[form_name(name), *_FORMULAS[name]] for name in data.ranked if name in _FORMULAS]
     study = Text(
-        "The forms and textures are those of a published study, "
-        "doi:10.1016/j.ijssolstr.2019.06.026. The documentation checks its figures and its 17 "
-        "claims: “Does the study hold, figure by figure and claim by claim?” "
-        "(notebooks/study.ipynb).",
+        say("study"),
         "note",
     )
     return [
-        Text(
-            "The table says at which load p/E each count Q of edges is reached. A form gives "
-            "s = √(p/E) at that count from the texture. With h = Q/2 − 1 and L = (a + b)/R, and "
-            "p/E at Poisson's ratio 0.5, the log load of a row is y = 2 ln s + offset + error. The "
-            "error has standard deviation σ, and the offset is that of the error model."
-        ),
+        Text(say("forms")),
         Table(["Form", "s(Q)", "Coefficients"], rows, text=(0, 1, 2)),
         *([study] if data.is_paper_sweep else []),
     ]
@@ -134,38 +131,21 @@ def forms_section(data: ReportData) -> list[Block]:
 def goal_section(data: ReportData) -> list[Block]:
     """Return why the analysis is Bayesian, and the rule of its verdict."""
     return [
-        Text(
-            "Why Bayesian: an evidence weighs how well a form fits against how much it could fit, "
-            "and bands carry the uncertainty of coefficients and of error models."
-        ),
-        Text(
-            "Decision rule: decisive needs ln BF of 5 over the next form and more than 3 over the "
-            "whole range of priors and error models. Supports needs 3 and the same form ahead over "
-            "the range; leans needs 2 and the same. All else is undecided."
-        ),
+        Text(say("why_bayesian")),
+        Text(say("decision_rule")),
     ]
 
 
 def cost_section(data: ReportData) -> list[Block]:
     """Return the target errors, and the cost of a few ways to the answer on the run's machine."""
     costs, wanted = data.comparison.cost, data.preset
-    words = (
-        f"Accuracy {wanted.name}: the target error is {wanted.moment_error:g} posterior sds for "
-        "means, sds and quantiles of the posterior, and "
-        f"{wanted.evidence_error:g} for log evidences. "
-    )
+    moment, evidence = f"{wanted.moment_error:g}", f"{wanted.evidence_error:g}"
+    words = [say("accuracy", name=wanted.name, moment=moment, evidence=evidence)]
     if not wanted.extras:
-        words += (
-            f"A quick run weighs normal error models alone, and keeps {wanted.n_kept:,} draws of "
-            "each form. It walks no form, leaves no textures out, compares no finite elements, "
-            "and draws few figures. "
-        )
+        words.append(say("quick_run", n_kept=f"{wanted.n_kept:,}"))
     if not len(costs):
-        return [Text(words)]
-    words += (
-        "Errors and CPU seconds were measured once, on the machine of this run, for Hybrid with "
-        "independent errors. The command ridgebayes cost repeats them, and adds finite elements."
-    )
+        return [Text(" ".join(words))]
+    words.append(say("cpu_seconds"))
     rows = [
         [
             row["task"],
@@ -183,7 +163,7 @@ def cost_section(data: ReportData) -> list[Block]:
         rows,
         text=(0, 1, 2, 5),
     )
-    return [Text(words), found]
+    return [Text(" ".join(words)), found]
 
 
 def glossary_section(_: ReportData) -> list[Block]:
@@ -197,9 +177,7 @@ def versions_section(_: ReportData) -> list[Block]:
     found[0] = found[0].capitalize()
     return [
         Text(
-            "The run folder holds the table as used (table.csv), the draws (posterior-*.nc), every "
-            "table as CSV and the settings (run.json). The same command, seed and versions give "
-            "the same bytes.",
+            say("run_folder"),
             "note",
         ),
         Text(", ".join(found) + ".", "note"),

@@ -1,4 +1,3 @@
-# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """Sections on the posteriors: coefficients, convergence, corner plots, checks."""
 
 import numpy as np
@@ -17,6 +16,7 @@ from ridgebayes.report.wording import (
     number,
     parameter_name,
     percent,
+    say,
     with_error,
 )
 
@@ -30,11 +30,7 @@ def coefficients_section(data: ReportData) -> list[Block]:
     dropped = sum(max(len(fit.summary) - MOST_ROWS, 0) for fit in fits.values())
     others = [name for name in data.ranked if name != data.shown]
     blocks: list[Block] = [
-        Text(
-            "The posterior weighs relative errors of the load, least squares on Q errors of the "
-            "count. The two differ where a form fails systematically. σ is the standard deviation "
-            f"of the log load about the form: its typical relative error.{_tiny_sigma(data)}"
-        ),
+        Text(say("coefficients", tiny=_tiny_sigma(data))),
         _coefficients_table(data, [data.shown]),
     ]
     if others:
@@ -52,11 +48,7 @@ def _tiny_sigma(data: ReportData) -> str:
     sigma = float(summary.get("sigma", np.nan))
     if not sigma < TINY:
         return ""
-    return (
-        f" Here it is under {100 * TINY:g} %: with the offset, {form_name(data.shown)} leaves "
-        "smaller errors than any solver or experiment resolves. Either the rows come from this "
-        "very form, or the offset absorbs its errors."
-    )
+    return say("tiny_sigma", percent=f"{100 * TINY:g}", shown=form_name(data.shown))
 
 
 def _coefficients_table(data: ReportData, names: list[str]) -> Table:
@@ -112,16 +104,12 @@ def convergence_section(data: ReportData) -> list[Block]:
         Table(
             ["Form", "Drawn by", "Bulk ESS", "Tail ESS", "R-hat", "Share", "State"],
             rows,
-            "The worst parameter of each form. ESS: effective sample size. R-hat: across four "
-            "independent sets of draws. Share: effective draws per draw.",
+            say("convergence_caption"),
             text=(0, 1, 6),
             badge=6,
         ),
         Text(
-            f"Converged means: importance weights with a Pareto k of at most {MAX_PARETO_K:g}; "
-            "R-hat under 1.01, bulk and tail ESS of at least 400. Where a second way was taken, a "
-            "walk by emcee, also: over 50 integrated autocorrelation times of every parameter and "
-            "the log posterior; evidences of both ways within four joint standard errors.",
+            say("converged", k=f"{MAX_PARETO_K:g}"),
             "note",
         ),
         *(_not_converged(data, name) for name, fit in fits.items() if not fit.converged),
@@ -143,16 +131,13 @@ def repeat_section(data: ReportData) -> list[Block]:
     found = data.repeat
     if found is None:
         return []
-    how = f"{form_name(data.shown)} was drawn again with twice the draws ({found.n_draw:,}), "
-    if found.failed:
-        return [Text(f"{how}which failed: {found.failed}.", "warning")]
-    return [
-        Text(
-            f"{how}another seed, and modes searched for anew. The mean that moved most is that of "
-            f"{parameter_name(found.parameter)}, by {decimals(found.moved, 2)} "
-            "posterior standard deviations."
-        )
-    ]
+    words = say(
+        "repeat",
+        again=found,
+        shown=form_name(data.shown),
+        parameter="" if found.failed else parameter_name(found.parameter),
+    )
+    return [Text(words, "warning" if found.failed else "plain")]
 
 
 def sense_section(data: ReportData) -> list[Block]:
@@ -160,12 +145,7 @@ def sense_section(data: ReportData) -> list[Block]:
     frame = data.against_priors
     outer = frame[(frame["prior_below"] < OUTER) | (frame["prior_below"] > 1 - OUTER)]
     odd = ", ".join(parameter_name(name) for name in outer["parameter"])
-    words = (
-        f"{odd}: the posterior mean lies in the outer {percent(OUTER)} of its prior. Check "
-        "whether that is plausible."
-        if odd
-        else f"No posterior mean lies in the outer {percent(OUTER)} of its prior."
-    )
+    words = say("outer_means", parameters=odd, outer=percent(OUTER))
     rows = [
         [
             parameter_name(row["parameter"]),
@@ -193,10 +173,7 @@ def corner_section(data: ReportData) -> list[Block]:
         some = f" {MOST_PARAMETERS} of {n} parameters." if n > MOST_PARAMETERS else ""
         is_published = data.is_paper_sweep and model.form.printed is not None
         printed = " Solid lines: published coefficients." if is_published else ""
-        caption = (
-            f"{form_name(name)}. Dashed: 5, 50 and 95 % quantiles.{printed} Contours contain 39 "
-            f"and 86 %.{some}"
-        )
+        caption = say("corner_caption", form=form_name(name), lines=printed, some=some)
         pictures.append(Picture(f"corner-{name}", caption, narrow=n < 6))
     return pictures
 
@@ -208,15 +185,10 @@ def checks_section(data: ReportData) -> list[Block]:
         found = data.checks.table()
         odd = ", ".join(found[found["two_sided"] < 0.05]["quantity"])
         blocks += [
-            Text(
-                f"{form_name(data.shown)}: residuals of rows replicated from the fitted model, "
-                "compared with those of the observed rows. A p near 0 or 1 marks a statistic that "
-                f"the model does not reproduce. Here (two-sided p under 0.05): {odd or 'none'}."
-            ),
+            Text(say("predictive_checks", shown=form_name(data.shown), odd=odd or "none")),
             Picture(
                 "posterior-checks",
-                "Posterior predictive checks: each statistic of replicated and of observed rows, "
-                "over the posterior's draws.",
+                say("predictive_checks_caption"),
                 f"Statistics that {form_name(data.shown)} does not reproduce: {odd or 'none'}.",
             ),
         ]
@@ -225,10 +197,7 @@ def checks_section(data: ReportData) -> list[Block]:
 
 def prior_check(data: ReportData) -> list[Block]:
     """Return what the priors say of the loads before the rows are known."""
-    caption = (
-        "Prior predictive check: loads from the priors alone, with the rows. The priors should "
-        "reach well beyond the rows, but not by many powers of ten."
-    )
+    caption = say("prior_check_caption")
     return [Picture("prior-bands", caption)]
 
 
@@ -243,12 +212,7 @@ def power_scaling_section(data: ReportData) -> list[Block]:
         ]
         for row in data.power_scaling.to_dict("records")
     ]
-    words = (
-        f"{form_name(data.shown)}: change of each parameter's distribution when all priors, or the "
-        "likelihood, are raised to a power near one, per doubling of that power. Values from "
-        f"{THRESHOLD:g} on matter. Where only the prior matters, the rows say little about the "
-        "parameter. Where both do, prior and rows may disagree (prior-data conflict)."
-    )
+    words = say("power_scaling", shown=form_name(data.shown), threshold=f"{THRESHOLD:g}")
     return [
         Text(words),
         Table(["Parameter", "Prior", "Likelihood", "Diagnosis"], rows, text=(0, 3)),

@@ -1,4 +1,3 @@
-# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
 """Sections on predictions: bands, held-out rows, coverage, percent errors, K, cross-validation."""
 
 from typing import Any
@@ -15,6 +14,7 @@ from ridgebayes.report.wording import (
     form_name,
     number,
     percent,
+    say,
     with_error,
 )
 from ridgebayes.runtime.text import count
@@ -32,13 +32,7 @@ def bands_section(data: ReportData) -> list[Block]:
     """Return Q against load with bands, texture by texture."""
     if len(data.comparison.table.textures) <= 3 or not data.preset.extras:
         return []  # the first screen has them all, or is all that there is
-    caption = (
-        f"{form_name(data.shown)}. Full colour: the form's own curve. Pale, and drawn taller: a "
-        "further simulation or measurement. "
-        "Hatched: extrapolation, that is a count, load, a/pitch, a/R or b/R beyond the calibrated "
-        "range. The load axis is a square-root scale, on which steps are equally wide. A band of "
-        "one count is drawn a little to either side of it."
-    )
+    caption = say("bands_caption", shown=form_name(data.shown))
     alt = f"Q against load of every texture with the bands of {form_name(data.shown)}."
     picture = Picture("bands", caption, alt)
     return [Folded("Q against load of all textures", [picture], short=True)]
@@ -123,20 +117,16 @@ def coverage_section(data: ReportData) -> list[Block]:
     beyond = decimals(100 * counted["share_extrapolated"].max(), 0)
     blocks: list[Block] = [
         Text(
-            f"{int(counted['n_texture'].max())} textures left out in turn, "
-            f"{form_name(str(counted['form'].iloc[0]))} fitted to the others. Each transition of "
-            "the texture left out is looked up in its simulation band. A 90 % band should contain "
-            "about nine in ten. Fewer mean that bands are too narrow, more that they are too wide."
-            + (
-                " Independent rows (iid) are shown beside the error model of this run."
-                if set(counted["noise"]) != {data.comparison.noise.name}
-                else ""
+            say(
+                "coverage",
+                n_texture=int(counted["n_texture"].max()),
+                form=form_name(str(counted["form"].iloc[0])),
+                has_others=set(counted["noise"]) != {data.comparison.noise.name},
             )
         ),
         Picture(
             "coverage",
-            "Share of transitions inside, with two standard errors, and width of the bands. A line "
-            "marks the share that each band claims.",
+            say("coverage_caption"),
             _coverage_alt(data),
         ),
         Folded(
@@ -145,8 +135,7 @@ def coverage_section(data: ReportData) -> list[Block]:
                 Table(
                     ["Error model", "Band", "Inside", "Share ± standard error", "Width, log load"],
                     rows,
-                    "Standard errors treat whole textures as independent. Of the transitions left "
-                    f"out, {beyond} % lie beyond the range of their fit.",
+                    say("coverage_table_caption", beyond=beyond),
                 )
             ],
         ),
@@ -180,10 +169,8 @@ def errors_section(data: ReportData) -> list[Block]:
         [form_name(form), *(cells.get((form, a, b), ABSENT) for a, b in data.textures)]
         for form in data.ranked
     ]
-    caption = (
-        "100 (p form / p data − 1) at each transition, repeats averaged. Above zero the form "
-        "predicts too high a load. Coefficients are posterior means"
-        + ("; dashed, hollow: those of the study." if data.is_paper_sweep else ".")
+    caption = say("load_errors_caption") + (
+        "; dashed, hollow: those of the study." if data.is_paper_sweep else "."
     )
     a, b = data.textures[0]
     alt = f"Load errors in per cent at a/R = {a:g}, b/R = {b:g}: {_firsts(rows)}"
@@ -204,11 +191,7 @@ def errors_section(data: ReportData) -> list[Block]:
 
 def slopes_section(data: ReportData) -> list[Block]:
     """Return K against pitch, where the power law was fitted to several textures."""
-    caption = (
-        "Left: K, the slope of Q′ over s = √(p/E), of each texture. Right: K times half the pitch, "
-        "the c of that texture alone. Modified takes c as constant. Hybrid lets it grow as ridges "
-        "get narrower. Hybrid is drawn slightly to the right of the power law."
-    )
+    caption = say("slopes_caption")
     return [Picture("slopes", caption)]
 
 
@@ -223,12 +206,7 @@ def score_section(data: ReportData) -> list[Block]:
             leaders["row"] = _leaders(reliable, "elpd")
         blocks.append(_rows_table(scores))
         if scores["n_bad_k"].sum():
-            words = (
-                "A row with a Pareto k above 0.7 influences the posterior too strongly for a "
-                "score without a refit. A form with such rows gets no number here."
-            )
-            if len(left_out):
-                words += " Its scores on textures and steps left out come from refits."
+            words = say("pareto_k", has_refits=len(left_out) > 0)
             blocks.append(Text(words, "note"))
     if len(left_out):
         for leave, part in left_out.groupby("leave", sort=False):
@@ -237,10 +215,7 @@ def score_section(data: ReportData) -> list[Block]:
         scored = _left_out_table(left_out, data.comparison.table.calibration)
         blocks.append(Folded("Textures and steps left out", [scored]))
     if blocks:
-        words = (
-            "Expected log predictive density (elpd) of held-out data, higher is better, and the "
-            f"weights of the mixture of forms that predicts it best. {_agreement(data, leaders)}"
-        )
+        words = say("scores", agreement=_agreement(data, leaders))
         blocks.insert(0, Text(words))
     return blocks
 
@@ -257,29 +232,11 @@ def _leaders(scores: pd.DataFrame, column: str) -> tuple[str, str]:
 def _agreement(data: ReportData, leaders: dict[str, tuple[str, str]]) -> str:
     if data.best is None or len(data.ranked) < 2 or not leaders:
         return ""
-    against = {leave: found for leave, found in leaders.items() if set(found) != {data.best}}
-    open_ = data.verdict is not None and data.verdict.grade == "undecided"
-    if not against and open_:
-        return f"Bayes factors do not decide. All of these scores put {form_name(data.best)} first."
-    if not against:
-        return f"All agree with the Bayes factors: {form_name(data.best)} leads."
-    parts = []
-    for leave, (by_score, by_weight) in against.items():
-        heads = form_name(by_score)
-        if by_weight != by_score:
-            heads += f" by score and {form_name(by_weight)} by weight"
-        parts.append(f"{heads} for {_NEW[leave]}")
-    found = (
-        "Bayes factors do not decide. These scores put first"
-        if open_
-        else f"Bayes factors favour {form_name(data.best)}, but some scores put another form first"
-    )
-    return (
-        f"{found}: {'; '.join(parts)}. The two answer different questions. A Bayes factor compares "
-        "how probable the forms and their priors make all rows. A score measures how well a fitted "
-        "form predicts new rows of one kind. For a new design, read the scores of textures. For "
-        "the physics of contact, read the Bayes factors."
-    )
+    against = [
+        (_NEW[leave], *ahead) for leave, ahead in leaders.items() if set(ahead) != {data.best}
+    ]
+    is_open = data.verdict is not None and data.verdict.grade == "undecided"
+    return say("agreement", best=form_name(data.best), against=against, is_open=is_open)
 
 
 def _rows_table(scores: pd.DataFrame) -> Table:
@@ -307,10 +264,7 @@ def _left_out_table(scores: pd.DataFrame, fitted: ContactTable) -> Table:
     return Table(
         ["Left out", "Form", "Log score ± standard error", "CRPS of log load", "Weight"],
         [_left_out_row(row, n_left[str(row["leave"])]) for row in records],
-        "Each texture, or each count of edges, is left out in turn and predicted from the rest; "
-        "of more than 24 a tenth at a time. "
-        "Log score: log density of the rows of a fold together. CRPS: 0.01 is about 1 % in load."
-        + (f" Not fitted: {failed}." if failed else ""),
+        say("left_out_caption") + (f" Not fitted: {failed}." if failed else ""),
         text=(0, 1),
     )
 

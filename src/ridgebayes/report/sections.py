@@ -12,7 +12,7 @@ from ridgebayes.report import evidence, inputs, posteriors, predictions
 from ridgebayes.report.blocks import Block, Folded, OwnTexture, Part, Picture, Section, Text
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
-from ridgebayes.report.wording import decimals, with_error
+from ridgebayes.report.wording import decimals, say, with_error
 
 
 def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
@@ -85,11 +85,7 @@ def reference_section(reference: ReportData) -> list[Block]:
     """Return the comparison on finite-element rows, of the first-principles form as well."""
     answer = first_screen(reference)
     blocks: list[Block] = [
-        Text(
-            "The same comparison on loads from finite-strain finite elements: this package's own, "
-            "with loads of CalculiX held out. None of them came from the half-plane equation, so "
-            "that equation is compared as well. Its only coefficient is a scale c that should be 1."
-        ),
+        Text(say("reference")),
         Text(" ".join([answer.headline, *answer.sentences[1:2]]), "strong"),
         *(Text(words, "note") for words in answer.cautions),
         *(Text(words, "warning") for words in answer.problems),
@@ -111,10 +107,11 @@ def _scale(reference: ReportData) -> str:
     summary = reference.comparison.fits["half-plane"].summary.set_index("parameter")
     mean, sd = float(summary["mean"].loc["c"]), float(summary["sd"].loc["c"])
     load = 100 * (mean**-2 - 1)
-    return (
-        f"Half-plane: c = {with_error(mean, sd, 6)}, where theory says 1. The difference is "
-        f"{decimals(abs(mean - 1) / sd, 1)} posterior standard deviations, "
-        f"or {decimals(load, 2)} % in load."
+    return say(
+        "scale",
+        c=with_error(mean, sd, 6),
+        n_sd=decimals(abs(mean - 1) / sd, 1),
+        load=decimals(load, 2),
     )
 
 

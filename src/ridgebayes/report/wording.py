@@ -4,9 +4,12 @@
 import math
 import re
 from collections.abc import Sequence
+from functools import cache
+from typing import Any
 
 from ridgebayes import drawing
-from ridgebayes.runtime.text import short_label
+from ridgebayes.runtime.templates import environment_of
+from ridgebayes.runtime.text import count, short_label
 
 ABSENT = "–"
 _STRUCTURES = {
@@ -23,6 +26,32 @@ _COMPONENTS = {
     "series": "Series offsets",
     "student": "Student errors (outliers)",
 }
+
+
+def say(sentence: str, **values: object) -> str:
+    """Return a sentence, or a few, of ``templates/sentences.jinja`` with values in them.
+
+    Examples
+    --------
+    >>> say("pairs_caption", noise="iid").partition(". ")[0]
+    'Bayes factors under one error model, iid'
+    """
+    return re.sub(r"[ \n]+", " ", str(getattr(_sentences(), sentence)(**values))).strip()
+
+
+@cache
+def _sentences() -> Any:
+    name = "sentences.jinja"
+    environment = environment_of("ridgebayes.report", name)
+    environment.filters |= {
+        "form": form_name,
+        "listed": listed,
+        "number": number,
+        "decimals": decimals,
+        "probability": probability,
+        "count": count,
+    }
+    return environment.get_template(name).module
 
 
 def component_name(name: str) -> str:
