@@ -240,7 +240,12 @@ def posterior_far_narrower_than_prior():
     found = weighed(model)
     assert_is(found, truth)
     fit = rb.calibrate(
-        rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=FEW, noise="iid"
+        rb.read_table(frame),
+        rb.Modified(),
+        priors={"modified": priors},
+        rng=1,
+        settings=FEW,
+        noise="iid",
     )
     row = fit.summary.iloc[0]
     centre, sd = float(np.exp(-mean / 2)), 1.4 * known / 2 / math.sqrt(n)
