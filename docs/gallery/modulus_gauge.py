@@ -23,7 +23,7 @@ scatter = np.exp(0.03 * np.random.default_rng(1).standard_normal(len(rows)))
 measured = truth * rows["p_over_E"] * scatter  # kPa
 table = rows.assign(p_over_E=measured / guess)
 
-priors = {"c": rb.LogNormal(1.0, 0.5)}
+priors = {"half-plane": {"c": rb.LogNormal(1.0, 0.5)}}
 fit = rb.calibrate(table, rb.HalfPlane(), noise="texture+step", priors=priors, rng=1)
 modulus = guess / fit.draws[:, 0] ** 2
 low, high = np.quantile(modulus, [0.05, 0.95])

@@ -1,4 +1,4 @@
-"""What is wanted of a calibration or comparison, checked and in one record."""
+"""The request for a calibration or comparison, checked and in one record."""
 
 import math
 import os

@@ -1202,7 +1202,7 @@ def test_interrupted__what_has_no_resume_advises_none_and_leaves_nothing(
         assert list(Path().glob(".*.partial"))
         raise KeyboardInterrupt
 
-    for inner in ("run.compared", "cost.map_ordered", "coverage.coverage"):
+    for inner in ("run.compared", "cost.cost", "coverage.coverage"):
         monkeypatch.setattr(f"ridgebayes.commands.{inner}", interrupted)
     said = command(name, SWEEP)
     assert said.code == 130

@@ -446,9 +446,7 @@ def test_forms__none_or_one_twice_is_refused(paper, names):
 
 
 def test_half_plane__on_its_own_rows_is_refused_before_any_sampling(paper, monkeypatch):
-    monkeypatch.setattr(
-        "ridgebayes.comparison.compare.weigh_pairs", lambda *_, **__: pytest.fail("sampled")
-    )
+    monkeypatch.setattr("ridgebayes.request.weigh_pairs", lambda *_, **__: pytest.fail("sampled"))
     with pytest.raises(InputError, match=r"41 calibration rows.*that would be circular"):
         rb.compare(paper, [rb.Modified(), rb.HalfPlane()], noise="iid")
 

@@ -229,6 +229,7 @@ def posterior_far_narrower_than_prior():
     known = 1e-6
     frame = made(rb.Modified(), [1.4], error=known, rel_se=known)
     priors = {"c": rb.LogNormal(1.0, 1e6), "sigma": rb.HalfNormal(1e-14)}
+    by_owner = {"modified": {"c": priors["c"]}, "noise": {"sigma": priors["sigma"]}}
     model = model_of(frame, **priors)
     r = modified_residuals(frame, np.longdouble)
     n = len(r)
@@ -240,7 +241,12 @@ def posterior_far_narrower_than_prior():
     found = weighed(model)
     assert_is(found, truth)
     fit = rb.calibrate(
-        rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=FEW, noise="iid"
+        rb.read_table(frame),
+        rb.Modified(),
+        priors=by_owner,
+        rng=1,
+        settings=FEW,
+        noise="iid",
     )
     row = fit.summary.iloc[0]
     centre, sd = float(np.exp(-mean / 2)), 1.4 * known / 2 / math.sqrt(n)

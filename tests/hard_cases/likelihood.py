@@ -367,7 +367,7 @@ def prior_twenty_sds_away():
     sigma = rb.HalfNormal(0.03)
     found = weighed(model_of(frame, sigma=sigma))
     assert_is(found, truth, 1e-4)
-    priors = {"sigma": sigma}
+    priors = {"noise": {"sigma": sigma}}
     fit = rb.calibrate(
         rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=FEW, noise="iid"
     )
@@ -394,10 +394,11 @@ def prior_and_rows_of_two_modes():
     )[0]
     odds = total - near + math.log1p(-math.exp(near - total))
     assert m[0] < 6
-    priors = {"sigma": rb.HalfNormal(0.06)}
+    sigma = rb.HalfNormal(0.06)
+    priors = {"noise": {"sigma": sigma}}
     fit = rb.calibrate(rb.read_table(frame), rb.Modified(), priors=priors, rng=1, noise="iid")
     assert_draws(fit, [m[:2], m[2:]])
-    found = weighed(model_of(frame, **priors))
+    found = weighed(model_of(frame, sigma=sigma))
     assert_is(found, total)
     return f"ln Z {found.value:.2f} for {total:.2f}; the far mode's log odds {odds:+.1f}"
 

@@ -251,7 +251,7 @@ def tails_and_edges():
 def scales_far_apart():
     large, small = Scaled.units
     priors = {"large": rb.LogNormal(1.382 * large, 0.1), "small": rb.Normal(0.0, 0.05 * small)}
-    scaled, plain = calibrated(Scaled(), priors=priors), calibrated(rb.Hybrid())
+    scaled, plain = calibrated(Scaled(), priors={Scaled.name: priors}), calibrated(rb.Hybrid())
     assert scaled.converged
     for i, unit in enumerate((large, small, 1.0)):
         one, other = scaled.summary.iloc[i], plain.summary.iloc[i]
@@ -277,7 +277,7 @@ def resumed_with_something_else(folder):
     np.testing.assert_array_equal(first.chains.u, again.chains.u)
     frame = ROWS()
     frame.loc[3, "p_over_E"] *= 1 + 1e-15
-    prior = {"priors": {"c": rb.LogNormal(1.382, 0.11)}}
+    prior = {"priors": {own.name: {"c": rb.LogNormal(1.382, 0.11)}}}
     others = {
         "seed": (table, own, {"rng": 2}),
         "table": (rb.read_table(frame), own, {}),

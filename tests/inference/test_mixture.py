@@ -164,7 +164,7 @@ def test_to_mixture__refuses(fits, monkeypatch):
 @pytest.mark.slow
 def test_transforms__stand_in_for_priors_without_a_closed_form(paper):
     settings = rb.SampleSettings(n_walker=64, tau_change=0.05)
-    priors = {"c": Gamma(30.0, 22.0)}
+    priors = {"modified": {"c": Gamma(30.0, 22.0)}}
     fit = rb.calibrate(paper, rb.Modified(), noise="iid", priors=priors, settings=settings, rng=1)
     mixture = fit.to_mixture(2)
     assert isinstance(mixture.transforms[0], LogNormal)

@@ -48,7 +48,7 @@ def export_deck(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     disk = rb.export_deck(scene, "calculix", f"{folder}/run.inp")
     ...     text = Path(folder, "run.inp").read_text()
-    >>> "*STEP" in text, len(disk.cells) > 1000
+    >>> "*STEP" in text, len(disk.cells) > 100
     (True, True)
     """
     if isinstance(scene, str | os.PathLike):

@@ -32,7 +32,7 @@ def import_table(
     texture : (float, float) or str, optional
         Ridge and groove width over R, or a text such as ``"0.25 mm,0.25 mm"``.
     **facts
-        What the file lacks, under the names of the command's options: R, E, nu, thickness and
+        Facts that the file lacks, named as the command's options: R, E, nu, thickness and
         load_se as texts with units; map as a sequence of texts ``key=header``; sheet, skip_rows,
         decimal, deck, surface, reaction, corner, ...
 
@@ -49,7 +49,7 @@ def import_table(
     Warns
     -----
     CautionWarning
-        Of values that were read and look doubtful.
+        If values that were read look doubtful.
 
     Examples
     --------
