@@ -39,8 +39,8 @@ from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import FORMS
 from ridgebayes.model.noise import AUTO, Noise
+from ridgebayes.predict.posterior_loads import N_SHARED
 from ridgebayes.predict.predict import KINDS
-from ridgebayes.predict.predictive_cdf import N_LOAD_DRAWS
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.request import DEFAULT_FORMS, FormsLike, PriorsLike, Request, TableLike
 from ridgebayes.runtime.memory import watched_memory
@@ -280,7 +280,7 @@ def _thinned(comparison: Comparison) -> Comparison:
     n_kept, fits = Preset.named(comparison.accuracy).n_kept, {}
     for name, fit in comparison.fits.items():
         posteriors = fit.posteriors.values()
-        n = min(n_kept, N_LOAD_DRAWS) if any(one.noise.factors for one in posteriors) else n_kept
+        n = min(n_kept, N_SHARED) if any(one.noise.factors for one in posteriors) else n_kept
         if comparison.probabilities.get(name, 1.0) < MIN_FORM_PROBABILITY:
             n //= 4
         share = n / sum(len(one.draws) for one in posteriors)
