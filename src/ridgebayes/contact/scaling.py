@@ -38,5 +38,6 @@ def reduced_load(p_over_E: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
     poisson = np.asarray(nu, dtype=float)
     if not np.all((poisson >= 0) & (poisson <= 0.5)):
         raise InputError(f"nu: expected 0 <= nu <= 0.5, got {nu!r}")
-    value: FloatArray = np.asarray(p_over_E, dtype=float) * (1 - poisson**2) / REFERENCE
+    # The factor first: at nu = 0.5 it is 1, and the load keeps its last digit.
+    value: FloatArray = np.asarray(p_over_E, dtype=float) * ((1 - poisson**2) / REFERENCE)
     return value

@@ -316,10 +316,10 @@ def completed(
         return u
     if not scores.shape[1]:
         scores = LatentIntegral(model).draw(u, rng)
-    # Most coordinates are scores of offsets: in files, half of each number is zeros then.
-    scores = scores.astype(np.float32).astype(float)
     n_first = model.offsets.n_first
-    first, rest = scores[:, :n_first], scores[:, n_first:]
+    # Most coordinates are scores of places and steps: in files, half of each number is zeros then.
+    # Those of textures keep their digits: where rows have next to no error, so does K.
+    first, rest = scores[:, :n_first], scores[:, n_first:].astype(np.float32).astype(float)
     if not model.has_slopes:
         return np.concatenate([u, first, rest], axis=1)
     eta = model.outer_theta(u)

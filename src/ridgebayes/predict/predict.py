@@ -231,7 +231,7 @@ def predict_q(
         survival = np.zeros((p.size, max((share.shape[1] for share in shares), default=1)))
         for here, share in zip(groups, shares, strict=False):
             survival[here, : share.shape[1]] = share
-        survival = survival.reshape(*p.shape, -1)
+        survival = survival.reshape(*p.shape, survival.shape[1])
         return QDistribution(survival, flags, calibrated.Q_max, kind, np.nan, places)
 
     parts = PosteriorLoads(fit, kind, share).parts()
