@@ -32,8 +32,8 @@ def reduced_load(p_over_E: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
 
     Examples
     --------
-    >>> float(reduced_load(0.03, nu=0.0))
-    0.04
+    >>> float(reduced_load(0.012, nu=0.0))
+    0.016
     """
     poisson = np.asarray(nu, dtype=float)
     if not np.all((poisson >= 0) & (poisson <= 0.5)):
