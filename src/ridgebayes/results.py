@@ -66,7 +66,7 @@ class Fit(Posterior, Predictive, Tabular):
     others : dict of str to Posterior, optional
         Posteriors under those of them that are not selected.
     cautions : tuple of str, optional
-        What makes the answer doubtful, a sentence each: units, copies, independence, priors. A fit
+        Reasons to doubt the answer, a sentence each: units, copies, independence, priors. A fit
         read from a file has none.
 
     Examples
@@ -117,7 +117,7 @@ class Fit(Posterior, Predictive, Tabular):
         posteriors : mapping of str to Posterior, optional
             Posteriors under them; that of `posterior`'s error model is not looked at.
         cautions : tuple of str, optional
-            What makes the answer doubtful.
+            Reasons to doubt the answer.
 
         Returns
         -------
@@ -329,7 +329,7 @@ def calibrate(  # noqa: PLR0913  (each names a part of the question, and has a d
     Warns
     -----
     CautionWarning
-        Of each of the fit's `cautions`.
+        If the fit has `cautions`, once for each.
 
     Notes
     -----

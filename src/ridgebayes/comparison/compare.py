@@ -88,7 +88,7 @@ def compare(  # noqa: PLR0913  (each names a part of the question, and has a def
     Warns
     -----
     CautionWarning
-        Of each of the comparison's `cautions`.
+        If the comparison has `cautions`, once for each.
 
     Examples
     --------

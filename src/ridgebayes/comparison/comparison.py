@@ -149,7 +149,7 @@ class Comparison(Predictive, Tabular):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What makes the answer doubtful, a sentence each: units, copies, independence, priors."""
+        """Reasons to doubt the answer, a sentence each: units, copies, independence, priors."""
         shares, noises = self.probabilities, set(self.evidence["noise"])
         best = max(self.fits, key=lambda name: shares.get(name, -1.0), default="")
         return cautions(self.table, noises, self.noise, self.fits.get(best))

@@ -318,7 +318,7 @@ def completed(
         scores = LatentIntegral(model).draw(u, rng)
     n_first = model.offsets.n_first
     # Most coordinates are scores of places and steps: in files, half of each number is zeros then.
-    # Those of textures keep their digits: where rows have next to no error, so does K.
+    # Scores of textures keep all digits: K may be known to the last of them.
     first, rest = scores[:, :n_first], scores[:, n_first:].astype(np.float32).astype(float)
     if not model.has_slopes:
         return np.concatenate([u, first, rest], axis=1)
