@@ -964,6 +964,28 @@ def test_predict__draws_bands(command, run, name):
     assert "exists" in command(*words).err
 
 
+@pytest.mark.parametrize(
+    ("words", "wrong"),
+    [
+        (("--plot", "b.pdf", "--width", "8 mm"), "--width '8 mm': expected 50 to 1000 mm"),
+        (("--plot", "b.pdf", "--width", "85"), "--width '85': must be a number and a unit"),
+        (("--width", "85 mm"), "--width '85 mm': needs --plot"),
+    ],
+)
+def test_predict__refuses_a_width_that_no_figure_has(command, run, words, wrong):
+    said = command("predict", run, *AT, *OVER, "-o", "b.csv", *words)
+    assert said.code == 2
+    assert wrong in said.err
+    assert not Path("b.csv").exists()
+
+
+def test_predict__a_figure_is_as_wide_as_asked(command, run):
+    words = ("--plot", "b.pdf", "--width", "85 mm")
+    assert command("predict", run, *AT, *OVER, "-o", "b.csv", *words).code == 0
+    (box,) = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+)", Path("b.pdf").read_bytes())
+    assert float(box) == pytest.approx(85 / 25.4 * 72, rel=1e-6)
+
+
 def test_predict__shows_some_of_many_loads(command, run):
     said = command("predict", run, *AT, "--p-over-E", "0.001:0.02:50", "-o", "b.csv")
     assert "50 rows" in said.out

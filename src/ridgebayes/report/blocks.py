@@ -68,7 +68,7 @@ class Odds:
 
 
 @dataclass(frozen=True)
-class OwnTexture:
+class TextureFields:
     """Fields for a reader's own texture and load, which a script predicts Q and loads for.
 
     `table` is JSON, see `ridgebayes.comparison.own_texture`; the rest is what the fields hold
@@ -85,14 +85,14 @@ class OwnTexture:
 
 
 @dataclass(frozen=True)
-class Part:
+class Heading:
     """A heading inside a section."""
 
     words: str
     kind: ClassVar[str] = "part"
 
 
-Block: TypeAlias = Text | Table | Picture | Folded | Odds | OwnTexture | Part
+Block: TypeAlias = Text | Table | Picture | Folded | Odds | TextureFields | Heading
 
 
 @dataclass(frozen=True)

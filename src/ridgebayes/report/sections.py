@@ -9,7 +9,7 @@ import numpy as np
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.report import evidence, inputs, posteriors, predictions
-from ridgebayes.report.blocks import Block, Folded, OwnTexture, Part, Picture, Section, Text
+from ridgebayes.report.blocks import Block, Folded, Heading, Picture, Section, Text, TextureFields
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
 from ridgebayes.report.wording import decimals, say, with_error
@@ -52,10 +52,10 @@ def _that_apply(blocks: Sequence[Block], drawn: Mapping[bool, Container[str]]) -
             if inner:
                 found.append(replace(block, blocks=inner))
         elif not isinstance(block, Picture) or block.name in drawn[block.of_reference]:
-            if isinstance(block, Part) and found and isinstance(found[-1], Part):
+            if isinstance(block, Heading) and found and isinstance(found[-1], Heading):
                 found.pop()  # nothing stands under it
             found.append(block)
-    while found and isinstance(found[-1], Part):
+    while found and isinstance(found[-1], Heading):
         found.pop()
     return found
 
@@ -70,7 +70,7 @@ def own_texture(data: ReportData) -> list[Block]:
     ridge, groove = (float(np.sqrt(np.prod(known[name]))) for name in ("a_over_R", "b_over_R"))
     radius, modulus = 8, 60
     return [
-        OwnTexture(
+        TextureFields(
             json.dumps(found.table, separators=(",", ":")),
             f"{1000 * radius * ridge:.3g}",
             f"{1000 * radius * groove:.3g}",
@@ -119,7 +119,7 @@ def data_and_priors(data: ReportData) -> list[Block]:
     """Return what went in: rows, priors, and what the priors say before the rows."""
     return [
         *inputs.data_section(data),
-        Part("Priors"),
+        Heading("Priors"),
         evidence.prior_table(data),
         Folded("Prior predictive check", posteriors.prior_check(data)),
     ]
@@ -129,13 +129,13 @@ def forms_and_evidence(data: ReportData) -> list[Block]:
     """Return the forms, their evidence, and what it owes to priors and error models."""
     return [
         *inputs.forms_section(data),
-        Part("Evidence"),
+        Heading("Evidence"),
         *evidence.evidence_section(data),
-        Part("Prior sensitivity"),
+        Heading("Prior sensitivity"),
         *evidence.prior_section(data),
-        Part("Error models"),
+        Heading("Error models"),
         *evidence.error_models_section(data),
-        Part("Coefficients"),
+        Heading("Coefficients"),
         *posteriors.coefficients_section(data),
     ]
 
@@ -144,9 +144,9 @@ def predictions_section(data: ReportData) -> list[Block]:
     """Return bands, held-out rows, coverage, and K against pitch."""
     return [
         *predictions.bands_section(data),
-        Part("Held-out rows"),
+        Heading("Held-out rows"),
         *predictions.held_out_section(data),
-        Part("Coverage of the bands"),
+        Heading("Coverage of the bands"),
         *predictions.coverage_section(data),
         Folded("K against pitch", predictions.slopes_section(data)),
     ]
@@ -155,13 +155,13 @@ def predictions_section(data: ReportData) -> list[Block]:
 def model_checks(data: ReportData) -> list[Block]:
     """Return what tells whether the model holds."""
     return [
-        Part("Posterior predictive check"),
+        Heading("Posterior predictive check"),
         *posteriors.checks_section(data),
-        Part("Sense check"),
+        Heading("Sense check"),
         *posteriors.sense_section(data),
-        Part("Load error of each form"),
+        Heading("Load error of each form"),
         *predictions.errors_section(data),
-        Part("Cross-validation"),
+        Heading("Cross-validation"),
         *predictions.score_section(data),
     ]
 
@@ -170,7 +170,7 @@ def computation(data: ReportData) -> list[Block]:
     """Return how the posteriors were drawn, and what they depend on."""
     return [
         *inputs.goal_section(data),
-        Part("Convergence"),
+        Heading("Convergence"),
         *posteriors.convergence_section(data),
         *posteriors.repeat_section(data),
         Folded("Evidence by independent methods", [evidence.agreement_table(data)]),

@@ -128,7 +128,7 @@ def plot_deformed(cylinder: Cylinder, state: State) -> Figure:
     if table.empty:
         raise InputError("the body touches nothing: no contact to draw")
     mean = float(np.average(table["pressure"], weights=table["length"]))
-    body = _Body(cylinder, state, mean)
+    body = _Mesh(cylinder, state, mean)
     low, high = body.points.min(axis=0), body.points.max(axis=0)
     wide = 1.05 * max(high[0], -low[0])
     half = _MARGIN * float((table["x"].abs() + 0.5 * table["length"]).max())
@@ -151,7 +151,7 @@ def plot_deformed(cylinder: Cylinder, state: State) -> Figure:
     return figure
 
 
-class _Body:
+class _Mesh:
     """The deformed mesh with its mirror image, and what colours it."""
 
     def __init__(self, cylinder: Cylinder, state: State, mean: float) -> None:
