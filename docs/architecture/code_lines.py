@@ -25,7 +25,7 @@ BUDGETS = {
     "simulate": 507,
     "fea": 4_694,
     "model": 1_606,
-    "inference": 2_575,
+    "inference": 2_574,
     "predict": 1_135,
     "evidence": 604,
     "comparison": 988,
