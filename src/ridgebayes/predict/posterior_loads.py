@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 from scipy import special
 
 from ridgebayes._types import FloatArray, IntArray
@@ -16,7 +17,7 @@ from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior, SharedOffsets
 from ridgebayes.model.default_priors import slope_prior
-from ridgebayes.model.forms import PowerLaw
+from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.runtime.randomness import stream
 
 Counts = IntArray | FloatArray
@@ -108,16 +109,20 @@ class PosteriorLoads:
         self, a: FloatArray, b: FloatArray, Q: FloatArray, nu: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return what `at` does for places of any nu, all of shape (n,): both (n_draw, n)."""
-        mean, sd = np.empty((2, len(self), len(Q)))
-        first, place = distinct(a, b)
-        for j, i in enumerate(first):
-            here = place == j
-            mean[:, here], sd[:, here] = self.at((float(a[i]), float(b[i])), Q[here])
+        if self._offsets is None and not isinstance(self.fit.form, PowerLaw):
+            mean = np.log(self._load_of(self.fit.form, self._coefficients, a, b, Q))
+            sd = np.broadcast_to(self._sigma[:, None], mean.shape)
+        else:  # a texture may have an offset or a K of its own
+            mean, sd = np.empty((2, len(self), len(Q)))
+            first, place = distinct(a, b)
+            for j, i in enumerate(first):
+                here = place == j
+                mean[:, here], sd[:, here] = self.at((float(a[i]), float(b[i])), Q[here])
         return mean - np.log(reduced_load(1.0, nu)), sd
 
     def load(self, texture: Texture, Q: Counts) -> FloatArray:
         """Return the form's own load of each draw, (n_draw, n_Q); infinite where none reaches Q."""
-        form, theta = self.fit.form, self.theta[:, : self.fit.model.n_coefficient]
+        form, theta = self.fit.form, self._coefficients
         if isinstance(form, PowerLaw):
             bound = PowerLaw().bind((texture,))
             if texture in form.textures:  # its own K alone: there may be thousands
@@ -127,8 +132,7 @@ class PosteriorLoads:
                 rng = stream(self.fit.seed, "new texture", bound.parameter_names[0])
                 theta = prior.rvs(rng, len(theta))[:, None]
             form = bound
-        load = form.load(Q, *texture, theta[self._which])
-        return np.nan_to_num(load, nan=np.inf, posinf=np.inf)
+        return self._load_of(form, theta, *texture, Q)
 
     def check_scaling(self, ratio: float) -> None:
         """Raise InputError if loads of new textures do not go with the square of the pitch.
@@ -155,6 +159,16 @@ class PosteriorLoads:
                 f"{form.name}: expected a prior of K that goes with the pitch, so that its median "
                 f"is auto and it has no bounds, got {priors[0].words}"
             )
+
+    @property
+    def _coefficients(self) -> FloatArray:
+        return self.theta[:, : self.fit.model.n_coefficient]
+
+    def _load_of(
+        self, form: Form, theta: FloatArray, a: ArrayLike, b: ArrayLike, Q: Counts
+    ) -> FloatArray:
+        load = form.load(Q, a, b, theta[self._which])
+        return np.nan_to_num(load, nan=np.inf, posinf=np.inf)
 
     def _with_offsets(
         self, mean: FloatArray, texture: Texture, Q: Counts
