@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import cached_property
 from numbers import Real
 from pathlib import Path
 from typing import TypeAlias
@@ -41,6 +40,8 @@ class Request:
     ----------
     table : ContactTable
         Rows of role calibration and status ok are fitted.
+    data : Observations
+        These rows.
     forms : sequence of Form
         Forms to fit.
     noises : sequence of Noise
@@ -69,6 +70,7 @@ class Request:
     """
 
     table: ContactTable
+    data: Observations
     forms: Sequence[Form]
     noises: Sequence[Noise]
     priors: ResolvedPriors
@@ -120,6 +122,7 @@ class Request:
             noises = [candidate for candidate in noises if candidate.tail == "normal"]
         return cls(
             table=rows,
+            data=data,
             forms=chosen,
             noises=noises,
             priors=resolve_priors(priors, chosen, noises, data),
@@ -128,11 +131,6 @@ class Request:
             seed=seed_of(rng),
             settings=settings,
         )
-
-    @cached_property
-    def data(self) -> Observations:
-        """The rows to fit."""
-        return Observations.from_table(self.table)
 
     @property
     def walked(self) -> Sequence[Form]:

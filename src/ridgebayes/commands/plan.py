@@ -86,7 +86,7 @@ def scene_text(scene: Scene, planned: Plan) -> list[str | pd.DataFrame]:
     ----------
     scene : Scene
         Scene with the load.
-    one : Plan
+    planned : Plan
         Plan of one of its textures.
     """
     texture = planned.texture

@@ -63,8 +63,6 @@ class Posterior:
     (True, True)
     >>> few.with_log_likelihood().log_likelihood.shape == few.rows_log_likelihood().shape
     True
-    >>> fit.at_draws(fit.coordinates[:10], seed=1).draws.shape
-    (10, 3)
     >>> fit.shared_offsets(2) is None  # independent rows share none
     True
     >>> fit.log_likelihood_of_rows.shape == fit.draws.shape[:1]
@@ -171,26 +169,6 @@ class Posterior:
         if integral.is_exact:
             return integral.rows_given_others(u[:, self.model.outer])
         return integral.rows_given_offsets(self.draws, u[:, k:])
-
-    def at_draws(self, u: FloatArray, seed: int) -> "Posterior":
-        """Return a posterior of some draws.
-
-        Parameters
-        ----------
-        u : ndarray of float, shape (n_draw, n_coordinate)
-            Their unconstrained coordinates.
-        seed : int
-            Seed of what predictions draw beside them.
-
-        Returns
-        -------
-        Posterior
-            With the summary of all draws.
-        """
-        each, ones = u[None, :, None], np.ones(u.shape[1] + 1)
-        chains = Chains(each, np.zeros(each.shape[:-1]), ones[:1], ones, ())
-        of_all = self.summary, self.convergence_failures
-        return Posterior(self.model, chains, *of_all, seed, self.sampler)
 
     @cached_property
     def _derived(self) -> dict[int, "SharedOffsets | None"]:

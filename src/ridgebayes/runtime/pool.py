@@ -1,4 +1,4 @@
-"""Who computes: this process, worker processes beside it, or a cluster; and results in order.
+"""Executors: this process, a pool of workers, or a Dask cluster; and results in order.
 
 A worker that dies takes nothing along but its task, which a fresh worker does again. In one
 `ProcessPoolExecutor` of many workers a death breaks all that was submitted, and nobody knows on

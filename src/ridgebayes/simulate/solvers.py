@@ -117,7 +117,7 @@ def transition_curves(
     ----------
     task : TextureTask
         The texture and how its loads are computed.
-    one : Plan
+    planned : Plan
         Effects that are simulated.
     pressed : callable, optional
         As for `ridgebayes.generate`.
