@@ -508,7 +508,7 @@ def test_resume__after_a_kill_ends_with_the_same_bytes(tmp_path, table, monkeypa
     monkeypatch.setattr("ridgebayes.comparison.compare.walk_pair", killed)
     with pytest.raises(KeyboardInterrupt):
         compare_job(tmp_path / "out", table, **options)
-    assert names(tmp_path) == {".out.partial", ".out.partial/chains-modified.h5"}
+    assert names(tmp_path) == {".out.partial", ".out.partial/chains-modified.npz"}
     monkeypatch.undo()
     compare_job(tmp_path / "out", table, resume=True, **options)
     assert names(tmp_path / "out") == COMPARED | posteriors(*FORMS)
@@ -530,4 +530,4 @@ def test_resume__of_another_seed_is_refused_and_the_chains_stay(tmp_path, table,
     longer = replace(QUICK, n_step_max=160)
     with pytest.raises(InputError, match="cannot resume, settings was"):
         fit_job(tmp_path / "out", table, "modified", seed=1, settings=longer, resume=True)
-    assert names(tmp_path) == {".out.partial", ".out.partial/chains-modified.h5"}
+    assert names(tmp_path) == {".out.partial", ".out.partial/chains-modified.npz"}

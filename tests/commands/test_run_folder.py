@@ -221,18 +221,18 @@ def test_new_folder__an_old_one_left_by_a_crash_is_no_hindrance(tmp_path):
 
 def test_new_folder__resume_goes_on_in_what_was_left(tmp_path):
     (tmp_path / ".out.partial").mkdir()
-    (tmp_path / ".out.partial" / "chains-hybrid.h5").write_text("chains")
+    (tmp_path / ".out.partial" / "chains-hybrid.npz").write_text("chains")
     with new_folder(tmp_path / "out", resume=True) as partial:
-        assert (partial / "chains-hybrid.h5").read_text() == "chains"
+        assert (partial / "chains-hybrid.npz").read_text() == "chains"
     assert names(tmp_path) == ["out"]  # without the chains: all is in the posterior by now
 
 
 def test_new_folder__resume_keeps_the_chains_when_it_fails_again(tmp_path):
     (tmp_path / ".out.partial").mkdir()
-    (tmp_path / ".out.partial" / "chains-hybrid.h5").write_text("chains")
+    (tmp_path / ".out.partial" / "chains-hybrid.npz").write_text("chains")
     with pytest.raises(InputError):
         fail_inside(InputError("another table"), tmp_path / "out", resume=True)
-    assert (tmp_path / ".out.partial" / "chains-hybrid.h5").read_text() == "chains"
+    assert (tmp_path / ".out.partial" / "chains-hybrid.npz").read_text() == "chains"
 
 
 def test_new_folder__resume_without_anything_left_is_a_fresh_start(tmp_path):

@@ -185,7 +185,7 @@ def stuck_apart():
 
     from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
 
-    settings = rb.SampleSettings(n_walker=8, n_step_max=1_500, moves="stretch")
+    settings = rb.SampleSettings(n_walker=8, n_step_max=1_500)
     wide = Mixture(np.ones(1), np.zeros(1, int), np.zeros((1, 2)), np.diag([20.0, 1.0])[None])
     chains = walked(wells, proposal=wide, settings=settings)
     convergence_failures = chains.convergence_failures + failed_diagnostics(
@@ -270,7 +270,7 @@ def scales_far_apart():
 )
 def resumed_with_something_else(folder):
     settings = rb.SampleSettings(n_walker=32, n_burn=20, n_step_max=40)
-    same = {"rng": 1, "settings": settings, "checkpoint": folder / "chains.h5", "noise": "iid"}
+    same = {"rng": 1, "settings": settings, "checkpoint": folder / "chains.npz", "noise": "iid"}
     table, own = rb.read_table(ROWS()), Own("", 2.0)
     first = rb.calibrate(table, own, **same)
     again = rb.calibrate(table, own, **same)

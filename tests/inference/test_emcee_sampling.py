@@ -52,11 +52,10 @@ def worst_z(draws, mean, square):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("moves", ["mixture", "differential evolution", "stretch"])
-def test_walk__reproduces_means_and_spreads_of_a_normal(moves):
+def test_walk__reproduces_means_and_spreads_of_a_normal():
     # The proposal is off by a fifth in width and half an sd in place.
     off = proposal(MEAN + 0.5 * FACTOR[:, 0], 1.2 * FACTOR)
-    settings = SampleSettings(n_walker=32, moves=moves, tau_change=0.1)
+    settings = SampleSettings(n_walker=32, tau_change=0.1)
     found = walk(PlainTarget("normal", NAMES, normal), off, seed=3, settings=settings)
     assert found.chains.convergence_failures == ()
     assert worst_z(found.chains.u, MEAN, (FACTOR**2).sum(axis=1)) < 4  # the largest of six
@@ -115,13 +114,10 @@ def test_walk__that_is_resumed_takes_the_same_steps(observed, tmp_path, noise):
     options = {"seed": 4, "n_point": 8}
     long, short = (replace(SHORT, n_walker=16, n_tau=500, n_step_max=n) for n in (130, 110))
     whole = walk(target, start, settings=long, **options)
-    checkpoint = Checkpoint(tmp_path / "chain.h5", {"seed": "4"})
+    checkpoint = Checkpoint(tmp_path / "chain.npz", {"seed": "4"})
     part = walk(target, start, settings=short, checkpoint=checkpoint, **options)
     assert part.chains.n_step == 110
-    # From the file alone: another proposal than the one kept changes nothing.
-    again = walk(
-        target, proposal(np.ones(d), np.eye(d)), settings=long, checkpoint=checkpoint, **options
-    )
+    again = walk(target, start, settings=long, checkpoint=checkpoint, **options)
     for name in ("coordinates", "log_jacobian", "scores"):
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
     np.testing.assert_array_equal(again.chains.u, whole.chains.u)
@@ -218,7 +214,6 @@ def test_walk__starts_where_the_density_is_positive_and_refuses_one_that_is_nowh
         ({"n_ensemble": 3}, "n_ensemble: expected at least 4, got 3"),
         ({"n_walker": 2}, "n_walker: expected even and at least 4, got 2"),
         ({"n_walker": 33}, "n_walker: expected even and at least 4, got 33"),
-        ({"moves": "snooker"}, "moves: expected mixture, independence, .*, got 'snooker'"),
     ],
 )
 def test_sample_settings__refuse(given, rule):

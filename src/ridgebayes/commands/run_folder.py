@@ -16,7 +16,7 @@ from ridgebayes.runtime.atomic import exclusive_lock, replacing, write_text
 from ridgebayes.runtime.pool import map_ordered
 
 RUN_JSON = "run.json"
-CHAINS = "chains-*.h5"
+CHAINS = "chains-*.npz"
 _CELLS = 250_000  # of a table whose text is made at a time
 PARTIAL = ".partial"  # with a dot before it, what a folder is called until it is finished
 

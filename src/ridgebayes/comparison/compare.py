@@ -221,7 +221,7 @@ def _check(task: _Check) -> tuple[tuple[Posterior, LogEvidence], float]:
     meet its rules, or if its two evidences differ by more than four joint standard errors.
     """
     began, form, model = time.process_time(), task.pair.form.name, task.posterior.model
-    path = task.checkpoints and task.checkpoints / f"chains-{form}.h5"
+    path = task.checkpoints and task.checkpoints / f"chains-{form}.npz"
     checkpoint = chain_checkpoint(path, task.table_digest, model, task.pair.own_seed, task.settings)
     walked, bridge = walk_pair(
         task.pair,

@@ -9,15 +9,6 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 
 ProgressCallback = Callable[[str], None]  # takes a line of text
-# Shares of the moves of a walk: from the fitted proposal, differential evolution, stretch. Nearly
-# all steps of "mixture" are the proposal's; differential evolution carries walkers where its fit is
-# wrong. The others are there to be measured against it.
-MOVES = {
-    "mixture": (0.9, 0.1, 0.0),
-    "independence": (1.0, 0.0, 0.0),
-    "differential evolution": (0.0, 1.0, 0.0),
-    "stretch": (0.0, 0.0, 1.0),
-}
 N_WALKER = 64  # fewer take as long a step, and autocorrelation times settle later
 N_KEPT = 10_240  # draws in files and predictions: whole steps, evenly thinned
 N_WALKER_CHEAP = 512  # walkers where a density of many hardly costs more than one
@@ -44,8 +35,6 @@ class SampleSettings:
     tau_change : float
         Largest relative change of each autocorrelation time since the last check; not required of
         chains longer than five times `n_tau`.
-    moves : str
-        ``mixture``; or ``independence``, ``differential evolution``, ``stretch`` alone, to compare.
     time_limit : float or None
         Seconds of wall time after which a walk ends with the steps that it has. The clock is read
         after blocks of steps: the first is 100 steps, each later one 5 to 50 % of those before.
@@ -54,8 +43,7 @@ class SampleSettings:
     ------
     InputError
         If there are fewer than four ensembles, an odd number of walkers or fewer than four, a
-        length under 1, a threshold or time that is not finite and above 0, or another kind of
-        moves.
+        length under 1, or a threshold or time that is not finite and above 0.
 
     Examples
     --------
@@ -69,7 +57,6 @@ class SampleSettings:
     n_step_max: int = 20_000
     n_tau: float = 50.0
     tau_change: float = 0.01
-    moves: str = "mixture"
     # Not in the text that a checkpoint is tied to: a walk may go on under another limit.
     time_limit: float | None = field(default=None, repr=False)
 
@@ -83,8 +70,6 @@ class SampleSettings:
             value = getattr(self, name)
             if value is not None and not 0 < value < np.inf:
                 raise InputError(f"{name}: expected finite and > 0, got {value}")
-        if self.moves not in MOVES:
-            raise InputError(f"moves: expected {', '.join(MOVES)}, got {self.moves!r}")
         if self.n_walker is not None and (self.n_walker < 4 or self.n_walker % 2):
             raise InputError(f"n_walker: expected even and at least 4, got {self.n_walker}")
 

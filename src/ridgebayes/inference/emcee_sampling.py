@@ -12,15 +12,15 @@ import math
 import time
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import ComputationError
-from ridgebayes.inference.chains import MOVES, N_WALKER, Chains, ProgressCallback, SampleSettings
-from ridgebayes.inference.checkpoint import Checkpoint, Walk
+from ridgebayes.inference.chains import N_WALKER, Chains, ProgressCallback, SampleSettings
+from ridgebayes.inference.checkpoint import Checkpoint, Walk, packed, unpacked
 from ridgebayes.inference.diagnostics import autocorrelation_time
 from ridgebayes.inference.proposal import Mixture
 from ridgebayes.inference.target import Evaluated, Target
@@ -30,6 +30,7 @@ from ridgebayes.runtime.randomness import stream
 # not settle to a per cent: one of ten parameters rarely does.
 _LONG_WALK_FACTOR = 5
 _MAX_KEPT_NUMBERS = 2**26  # numbers: half a GiB
+_PROPOSAL_SHARE = 0.9  # of the moves
 _N_FIRST_STEP = 100  # steps before the first check
 
 
@@ -97,18 +98,24 @@ def _independence(density: _Density) -> Any:
     return Independence()
 
 
-def _ensemble(density: _Density, n_walker: int, moves: str) -> Any:
-    """Return emcee's ensemble, moving by the three kinds in the shares of `MOVES[moves]`."""
+def _ensemble(density: _Density, n_walker: int) -> Any:
+    """Return emcee's ensemble.
+
+    Nearly all steps are moves to draws of the fitted proposal; differential evolution carries
+    walkers where its fit is wrong.
+    """
     import emcee  # loads scipy.stats
 
     def compute_log_prob(u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what emcee's own does, which takes densities one walker at a time, in Python."""
         return density(u)
 
-    kinds = (_independence(density), emcee.moves.DEMove(), emcee.moves.StretchMove())
-    shares = [move for move in zip(kinds, MOVES[moves], strict=True) if move[1] > 0]
+    moves = [
+        (_independence(density), _PROPOSAL_SHARE),
+        (emcee.moves.DEMove(), 1 - _PROPOSAL_SHARE),
+    ]
     d = len(density.target.names)
-    ensemble = emcee.EnsembleSampler(n_walker, d, density, vectorize=True, moves=shares)
+    ensemble = emcee.EnsembleSampler(n_walker, d, density, vectorize=True, moves=moves)
     ensemble.compute_log_prob = compute_log_prob
     ensemble.log_prob_fn = density  # emcee's own wrapper prints a traceback on Ctrl-C
     return ensemble
@@ -162,17 +169,16 @@ def walk(
     d = len(target.names)
     n_walker = max(settings.n_walker or N_WALKER, 4 * d)
     began, limit = time.monotonic(), settings.time_limit or math.inf
+    density = _Density(target, proposal, n_point)
+    samplers = [_ensemble(density, n_walker) for _ in range(settings.n_ensemble)]
     now = checkpoint.load() if checkpoint is not None else None
     if now is None:
-        now = _burnt_in(_Density(target, proposal, n_point), n_walker, seed, settings)
-    kept = Mixture(now.weights, now.charts, now.centres, now.factors)
-    density = _Density(target, kept, n_point)
-    samplers = [_ensemble(density, n_walker, settings.moves) for _ in range(settings.n_ensemble)]
+        now = _burnt_in(density, samplers, seed, settings.n_burn)
     # The whole walk is kept: one that mixes badly has to end before it fills the memory.
     n_kept = settings.n_ensemble * n_walker * (d + 1 + now.extras.shape[-1])
     n_step_max = min(settings.n_step_max, max(_MAX_KEPT_NUMBERS // n_kept, _N_FIRST_STEP))
     while True:
-        before, tau = now.tau, _mean_tau(now.u, now.log_density)
+        before, tau = now.tau, _mean_tau(now.u[:, 1:], now.log_density[:, 1:])
         unmet = _unmet_rules(now.n_step, tau, before, (*target.names, "log posterior"), settings)
         if progress is not None and now.n_step:
             progress(f"{now.n_step} steps x {settings.n_ensemble} ensembles, tau {np.max(tau):.2f}")
@@ -189,39 +195,29 @@ def walk(
         if checkpoint is not None:
             checkpoint.save(now)
     acceptance = now.accepted / (now.n_step * n_walker)
-    chains = Chains(now.u, now.log_density, acceptance, tau, tuple(unmet))
-    extras = now.extras
+    chains = Chains(now.u[:, 1:], now.log_density[:, 1:], acceptance, tau, tuple(unmet))
+    extras = now.extras[:, 1:]
     return Walked(chains, extras[..., 2 : 2 + d], extras[..., 1], extras[..., 2 + d :])
 
 
-def _burnt_in(density: _Density, n_walker: int, seed: int, settings: SampleSettings) -> Walk:
+def _burnt_in(density: _Density, samplers: Sequence[Any], seed: int, n_burn: int) -> Walk:
     """Start each ensemble's walkers from the proposal, and burn them in."""
     import emcee
 
-    states = []
-    for i in range(settings.n_ensemble):
+    ends = []
+    for i, sampler in enumerate(samplers):
         rng = stream(seed, f"ensemble {i}")
-        u = _start(density, rng, n_walker)
+        u = _start(density, rng, sampler.nwalkers)
         random_state = np.random.RandomState(rng.integers(2**32)).get_state()
         # emcee takes the state of a RandomState; such an object it would silently ignore.
-        start = emcee.State(u, random_state=random_state)
-        states.append(_ensemble(density, n_walker, settings.moves).run_mcmc(start, settings.n_burn))
-    d, n_extra = states[0].coords.shape[1], states[0].blobs.shape[1]
-    shape = (settings.n_ensemble, 0, n_walker)
+        ends.append(sampler.run_mcmc(emcee.State(u, random_state=random_state), n_burn))
     return Walk(
-        u=np.empty((*shape, d)),
-        log_density=np.empty(shape),
-        extras=np.empty((*shape, n_extra)),
-        accepted=np.zeros(settings.n_ensemble),
-        last_u=np.stack([state.coords for state in states]),
-        last_log_density=np.stack([state.log_prob for state in states]),
-        last_extras=np.stack([state.blobs for state in states]),
-        tau=np.full(d + 1, np.inf),
-        **{
-            name: getattr(density.proposal, name)
-            for name in ("weights", "charts", "centres", "factors")
-        },
-        random_states=tuple(state.random_state for state in states),
+        u=np.stack([end.coords for end in ends])[:, None],
+        log_density=np.stack([end.log_prob for end in ends])[:, None],
+        extras=np.stack([end.blobs for end in ends])[:, None],
+        accepted=np.zeros(len(ends)),
+        tau=np.full(samplers[0].ndim + 1, np.inf),
+        **packed([end.random_state for end in ends]),
     )
 
 
@@ -230,13 +226,13 @@ def _walked_on(now: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray)
     import emcee
 
     ends = []
-    for i, sampler in enumerate(samplers):
+    for i, (sampler, random_state) in enumerate(zip(samplers, unpacked(now), strict=True)):
         sampler.reset()
         here = emcee.State(
-            now.last_u[i],
-            log_prob=now.last_log_density[i],
-            blobs=now.last_extras[i],
-            random_state=now.random_states[i],
+            now.u[i, -1],
+            log_prob=now.log_density[i, -1],
+            blobs=now.extras[i, -1],
+            random_state=random_state,
         )
         ends.append(sampler.run_mcmc(here, n_step))
     parts = {
@@ -245,15 +241,11 @@ def _walked_on(now: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray)
         "extras": np.stack([sampler.get_blobs() for sampler in samplers]),
     }
     accepted = np.array([sampler.backend.accepted.sum() for sampler in samplers])
-    return replace(
-        now,
+    return Walk(
         **{name: np.concatenate([getattr(now, name), new], axis=1) for name, new in parts.items()},
         accepted=now.accepted + accepted,
-        last_u=np.stack([end.coords for end in ends]),
-        last_log_density=np.stack([end.log_prob for end in ends]),
-        last_extras=np.stack([end.blobs for end in ends]),
         tau=tau,
-        random_states=tuple(end.random_state for end in ends),
+        **packed([end.random_state for end in ends]),
     )
 
 
