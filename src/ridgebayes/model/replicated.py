@@ -96,19 +96,17 @@ def _offsets(offsets: Offsets, eta: FloatArray, scores: FloatArray) -> FloatArra
 
     `eta` has shape (..., n_noise), `scores` (n, ..., n_level).
     """
-    lead, flat = eta.shape[:-1], eta.reshape(-1, eta.shape[-1])
-    scores = scores.reshape(scores.shape[0], len(flat), offsets.n_level) if lead else scores
+    flat = eta.reshape(-1, eta.shape[-1])
+    by_draw = scores.reshape(len(scores), len(flat), offsets.n_level)
     step = max(_BATCH_SIZE // max(offsets.n_smooth**2, 1), 1)
     parts = []
     for i in range(0, len(flat), step):
-        part = scores if not lead else scores[:, i : i + step]
+        part = by_draw[:, i : i + step]
         first, rest = part[..., : offsets.n_first], part[..., offsets.n_first :]
-        root = offsets.root(flat[i : i + step] if lead else eta)
+        root = offsets.root(flat[i : i + step])
         parts.append(offsets.design.spread(*root.times(first, rest)))
-    if not lead:
-        return parts[0]
     value = np.concatenate(parts, axis=1)
-    return value.reshape(value.shape[0], *lead, value.shape[-1])
+    return value.reshape(*scores.shape[:-1], value.shape[-1])
 
 
 def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
@@ -135,15 +133,15 @@ def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
         If hardly any draw has positive rates.
     """
     joint = JointPrior(model.priors.values())
-    found, n_found = [], 0
+    parts, n_possible = [], 0
     for _ in range(_MAX_ROUNDS):
         theta = joint.rvs(rng, n)
         theta = theta[is_possible(model, theta)]
-        found.append(theta)
-        n_found += len(theta)
-        if n_found >= n:
-            return np.concatenate(found)[:n]
+        parts.append(theta)
+        n_possible += len(theta)
+        if n_possible >= n:
+            return np.concatenate(parts)[:n]
     raise ComputationError(
-        f"{model.form.name}: {n_found} of {_MAX_ROUNDS * n} prior draws have positive rates; "
+        f"{model.form.name}: {n_possible} of {_MAX_ROUNDS * n} prior draws have positive rates; "
         f"expected at least {n}"
     )
