@@ -232,6 +232,6 @@ def test_read_netcdf__refuses_what_is_no_netcdf(tmp_path, content):
 def test_read_netcdf__refuses_somebody_elses_file(tmp_path):
     path = tmp_path / "other.nc"
     xr.Dataset({"x": ("n", [1.0, 2.0])}).to_netcdf(path, engine="h5netcdf")
-    rule = r"other.nc: not a ridgebayes file; expected a posterior written by ridgebayes"
+    rule = r"other.nc: not a ridgebayes file; expected a posterior that it wrote"
     with pytest.raises(InputError, match=rule):
         read_netcdf(path)

@@ -153,7 +153,7 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) ->
             f"{path}: not a readable NetCDF file ({one_line_message(error)})"
         ) from None
     if "ridgebayes_version" not in attrs:
-        raise InputError(f"{path}: not a ridgebayes file; expected a posterior written by ridgebayes")
+        raise InputError(f"{path}: not a ridgebayes file; expected a posterior that it wrote")
     form = attrs.get("form")
     if isinstance(form, str) and form not in FORMS:
         raise InputError(
