@@ -18,6 +18,7 @@ from concurrent.futures import (
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from ridgebayes.errors import ComputationError, InputError, WorkerLostError
 from ridgebayes.runtime.pool import (
@@ -362,3 +363,13 @@ def test_executor_for__says_what_to_install(monkeypatch):
     expected = r"needs distributed: pip install 'ridgebayes\[dask\]'"
     with pytest.raises(InputError, match=expected), executor_for(None, "tcp://127.0.0.1:1"):
         pass
+
+
+def test_map_ordered__in_this_process_keeps_blas_to_one_thread_and_gives_it_back():
+    def blas_threads(_=None):
+        return {blas["num_threads"] for blas in threadpool_info() if blas["user_api"] == "blas"}
+
+    with threadpool_limits(2, user_api="blas"):
+        before = blas_threads()
+        assert list(map_ordered(blas_threads, [0, 1], None)) == [{1}, {1}]
+        assert blas_threads() == before == {2}

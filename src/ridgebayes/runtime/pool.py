@@ -21,6 +21,8 @@ from multiprocessing import forkserver, resource_tracker
 from typing import Any, ParamSpec, TypeVar
 from unittest.mock import patch
 
+from threadpoolctl import threadpool_limits
+
 from ridgebayes.errors import ComputationError, InputError, WorkerLostError
 from ridgebayes.runtime.progress import tell_count
 from ridgebayes.runtime.text import exit_text
@@ -238,12 +240,14 @@ def map_ordered(
     """
     n = len(tasks) if isinstance(tasks, Sized) else None
     if executor is None:
-        for n_done, task in enumerate(tasks, start=1):
-            result = function(task)
-            if done is not None:
-                done(task, result)
-            tell_count(n_done, n)
-            yield result
+        # One thread for BLAS, as in workers: several make small triangular systems 10 times slower.
+        with threadpool_limits(1, user_api="blas"):
+            for n_done, task in enumerate(tasks, start=1):
+                result = function(task)
+                if done is not None:
+                    done(task, result)
+                tell_count(n_done, n)
+                yield result
         return
     numbered = enumerate(tasks)
     under_way: dict[futures.Future[_T], tuple[int, _Task]] = {}
