@@ -13,6 +13,7 @@ _MAX_STEPS = 30
 _DIFFERENCE = 1e-3  # normal scores: differences keep half the digits of the density
 _MAX_STEP = 2.0  # normal scores
 _STEP_FACTORS = (1.0, 0.4, 0.1, 0.01)  # lengths of a step that are tried in one call
+_MIN_DISTANCE = 0.1  # normal scores: climbs that are nearer to each other end at one summit
 _MIN_GAIN = 1e-4  # nats: a climb ends with a step that gains less
 _MIN_DIP = 1.0  # nats: two summits with a shallower dip between them are one mode
 _MAX_MODES = 3
@@ -95,8 +96,11 @@ def _searched(
         gradient[here] = _gradients(log_density, new)
         inverse[here] = _updated(inverse[here], change, before - gradient[here])
         active = here[gain[moved] > _MIN_GAIN]
-        # Starts far below the best need not be climbed to the end.
+        # Climbs far below the best, and those that have met a higher one, need not go on.
         active = active[value[active] > value.max() - 30]
+        apart = np.abs(x[active][:, None] - x).max(axis=-1)
+        met = (apart < _MIN_DISTANCE) & (value > value[active][:, None])
+        active = active[~met.any(axis=1)]
         if not len(active):
             break
     return x, value
