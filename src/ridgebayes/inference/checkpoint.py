@@ -106,7 +106,7 @@ class Checkpoint:
         if not self.path.is_file():
             return None
         try:
-            with np.load(io.BytesIO(self.path.read_bytes()), allow_pickle=False) as file:
+            with np.load(io.BytesIO(self.path.read_bytes())) as file:
                 before = json.loads(file["fingerprint"].item())
                 walk = Walk(**{entry.name: file[entry.name] for entry in fields(Walk)})
         # Damage turns up as errors of many kinds.
