@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 
 import ridgebayes as rb
-from ridgebayes.fea.read import Given, import_files
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.read import import_files
 from ridgebayes.model.forms import Form
 
 FORMS: dict[str, tuple[Form, tuple[float, ...]]] = {

@@ -35,9 +35,9 @@ import pyarrow.parquet
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.columns import read_columns
-from ridgebayes.fea.delimited import Reading
+from ridgebayes.fea.given import Given
 from ridgebayes.fea.history import RunBody
-from ridgebayes.fea.read import Given, import_files
+from ridgebayes.fea.read import import_files
 from ridgebayes.fea.record import Imported
 from tests.fea.runs import read_abaqus_dat, read_abaqus_rpt, read_calculix, read_series
 from tests.fea.runs import read_calculix as read_calculix_contact
@@ -417,7 +417,7 @@ for _one in (
         "columns, history",
         "history.csv",
         _HISTORY.encode(),
-        lambda path: read_columns(path, how=Reading(brackets=True)),
+        lambda path: read_columns(path, how=Given(brackets=True)),
         _history,
     ),
     Target("columns, Excel", "book.xlsx", _workbook(), _columns, _in_sheet, inside_zip),

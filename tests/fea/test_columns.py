@@ -9,7 +9,7 @@ import pytest
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.columns import read_columns
-from ridgebayes.fea.delimited import Reading
+from ridgebayes.fea.given import Given
 from ridgebayes.fea.record import FileError
 from ridgebayes.table.table import read_table
 
@@ -28,7 +28,7 @@ def read(tmp_path):
         path = tmp_path / name
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
         return read_columns(
-            path, mapping or {}, values=options.pop("values", {}), how=Reading(**options)
+            path, mapping or {}, values=options.pop("values", {}), how=Given(**options)
         )
 
     return read_text

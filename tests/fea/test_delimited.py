@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import Reading, read_delimited
+from ridgebayes.fea.delimited import read_delimited
+from ridgebayes.fea.given import Given
 from ridgebayes.fea.record import FileError
 
 GOOD = "a,b,Q\n0.03,0.01,4\n0.02,0.04,6\n"
@@ -23,7 +24,7 @@ class Read(NamedTuple):
 def read(text, numeric=("a", "b", "Q"), path="mine.csv", **how):
     content = text if isinstance(text, bytes) else text.encode()
     problems = FileError(path)
-    source = read_delimited(path, content, Reading(**how), problems)
+    source = read_delimited(content, Given(**how), problems)
     cells = source.read(set(numeric), problems)
     problems.raise_all(source)
     rows = cells.index.to_numpy()

@@ -4,7 +4,7 @@ import pytest
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.columns import read_columns
-from ridgebayes.fea.map_files import parse_map, read_mapping
+from ridgebayes.fea.given import parse_map, read_mapping
 
 
 @pytest.mark.parametrize(

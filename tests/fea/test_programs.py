@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.read import Given, import_files, recognise
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.read import import_files, recognise
 
 WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
 RUN = WRITER.pressed(R=8.0, E=0.06)

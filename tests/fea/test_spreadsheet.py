@@ -12,7 +12,7 @@ import pytest
 from ridgebayes.errors import InputError
 from ridgebayes.fea import spreadsheet
 from ridgebayes.fea.columns import read_columns
-from ridgebayes.fea.delimited import Reading
+from ridgebayes.fea.given import Given
 
 HEADER = ["a_over_R", "b_over_R", "Q", "p_over_E", "n"]
 ROWS = [HEADER, [0.03, 0.01, 4, 0.001, "x"], [0.03, 0.01, 6, 0.004, None]]
@@ -45,7 +45,7 @@ def read(tmp_path):
     def read_bytes(content, *, mapping=None, values=None, **how):
         path = tmp_path / "mine.xlsx"
         path.write_bytes(content)
-        return read_columns(path, mapping or {}, values=values or {}, how=Reading(**how))
+        return read_columns(path, mapping or {}, values=values or {}, how=Given(**how))
 
     return read_bytes
 

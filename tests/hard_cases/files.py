@@ -26,7 +26,8 @@ import ridgebayes as rb
 from ridgebayes.commands.report import report_job
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.errors import InputError
-from ridgebayes.fea.read import Given, import_files
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.read import import_files
 from ridgebayes.report import render_report
 from ridgebayes.results import Fit
 from tests.hard_cases.case import hard_case, refused

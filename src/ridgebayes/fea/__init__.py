@@ -10,7 +10,8 @@ table, with messages about it:
 
 >>> from pathlib import Path
 >>> from tempfile import TemporaryDirectory
->>> from ridgebayes.fea.read import Given, import_files
+>>> from ridgebayes.fea.given import Given
+>>> from ridgebayes.fea.read import import_files
 >>> text = "Ridge width [um],Groove width [um],Q,P [N/mm]\n240,80,4,1e-3\n240,80,6,4e-3\n"
 >>> with TemporaryDirectory() as folder:
 ...     path = Path(folder, "mine.csv")

@@ -8,7 +8,8 @@ import pandas as pd
 
 from ridgebayes._types import BoolArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import Reading, read_delimited
+from ridgebayes.fea.delimited import read_delimited
+from ridgebayes.fea.given import Given
 from ridgebayes.fea.interpret import ColumnInterpreter, ask_columns, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
 from ridgebayes.fea.parquet import ParquetTable
@@ -27,7 +28,7 @@ _OF_TEXTURES = ("a", "b", "pitch", "R", "D", "a_over_R", "b_over_R")
 _OF_GROUPS = (*_OF_TEXTURES, "E", "nu", "offset", "offset_over_R", "thickness")
 _LONGEST = 300  # characters of the mapping in `source`
 
-_PLAIN = Reading()
+_PLAIN = Given()
 _DISGUISED = (
     *((bytes([0x80, version]), "a pickle") for version in range(2, 6)),
     (b"\x1f\x8b", "compressed by gzip"),
@@ -43,7 +44,7 @@ def read_columns(
     mapping: Mapping[str, str] = {},
     *,
     values: Mapping[str, str | float] = {},
-    how: Reading = _PLAIN,
+    how: Given = _PLAIN,
 ) -> Imported:
     r"""Read a table of any columns.
 
@@ -66,7 +67,7 @@ def read_columns(
     values : mapping of str to str or float
         Constants: ``R``, ``D``, ``E`` and ``thickness`` (``"8 mm"``, or a plain number where no
         column has a unit), and all but the load among the contract's columns.
-    how : Reading, optional
+    how : Given, optional
         Sheet, header, decimal mark, what counts are of, and what becomes of increments.
 
     Returns
@@ -280,7 +281,7 @@ def _mapping_text(
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def open_table(path: Path, how: Reading, problems: FileError) -> TableFile:
+def open_table(path: Path, how: Given, problems: FileError) -> TableFile:
     """Return the file, by its suffix; nothing in it is run."""
     suffix = path.suffix.lower()
     if suffix in _OLD:
@@ -307,7 +308,7 @@ def open_table(path: Path, how: Reading, problems: FileError) -> TableFile:
         return read_workbook(path, content, how, problems)
     if suffix == ".parquet":
         return ParquetTable(path, content)
-    return read_delimited(str(path), content, how, problems)
+    return read_delimited(content, how, problems)
 
 
 def _kept(table: ContactTable) -> list[str]:

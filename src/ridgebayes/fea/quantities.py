@@ -9,7 +9,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import Reading
+from ridgebayes.fea.given import Given
 from ridgebayes.fea.mapping import Use
 from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import (
@@ -39,7 +39,7 @@ class Quantities:
         cells: pd.DataFrame,
         uses: list[Use],
         values: Mapping[str, str | float],
-        how: Reading,
+        how: Given,
         problems: FileError,
     ) -> None:
         self.cells, self.where = cells, problems.where

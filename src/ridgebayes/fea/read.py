@@ -2,8 +2,8 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,9 @@ from ridgebayes.fea.ansys import read_ansys
 from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.columns import SUFFIXES, read_columns
 from ridgebayes.fea.deck import Deck, RunDeck, read_deck
-from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.febio import read_febio
+from ridgebayes.fea.given import Given, parse_map
 from ridgebayes.fea.history import ContactHistory, RunBody, table_of
-from ridgebayes.fea.map_files import parse_map, read_mapping
 from ridgebayes.fea.mesh_series import read_series
 from ridgebayes.fea.node_table import read_node_table
 from ridgebayes.fea.record import FileError, Imported
@@ -48,54 +47,6 @@ FORMATS = tuple(_ALLOWED)
 _WITH_DECK = ("calculix", "abaqus-dat")
 _OF_SEVERAL = ("febio", "ansys", "series")
 _CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
-
-
-@dataclass(frozen=True)
-class Given(Reading):
-    """Facts that a file lacks and the user gives; each format takes only some of them.
-
-    Parameters
-    ----------
-    map : tuple of str
-        ``key=header``, or paths of TOML files with them.
-    texture : (float, float) or None
-        Ridge and groove width over R.
-    nu, R, E : str or None
-        As typed; lengths and stresses with units for tables, plain numbers in a run's own units.
-    symmetry : str or None
-        "half" or "full".
-    top, corner : float or None
-        Height of the ridges' tops, corner radius over R.
-    thickness : str or None
-        As R: of the slice, or of the body that forces press on.
-    deck : Path or None
-        Input deck of a run.
-    surface, reaction : str or None
-        Node sets.
-    field, time : str or None
-        Name of a series' displacements; meaning of its time, "p_over_E" or "line".
-    loads : tuple of float
-        Loads of several ``.vtu``, or of a ``.pvd`` whose times are no loads, as `time` says.
-    load_se : str or None
-        Standard error of every load of a table, in any unit of loads.
-    """
-
-    map: tuple[str, ...] = ()
-    texture: tuple[float, float] | None = None
-    nu: str | None = None
-    R: str | None = None
-    E: str | None = None
-    symmetry: str | None = None
-    top: float | None = None
-    thickness: str | None = None
-    corner: float | None = None
-    deck: Path | None = None
-    surface: str | None = None
-    reaction: str | None = None
-    field: str | None = None
-    time: str | None = None
-    loads: tuple[float, ...] = ()
-    load_se: str | None = None
 
 
 def import_files(
@@ -205,7 +156,7 @@ def _check_given(name: str, given: Given) -> None:
 
 def _read(name: str, paths: Sequence[Path], given: Given) -> Imported:
     if name == "table":
-        mapping, values = _mapping(given)
+        mapping, values = given.columns_and_values()
         return read_columns(paths[0], mapping, values=values, how=given)
     given, messages = _completed(paths[0], given, name)
     body = _body(given)
@@ -324,27 +275,10 @@ def _sets(deck: Deck, given: Given, problems: FileError) -> dict[str, str]:
     return found
 
 
-def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
-    mapping: dict[str, str] = {}
-    values: dict[str, str | float] = {}
-    files = [one for one in given.map if one.endswith(".toml") and "=" not in one]
-    for file in files:
-        columns, constants = read_mapping(Path(file))
-        mapping |= columns
-        values |= constants
-    mapping |= parse_map(one for one in given.map if one not in files)
-    values |= _numbers(given)
-    if given.load_se is not None:
-        values["load_se"] = given.load_se
-    if given.texture is not None:
-        values["a_over_R"], values["b_over_R"] = given.texture
-    return mapping, values
-
-
 def _body(given: Given) -> RunBody:
     assert given.texture is not None
     numbers = {}
-    for key, text in _numbers(given).items():
+    for key, text in given.numbers().items():
         try:
             numbers[key] = float(text)
         except ValueError:
@@ -358,8 +292,3 @@ def _body(given: Given) -> RunBody:
         top=given.top,
         corner_over_R=given.corner,
     )
-
-
-def _numbers(given: Given) -> dict[str, str]:
-    typed = {key: getattr(given, key) for key in ("nu", "R", "E", "thickness")}
-    return {key: text for key, text in typed.items() if text is not None}

@@ -257,7 +257,7 @@ def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, 
     InputError
         If a quote is not closed or stands inside a cell.
     """
-    reader = csv.reader(io.StringIO(text), delimiter=separator, strict=True)
+    reader = csv.reader(_lines(text), delimiter=separator, strict=True)
     before = 0
     try:
         for cells in reader:
@@ -266,6 +266,15 @@ def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, 
             before = reader.line_num
     except csv.Error as error:
         raise InputError(f"{where}, line {before + 1}: not CSV: {error}") from None
+
+
+def _lines(text: str) -> Iterator[str]:
+    """Yield lines without a copy of the text, of which often only the first are wanted."""
+    begin = 0
+    while begin < len(text):
+        end = text.find("\n", begin) + 1 or len(text)
+        yield text[begin:end]
+        begin = end
 
 
 def _whole_rows(
