@@ -34,13 +34,13 @@ import pint
 import pyarrow.parquet
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.columns import read_columns
 from ridgebayes.fea.given import Given
 from ridgebayes.fea.history import RunBody
 from ridgebayes.fea.read import import_files
 from ridgebayes.fea.record import Imported
 from tests.fea.runs import read_abaqus_dat, read_abaqus_rpt, read_calculix, read_series
 from tests.fea.runs import read_calculix as read_calculix_contact
+from tests.fea.tables import imported
 
 SLOWEST = 5.0  # seconds that any file of this size may take
 _SCRAPS = (
@@ -399,11 +399,11 @@ def _parquet() -> bytes:
 
 
 def _columns(path: Path) -> Imported:
-    return read_columns(path)
+    return imported(path)
 
 
 def _mapped(path: Path) -> Imported:
-    return read_columns(path, _MAP)
+    return imported(path, _MAP)
 
 
 _EURO = _LONG.replace(",", ";").replace(".", ",").encode()
@@ -417,7 +417,7 @@ for _one in (
         "columns, history",
         "history.csv",
         _HISTORY.encode(),
-        lambda path: read_columns(path, how=Given(brackets=True)),
+        lambda path: imported(path, brackets=True),
         _history,
     ),
     Target("columns, Excel", "book.xlsx", _workbook(), _columns, _in_sheet, inside_zip),
@@ -425,7 +425,7 @@ for _one in (
         "columns, Parquet",
         "rows.parquet",
         _parquet(),
-        lambda path: read_columns(path, values={"R": "8 mm", "E": "60 kPa"}),
+        lambda path: imported(path, R="8 mm", E="60 kPa"),
         _as_pyarrow,
     ),
 ):

@@ -8,10 +8,9 @@ import pandas as pd
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.columns import read_columns
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.record import FileError
 from ridgebayes.table.table import read_table
+from tests.fea.tables import imported
 
 LONG = (
     "Ridge width [mm],Groove width (um),Q,Load (N/mm),Note\n"
@@ -27,9 +26,7 @@ def read(tmp_path):
     def read_text(text, mapping=None, name="mine.csv", **options):
         path = tmp_path / name
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return read_columns(
-            path, mapping or {}, values=options.pop("values", {}), how=Given(**options)
-        )
+        return imported(path, mapping, **options)
 
     return read_text
 

@@ -9,8 +9,8 @@ import pyarrow.parquet
 import pytest
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.columns import read_columns
 from ridgebayes.table import files
+from tests.fea.tables import imported
 
 ROWS = {
     "a_over_R": [0.03, 0.03],
@@ -25,7 +25,7 @@ def read(tmp_path):
     def read_rows(rows, **options):
         path = tmp_path / "mine.parquet"
         pyarrow.parquet.write_table(pyarrow.table({**ROWS, **rows}), path)
-        return read_columns(path, **options)
+        return imported(path, **options)
 
     return read_rows
 
@@ -92,4 +92,4 @@ def test_parquet__without_pyarrow_the_extra_is_named(tmp_path, monkeypatch):
     (tmp_path / "mine.parquet").write_bytes(out.getvalue())
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(InputError, match=r"pip install 'ridgebayes\[parquet\]'"):
-        read_columns(tmp_path / "mine.parquet")
+        imported(tmp_path / "mine.parquet")

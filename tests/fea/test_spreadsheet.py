@@ -11,8 +11,7 @@ import pytest
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea import spreadsheet
-from ridgebayes.fea.columns import read_columns
-from ridgebayes.fea.given import Given
+from tests.fea.tables import imported
 
 HEADER = ["a_over_R", "b_over_R", "Q", "p_over_E", "n"]
 ROWS = [HEADER, [0.03, 0.01, 4, 0.001, "x"], [0.03, 0.01, 6, 0.004, None]]
@@ -42,10 +41,10 @@ def changed(content, part, change):
 
 @pytest.fixture
 def read(tmp_path):
-    def read_bytes(content, *, mapping=None, values=None, **how):
+    def read_bytes(content, **options):
         path = tmp_path / "mine.xlsx"
         path.write_bytes(content)
-        return read_columns(path, mapping or {}, values=values or {}, how=Given(**how))
+        return imported(path, **options)
 
     return read_bytes
 

@@ -156,8 +156,7 @@ def _check_given(name: str, given: Given) -> None:
 
 def _read(name: str, paths: Sequence[Path], given: Given) -> Imported:
     if name == "table":
-        mapping, values = given.columns_and_values()
-        return read_columns(paths[0], mapping, values=values, how=given)
+        return read_columns(paths[0], given)
     given, messages = _completed(paths[0], given, name)
     body = _body(given)
     if name == "nodes":  # gaps are from the tops

@@ -1,6 +1,7 @@
 """Words of `words.toml` in headers, numbers in them, and units: exact, everywhere or nowhere."""
 
 import functools
+import math
 import re
 import unicodedata
 from collections.abc import Collection, Iterable
@@ -17,9 +18,9 @@ from ridgebayes.scene.units import Dimension, to_si
 
 _KEYS: dict[Dimension, tuple[str, ...]] = {
     "length": ("a", "b", "pitch", "R", "D", "thickness", "offset", "gap"),
-    "pressure": ("E", "p", "p_lower"),
-    "line load": ("line", "line_lower"),
-    "force": ("force", "force_lower"),
+    "pressure": ("E", "p", "p_lower", "p_sd"),
+    "line load": ("line", "line_lower", "line_sd"),
+    "force": ("force", "force_lower", "force_sd"),
 }
 DIMENSIONS = {key: dimension for dimension, keys in _KEYS.items() for key in keys}
 _NONE = ("", "-", "1")  # units of a column without one
@@ -91,6 +92,18 @@ def split_header(header: str) -> tuple[str, str]:
 def is_unit(text: str) -> bool:
     """Return whether text is a unit of length, pressure, line load or force."""
     return any(unit_factor(text, dimension) is not None for dimension in _KEYS)
+
+
+def number_and_unit(text: str) -> tuple[float, str]:
+    """Return the number at the beginning of a text, NaN if there is none, and what follows.
+
+    Examples
+    --------
+    >>> number_and_unit("0.05 N"), number_and_unit("half")
+    ((0.05, 'N'), (nan, ''))
+    """
+    match = NUMBER.match(text)
+    return (math.nan, "") if match is None else (float(match[0]), text[match.end() :].strip())
 
 
 def column_unit(key: str, header: str, explicit: str | None, where: str) -> tuple[str, Fraction]:
@@ -178,7 +191,7 @@ _PATTERNS = [
     for key, one in _WORDS["keys"].items()
 ]
 _TERMS = {term: _any(one["words"]) for term, one in _WORDS["counts"].items()}
-NOT_READ = _WORDS["not_read"]
+NOT_READ, DISGUISES = _WORDS["not_read"], _WORDS["disguises"]
 OF_NODES = _WORDS["nodes"]
 COUNTS = {term: one["said"] for term, one in _WORDS["counts"].items()}
 STATUS_RULE = (
