@@ -15,8 +15,7 @@ def imported(path, mapping=None, values=None, **options):
     texts = [f"{key}={header}" for key, header in (mapping or {}).items()]
     if values:
         file = path.with_name("map.toml")
-        file.write_text(
-            "[values]\n" + "".join(f"{k} = {json.dumps(v)}\n" for k, v in values.items())
-        )
+        lines = (f"{key} = {json.dumps(value)}" for key, value in values.items())
+        file.write_text("\n".join(["[values]", *lines]))
         texts.append(str(file))
-    return import_files([path], Given(map=tuple(texts), **options), program="table")
+    return import_files([path], Given(map=tuple(texts), **options))
