@@ -183,8 +183,8 @@ def _one_series(
     name = ", ".join(use.header for use in kept)
     joined = pd.DataFrame({use.header: as_text(cells[use.header]) for use in kept})
     problems.messages.append(f"series: {name}, joined")
-    one = Use("series", name, how="guessed")
-    return cells.assign(**{name: joined.agg(", ".join, axis=1)}), [*rest, one]
+    series = Use("series", name, how="guessed")
+    return cells.assign(**{name: joined.agg(", ".join, axis=1)}), [*rest, series]
 
 
 def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:
@@ -224,27 +224,21 @@ def _validated(
 ) -> ContactTable:
     """Return the table, or refuse the rules that it breaks beside what was noted before."""
     frame, findings = checked(raw)
-    told = set() if rows is None else problems.rows()
+    noted = set() if rows is None else problems.rows()
     for column, rule, bad, other in findings.complaints():
         if "empty" in rule and rows is not None:
-            keep = np.array([int(rows[row]) not in told for row in bad], dtype=bool)
+            keep = np.array([int(rows[row]) not in noted for row in bad], dtype=bool)
             bad, other = bad[keep], None if other is None else other[keep]
         if not len(bad):
             continue
-        shown = [
-            f"{raw.place(int(row))}: {column} = {raw.shown(int(row), column)}"
-            for row in bad[:SHOWN]
-        ]
         rule = rule if other is None else rule.format(other=int(other[0]) + 1)
+        first = [(raw.place(int(row)), raw.shown(int(row), column)) for row in bad[:SHOWN]]
         if len(bad) == 1:
-            problems.wrong.append(f"{shown[0]}: {rule}")
+            problems.wrong.append(f"{first[0][0]}: {column} = {first[0][1]}: {rule}")
         else:
-            spots = [
-                one.removeprefix(f"{raw.where}, ").replace(f": {column} =", " =") for one in shown
-            ]
-            problems.wrong.append(
-                f"{column}, {len(bad)} rows: {rule}: " + some_of(spots, SHOWN, len(bad))
-            )
+            spots = [f"{place.removeprefix(f'{raw.where}, ')} = {cell}" for place, cell in first]
+            shown = some_of(spots, SHOWN, len(bad))
+            problems.wrong.append(f"{column}, {len(bad)} rows: {rule}: {shown}")
     problems.raise_all(source)
     return ContactTable(frame, raw.where)
 

@@ -94,17 +94,17 @@ class Converter:
     def finished(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Return the rows that are transitions, with the user's own columns beside them."""
         left = self.left()
-        own = [name for name in left if name not in NAMES]
+        extra = [name for name in left if name not in NAMES]
         for name in left:
             if name in NAMES:
                 self.messages.append(f"column {name!r} ignored: the mapping uses another column")
-        if own:
-            self.messages.append(f"kept as they are: {listed(own)}")
-        frame = frame.assign(**{name: self.cells[name] for name in own})
+        if extra:
+            self.messages.append(f"kept as they are: {listed(extra)}")
+        frame = frame.assign(**{name: self.cells[name] for name in extra})
         keep = (frame["Q"] >= 4) | ~frame["Q"].isin([0, 2]) | (frame.get("kind", "") == COUNT)
         if n := int((~keep).sum()):
             self.messages.append(f"{n} rows of Q under 4 ignored: that many touch at any load")
-        keep &= ~self._empty(frame, own)
+        keep &= ~self._empty(frame, extra)
         return frame[keep]
 
     def curve(self) -> dict[str, Any]:
@@ -283,7 +283,7 @@ class Converter:
             self.messages.append(f"counts of {term}: {COUNTS[term]}")
         return 2 * counts if term == "per-side" else counts
 
-    def _empty(self, frame: pd.DataFrame, own: list[str]) -> "pd.Series[bool]":
+    def _empty(self, frame: pd.DataFrame, extra: list[str]) -> "pd.Series[bool]":
         """Return which rows have no load and are left out; refuse them without `--skip-empty`."""
         is_ok = frame["status"].isin(["", OK]) if "status" in frame else True
         empty = frame["p_over_E"].isna() & is_ok
@@ -297,7 +297,7 @@ class Converter:
                 self.problems.cells(frame.index[empty], use.header, rule)
             self.problems.options.setdefault("skip_empty", "yes")
             return empty & False
-        texts = [name for name in own if frame[name].dtype.kind not in "if"]
+        texts = [name for name in extra if frame[name].dtype.kind not in "if"]
         why = frame.loc[empty, texts].astype(str).agg(" ".join, axis=1).str.strip()
         said = listed(why.mask(why == "", "no reason given").unique(), "")
         self.messages.append(f"{int(empty.sum())} rows without a load left out: {said}")
