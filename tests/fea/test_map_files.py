@@ -41,7 +41,7 @@ def test_read_mapping__columns_and_values_are_those_read_columns_takes(tmp_path)
     assert values == {"R": "8 mm", "nu": "0.49"}
     data = tmp_path / "mine.csv"
     data.write_text("Ridge,Groove,p_over_E,first\n240,80,0.001,open\n240,80,0.002,closed\n")
-    table = imported(data, mapping, values).table
+    table = imported(data, mapping, **values).table
     assert table.textures == ((0.03, 0.01),)
     assert table.column("p_over_E").tolist() == [0.002]
 

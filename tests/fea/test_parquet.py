@@ -41,7 +41,7 @@ def refusal(read):
 
 
 def test_parquet__numbers_come_back_as_they_are(read):
-    found = read({"p [kPa]": [0.06, 0.24]}, mapping={"p": "p"}, values={"E": "60 kPa"})
+    found = read({"p [kPa]": [0.06, 0.24]}, mapping={"p": "p"}, E="60 kPa")
     assert found.table.column("p_over_E").tolist() == [0.001, 0.004]
 
 

@@ -67,7 +67,7 @@ def test_spreadsheet__values_come_back_as_they_are(read):
 
 def test_spreadsheet__a_header_may_stand_below_blank_rows_and_break_its_line(read):
     rows = [[], [], ["Ridge\nwidth  [mm]", *HEADER[1:]], [0.24, *ROWS[1][1:]], [None] * 5]
-    found = read(workbook(rows), mapping={"a": "Ridge width"}, values={"R": "8 mm"})
+    found = read(workbook(rows), mapping={"a": "Ridge width"}, R="8 mm")
     assert found.table.column("a_over_R").tolist() == [0.03]
 
 

@@ -30,7 +30,7 @@ _NEEDED = {  # what it is for, and an example
     "E": ("Young's modulus of the body", "? kPa"),
     "thickness": ("length of the body along the ridges, needed for forces", "? mm"),
 }
-# What loads of a kind are over, to be p/E: p is the line load over 2 R.
+# Divisors that make p/E of loads of each kind: p is the line load over 2 R.
 _OVER = {"p_over_E": (), "p": ("E",), "line": ("R", "E"), "force": ("thickness", "R", "E")}
 _SHOWN = 8  # names that a line lists
 
