@@ -19,7 +19,7 @@ from ridgebayes.fea.header import LOOKED_AT, Row, clean_headers, filled, find_he
 from ridgebayes.fea.record import FileError, TableFile
 from ridgebayes.fea.words import FORTRAN, NOTHING, NUMBER, is_unit, split_header
 from ridgebayes.runtime.text import clipped, count, some_of
-from ridgebayes.table.files import lossless
+from ridgebayes.table.files import even_lines, lossless
 
 SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
 FINITE = "expected a finite number, with a point for decimals, or an empty cell"
@@ -29,7 +29,7 @@ _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _NOTE = re.compile(r"#.*|[^\W\d].*\s.*")  # words, and not one label of a row cut off
 # What Python takes for blanks, but for control characters that only damage brings into a file.
 _BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
-_UNEVEN = ('"', "#", "=", "nan")  # quotes, comments, formulas, no numbers
+_UNEVEN = ("#", "=", "nan")  # comments, formulas, no numbers
 _IS_NEW = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)  # digits are exact by default
 _EXACT: dict[str, Any] = {} if _IS_NEW else {"float_precision": "round_trip"}
 
@@ -107,18 +107,14 @@ class TextTable(TableFile):
         small, separator = body.lower(), self._separator
         if not body or self._facts.empty or any(mark in small for mark in _UNEVEN):
             return False
-        code = np.frombuffer(f"{body}\n".encode(), dtype=np.uint8)
-        ends, marks = (np.flatnonzero(code == ord(mark)) for mark in ("\n", separator))
-        n_mark = np.diff(np.searchsorted(marks, ends), prepend=0)
-        is_row = np.diff(ends, prepend=-1) > 1
-        if (n_mark[is_row] != len(self.headers) - 1).any():
+        if (lines := even_lines(body, separator, len(self.headers))) is None:
             return False
         begin, last = body.lstrip("\n").split("\n", 1)[0], body.rpartition("\n")[2]
         is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # perhaps
         if is_note or any(map(_WITH_UNIT.fullmatch, begin.split(separator))):
             return False
         self._body = body
-        self.lines = np.flatnonzero(is_row) + first + self._facts.skip_rows
+        self.lines = lines + first + self._facts.skip_rows
         return True
 
     def _read_uneven(self, rows: list[Row], head: Sequence[Row], problems: FileError) -> None:

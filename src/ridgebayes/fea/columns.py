@@ -114,9 +114,9 @@ def read_columns(path: Path, facts: Given) -> Imported:
     origin = provenance(path, "columns", *(text for text in details if text))
     sources = as_text(frame["source"]) if "source" in frame else pd.Series("", frame.index)
     frame["source"] = (origin + "; " + sources).where(sources != "", origin)
-    line = None if rows is None or source.lines is None else source.lines[rows].item
+    lines = None if rows is None or source.lines is None else source.lines[rows]
     del cells, converter  # of a million rows: 0.2 GB that validating needs
-    table = _validated(RawTable(frame, where, line), rows, problems, source)
+    table = _validated(RawTable(frame, where, lines), rows, problems, source)
     return Imported(table, (*problems.messages, *_kept(table)), problems.known)
 
 
