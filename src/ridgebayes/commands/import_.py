@@ -33,9 +33,8 @@ def command(asked: options.Import) -> Answer:
     known["texture"] = None if asked.texture is None else parse_texture(asked.texture, asked.R)
     known["loads"] = parse_numbers(asked.loads, "--loads")
     known["closed_is"] = _codes(asked.closed_is)
-    given = Given(**known)
     try:
-        found = import_files(asked.file, given, program=asked.program, role=asked.role)
+        found = import_files(asked.file, Given(**known), program=asked.program, role=asked.role)
     except FileError as error:
         wrote = ""
         if asked.write_map is not None:

@@ -20,11 +20,9 @@ from ridgebayes.fea.header import LOOKED_AT, Row, find_header, n_known
 from ridgebayes.fea.record import FileError
 from ridgebayes.runtime.reading import extra, refusing
 
-LARGEST = 2**30  # bytes of all members, unpacked
 LARGEST_XML = 2**26  # bytes of the members that are parsed: more would take minutes
 LARGEST_RATIO = 200  # of unpacked to packed, above a megabyte
-MOST_CELLS = 250_000  # some seconds
-MOST_ROWS = 2**20  # of a worksheet, by the format
+MOST_CELLS = 250_000  # of a worksheet, and rows: some seconds
 _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
 _PARSED = (".xml", ".rels")
 # What Python takes for a part of a number, and Excel does not: "1_000", digits of other scripts.
@@ -121,7 +119,6 @@ def _check_archive(content: bytes, where: str) -> None:
         parsed = [member for member in members if member.filename.lower().endswith(_PARSED)]
         total, size = (sum(member.file_size for member in some) for some in (members, parsed))
         rules = {
-            f"unpacks to {total} bytes; expected at most {LARGEST}": total <= LARGEST,
             f"unpacks to {total} bytes from {len(content)}; expected at most {LARGEST_RATIO} times "
             "its size": total <= max(10**6, LARGEST_RATIO * len(content)),
             f"{size} bytes of sheets; expected at most {LARGEST_XML}, save larger tables as CSV": (
@@ -214,7 +211,7 @@ def _rows(sheet: Any, where: str, typed: set[str]) -> list[list[str]]:
     n_cell = 0
     for number, row in enumerate(sheet.iter_rows(), start=1):
         n_cell += len(row)
-        if number > MOST_ROWS or n_cell > MOST_CELLS:
+        if max(number, n_cell) > MOST_CELLS:
             raise InputError(
                 f"{where}, sheet {sheet.title!r}: more than {MOST_CELLS} cells; save larger "
                 "tables as CSV"

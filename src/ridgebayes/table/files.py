@@ -7,7 +7,6 @@ import json
 import os
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -60,14 +59,11 @@ def read_raw(path: Path, contract: Sequence[Column] = COLUMNS) -> RawTable:
         not UTF-8, or has rows of another length than its header; for Parquet also if pyarrow is
         missing or refuses the file.
     """
-    suffix = _suffix(path)
-    with suppress(OSError):  # which `read_bytes` reports
-        if path.is_dir():
-            raise InputError(f"{path}: is a folder, not a table file")
+    suffix, where = _suffix(path), str(path)
+    if os.path.isdir(path):  # noqa: PTH112, as `Path.is_dir` fails on a name that is too long
+        raise InputError(f"{path}: is a folder, not a table file")
     content = read_bytes(path)
-    if suffix == ".parquet":
-        return _parquet(content, str(path))
-    return raw_csv(content, str(path), contract)
+    return _parquet(content, where) if suffix == ".parquet" else raw_csv(content, where, contract)
 
 
 def check_name(path: Path) -> None:
