@@ -223,7 +223,11 @@ def test_import__a_deviation_beside_a_mean_is_its_error(read, header, cells, rel
     ],
 )
 def test_import__an_error_of_all_loads_is_a_share_of_each(read, load_se, header, load):
-    text = f"a/R,b/R,Q,{header},rel_se\n.03,.01,4,{load},0\n.03,.01,6,{4 * float(load)},.12\n"
+    loads = (float(load) / 2, load, 4 * float(load))  # the first touches two edges: left out
+    rows = (
+        f".03,.01,{Q},{p},{se}\n" for Q, p, se in zip((2, 4, 6), loads, (0, 0, 0.12), strict=True)
+    )
+    text = f"a/R,b/R,Q,{header},rel_se\n" + "".join(rows)
     mapping = {"line": "P"} if header.startswith("P") else {}
     # A fifth of the first load, a twentieth of the second: in quadrature with its own.
     table = read(text, mapping, load_se=load_se, **SLICE)

@@ -132,7 +132,7 @@ def _transitions(
         return of_counts(converter, frame), None
     if len(frame):
         load_se = frame.pop("load_se").to_numpy() if "load_se" in frame else None
-        frame = with_load_se(converter.finished(frame), load_se)
+        frame = converter.finished(with_load_se(frame, load_se))
     return frame.reset_index(drop=True), frame.index
 
 
