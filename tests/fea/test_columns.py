@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ridgebayes.errors import InputError
-from ridgebayes.table.table import read_table
+import ridgebayes as rb
 from tests.fea.tables import imported
 
 LONG = (
@@ -37,7 +36,7 @@ def read(tmp_path):
 @pytest.fixture
 def refusal(read):
     def words(*args, **facts):
-        with pytest.raises(InputError) as caught:
+        with pytest.raises(rb.InputError) as caught:
             read(*args, **facts)
         text = str(caught.value)
         assert "mine." in text
@@ -136,7 +135,7 @@ def test_import__large_tables_divide_as_small_ones_do(read):
 
 def test_import__contract_columns_need_no_mapping(read, tmp_path):
     frame = read(CONTRACT).table.frame.drop(columns="source")
-    plain = read_table(tmp_path / "mine.csv").frame.drop(columns="source")
+    plain = rb.read_table(tmp_path / "mine.csv").frame.drop(columns="source")
     pd.testing.assert_frame_equal(frame, plain)
 
 

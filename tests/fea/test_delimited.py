@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ridgebayes.errors import InputError
+import ridgebayes as rb
 from ridgebayes.fea.delimited import read_delimited
 from ridgebayes.fea.given import Given
 from ridgebayes.fea.record import FileError
@@ -32,7 +32,7 @@ def read(text, numeric=("a", "b", "Q"), path="mine.csv", **how):
 
 
 def refusal(text, **options):
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(rb.InputError) as caught:
         read(text, **options)
     assert "mine.csv" in str(caught.value)
     return str(caught.value)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ridgebayes.errors import InputError
+import ridgebayes as rb
 from ridgebayes.fea.given import parse_map, read_mapping
 from tests.fea.tables import imported
 
@@ -27,7 +27,7 @@ def test_parse_map__splits_keys_from_headers(text, key, header):
 
 @pytest.mark.parametrize("texts", [["a"], ["=x"], ["a="], ["a=x", "a=y"], [""]])
 def test_parse_map__refuses_what_is_no_pair(texts):
-    with pytest.raises(InputError, match=r"^--map .*expected "):
+    with pytest.raises(rb.InputError, match=r"^--map .*expected "):
         parse_map(texts)
 
 
@@ -62,5 +62,5 @@ def test_read_mapping__columns_and_values_are_those_read_columns_takes(tmp_path)
 def test_read_mapping__refuses_other_content_in_words(tmp_path, text):
     path = tmp_path / "mine.toml"
     path.write_text(text)
-    with pytest.raises(InputError, match=r"mine\.toml"):
+    with pytest.raises(rb.InputError, match=r"mine\.toml"):
         read_mapping(path)

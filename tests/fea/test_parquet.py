@@ -8,7 +8,7 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 
-from ridgebayes.errors import InputError
+import ridgebayes as rb
 from ridgebayes.table import files
 from tests.fea.tables import imported
 
@@ -33,7 +33,7 @@ def read(tmp_path):
 @pytest.fixture
 def refusal(read):
     def words(rows, **options):
-        with pytest.raises(InputError, match=r"mine\.parquet") as caught:
+        with pytest.raises(rb.InputError, match=r"mine\.parquet") as caught:
             read(rows, **options)
         return str(caught.value)
 
@@ -91,5 +91,5 @@ def test_parquet__without_pyarrow_the_extra_is_named(tmp_path, monkeypatch):
     pd.DataFrame(ROWS).to_parquet(out)
     (tmp_path / "mine.parquet").write_bytes(out.getvalue())
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"pip install 'ridgebayes\[parquet\]'"):
+    with pytest.raises(rb.InputError, match=r"pip install 'ridgebayes\[parquet\]'"):
         imported(tmp_path / "mine.parquet")

@@ -9,7 +9,7 @@ import zipfile
 import openpyxl
 import pytest
 
-from ridgebayes.errors import InputError
+import ridgebayes as rb
 from tests.fea.tables import imported
 
 HEADER = ["a_over_R", "b_over_R", "Q", "p_over_E", "n"]
@@ -51,7 +51,7 @@ def read(tmp_path):
 @pytest.fixture
 def refusal(read):
     def words(content, **options):
-        with pytest.raises(InputError, match=r"mine\.xlsx") as caught:
+        with pytest.raises(rb.InputError, match=r"mine\.xlsx") as caught:
             read(content, **options)
         return str(caught.value)
 

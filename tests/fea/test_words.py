@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from ridgebayes.errors import InputError
+import ridgebayes as rb
 from ridgebayes.fea.words import column_unit, corners_of, count_term, divided, key_of
 
 KEYS = {
@@ -89,7 +89,7 @@ def test_column_unit__converts_exactly_or_refuses(key, header, explicit, factor)
     if factor is not None:
         assert column_unit(key, header, explicit, "mine.csv")[1] == factor
         return
-    with pytest.raises(InputError, match=r"^mine\.csv, header .*expected "):
+    with pytest.raises(rb.InputError, match=r"^mine\.csv, header .*expected "):
         column_unit(key, header, explicit, "mine.csv")
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ridgebayes.errors import InputError
+import ridgebayes as rb
 from tests.fea.tables import imported
 
 REPORT = (
@@ -27,5 +27,5 @@ def test_read_columns__a_report_of_curves_is_a_table(tmp_path, text):
     found = imported(path, {"p_over_E": header})
     assert found.table.column("p_over_E").tolist() == [0.001, 0.004]
     path.write_bytes(text.replace("0.03", "-.03").encode())
-    with pytest.raises(InputError, match=r"curves\.rpt.*\(line [45]\).* = -0\.03"):
+    with pytest.raises(rb.InputError, match=r"curves\.rpt.*\(line [45]\).* = -0\.03"):
         imported(path, {"p_over_E": header})

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ridgebayes.errors import InputError, OutputError
+import ridgebayes as rb
+from ridgebayes.errors import OutputError
 from ridgebayes.table.columns import NAMES, REQUIRED
-from ridgebayes.table.datafiles import paper_sweep
 from ridgebayes.table.rules import as_numbers, as_text, row_codes
-from ridgebayes.table.table import ContactTable, read_table
 
 HEADER = "a_over_R,b_over_R,Q,p_over_E"
 GOOD = "0.032,0.01,4,0.00097\n0.032,0.01,6,0.0037\n"
@@ -27,8 +26,8 @@ def csv_file(folder: Path, text: str | bytes, name: str = "fea.csv") -> Path:
 
 
 def refusal(source) -> str:
-    with pytest.raises(InputError) as caught:
-        read_table(source)
+    with pytest.raises(rb.InputError) as caught:
+        rb.read_table(source)
     return str(caught.value)
 
 
@@ -42,7 +41,7 @@ def sweep(n_texture: int = 3) -> pd.DataFrame:
 
 
 def test_from_frame__fills_every_default_in_canonical_order() -> None:
-    frame = ContactTable.from_frame(sweep(1)).frame
+    frame = rb.ContactTable.from_frame(sweep(1)).frame
     assert tuple(frame.columns) == NAMES
     first = frame.iloc[0].to_dict()
     assert np.isnan(first.pop("p_over_E_lower"))
@@ -74,7 +73,7 @@ def test_from_frame__empty_cells_take_the_default_and_empty_labels_the_geometry(
         status=["", "ok", "ok"],
         rel_se=np.nan,
     )
-    got = read_table(frame).frame
+    got = rb.read_table(frame).frame
     assert got["nu"].tolist() == [0.49, 0.5, 0.49]
     assert got["texture"].tolist() == ["a0.012_b0.02", "mine", "a0.012_b0.02"]
     assert set(got["kind"]) == {"transition"}
@@ -85,7 +84,7 @@ def test_from_frame__empty_cells_take_the_default_and_empty_labels_the_geometry(
 
 def test_frame__is_a_copy_both_ways() -> None:
     mine = sweep(1)
-    table = read_table(mine)
+    table = rb.read_table(mine)
     mine.loc[0, "p_over_E"] = 9.0
     theirs = table.frame
     theirs.loc[0, "p_over_E"] = 9.0
@@ -100,7 +99,7 @@ def test_roles_and_status__part_the_rows_without_losing_one() -> None:
         status=["ok"] * 8 + ["did not converge"],
     )
     frame.loc[8, "p_over_E"] = np.nan
-    table = read_table(frame)
+    table = rb.read_table(frame)
     assert [len(part) for part in (table.calibration, table.held_out, table.left_out)] == [3, 5, 1]
     assert len(table) == 9
     assert table.left_out.column("status").tolist() == ["did not converge"]
@@ -110,7 +109,7 @@ def test_roles_and_status__part_the_rows_without_losing_one() -> None:
 
 def test_textures_and_labels__stand_in_order_of_first_appearance() -> None:
     frame = sweep(3).iloc[::-1].assign(texture=[*["rough"] * 2, "rough too", *[""] * 6])
-    table = read_table(frame)
+    table = rb.read_table(frame)
     assert [a for a, _ in table.textures] == pytest.approx([0.032, 0.022, 0.012])
     assert table.labels == ("rough", "a0.022_b0.02", "a0.012_b0.02")
 
@@ -129,7 +128,7 @@ def test_from_frame__accepts_what_the_contract_allows() -> None:
             "p_over_E_lower": [0.01, 0, np.nan, 0.003, np.nan, 0.1],
         }
     )
-    assert len(read_table(rows)) == 6
+    assert len(rb.read_table(rows)) == 6
 
 
 @pytest.mark.parametrize(
@@ -145,15 +144,15 @@ def test_from_frame__accepts_what_the_contract_allows() -> None:
     ],
 )
 def test_curve__is_told_apart_by_each_of_its_columns(column: str, other: object) -> None:
-    first = read_table(sweep(1).iloc[[0]]).frame.assign(texture="")
-    assert len(read_table(pd.concat([first, first.assign(**{column: other})]))) == 2
+    first = rb.read_table(sweep(1).iloc[[0]]).frame.assign(texture="")
+    assert len(rb.read_table(pd.concat([first, first.assign(**{column: other})]))) == 2
     assert "identical row of one curve twice" in refusal(pd.concat([first, first]))
 
 
 @pytest.mark.parametrize("dtype", ["Float64", object, "category", str])
 def test_from_frame__takes_numbers_of_any_pandas_dtype(dtype) -> None:
     frame = sweep(1)
-    assert read_table(frame.astype(dtype)).digest() == read_table(frame).digest()
+    assert rb.read_table(frame.astype(dtype)).digest() == rb.read_table(frame).digest()
 
 
 def test_as_text__spells_whole_numbers_alike() -> None:
@@ -309,8 +308,8 @@ def test_read_table__shows_twenty_and_counts_the_rest() -> None:
 )
 def test_from_frame__shows_cells_by_row(cells: dict, said: str) -> None:
     frame = sweep(1).set_index(pd.Index([7, 7, 7])).assign(**cells)
-    with pytest.raises(InputError, match=re.escape(f"mine, {said}")):
-        ContactTable.from_frame(frame, where="mine")
+    with pytest.raises(rb.InputError, match=re.escape(f"mine, {said}")):
+        rb.ContactTable.from_frame(frame, where="mine")
 
 
 # --- files that are no table -----------------------------------------------------------------
@@ -415,13 +414,13 @@ def test_read_table__refuses_a_parquet_file_that_is_none(tmp_path: Path) -> None
 
 def test_parquet__without_pyarrow_says_what_to_install(tmp_path: Path, monkeypatch) -> None:
     path = tmp_path / "t.parquet"
-    table = read_table(sweep(1))
+    table = rb.read_table(sweep(1))
     table.write(path)
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     told = f"{path}: Parquet needs pyarrow: pip install 'ridgebayes[parquet]'"
     assert refusal(path) == told
     path.unlink()
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(rb.InputError) as caught:
         table.write(path)
     assert str(caught.value) == told
     assert list(tmp_path.iterdir()) == []
@@ -436,8 +435,8 @@ def test_parquet__without_pyarrow_says_what_to_install(tmp_path: Path, monkeypat
     ],
 )
 def test_write__refuses_what_cannot_be_written(name: str, said: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=said):
-        read_table(sweep(1)).write(tmp_path / name)
+    with pytest.raises(rb.InputError, match=said):
+        rb.read_table(sweep(1)).write(tmp_path / name)
 
 
 def test_from_frame__refuses_columns_without_a_name_and_no_rows() -> None:
@@ -455,13 +454,15 @@ def test_read_table__takes_every_line_ending_and_a_mark(
     ending: str, mark: bytes, tmp_path: Path
 ) -> None:
     text = f"{HEADER}\n{GOOD}\n".replace("\n", ending)
-    table = read_table(csv_file(tmp_path, mark + text.encode()))
-    assert table.digest() == read_table(csv_file(tmp_path, f"{HEADER}\n{GOOD}".rstrip())).digest()
+    table = rb.read_table(csv_file(tmp_path, mark + text.encode()))
+    assert (
+        table.digest() == rb.read_table(csv_file(tmp_path, f"{HEADER}\n{GOOD}".rstrip())).digest()
+    )
 
 
 def test_write__leaves_out_optional_columns_that_say_nothing(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
-    read_table(sweep(1)).write(path)
+    rb.read_table(sweep(1)).write(path)
     always = "a_over_R,b_over_R,Q,p_over_E,nu,texture,solver,status,source"
     assert path.read_text() == (
         f"{always}\n"
@@ -469,13 +470,13 @@ def test_write__leaves_out_optional_columns_that_say_nothing(tmp_path: Path) -> 
         "0.012,0.02,6,0.004,0.5,a0.012_b0.02,,ok,\n"
         "0.012,0.02,8,0.009000000000000001,0.5,a0.012_b0.02,,ok,\n"
     )
-    read_table(sweep(1).assign(rel_se=[0, 0, 0.01], kind=["transition"] * 3)).write(path)
+    rb.read_table(sweep(1).assign(rel_se=[0, 0, 0.01], kind=["transition"] * 3)).write(path)
     assert path.read_text().splitlines()[0] == always.replace("p_over_E,", "p_over_E,rel_se,")
 
 
 def test_write__that_fails_leaves_the_old_file_and_no_part(tmp_path: Path, monkeypatch) -> None:
     path = tmp_path / "t.csv"
-    table = read_table(sweep(1))
+    table = rb.read_table(sweep(1))
     table.write(path)
     before = path.read_bytes()
 
@@ -495,7 +496,7 @@ def test_csv__own_columns_become_numbers_only_if_nothing_is_lost(tmp_path: Path)
     rows = "1,007,1.50,x,,\n2,12,-3e-4,,2,\n"
     lines = [f"{a},{b}" for a, b in zip(GOOD.splitlines(), rows.splitlines(), strict=True)]
     path = csv_file(tmp_path, f"{HEADER},{own}" + "\n".join(lines))
-    frame = read_table(path).frame
+    frame = rb.read_table(path).frame
     assert frame["id"].tolist() == [1, 2]
     assert frame["id"].dtype == np.int64
     assert frame["code"].tolist() == ["007", "12"]
@@ -509,9 +510,9 @@ def test_csv__the_slow_way_reads_the_same(tmp_path: Path) -> None:
     """A quote sends a file that way."""
     fast = csv_file(tmp_path, f"{HEADER},rel_se,note\n0.032,0.01,4,0.00097,,7\n")
     slow = csv_file(tmp_path, f'{HEADER},rel_se,note\n0.032,0.01,4,0.00097," ",7\n', "slow.csv")
-    assert read_table(fast).digest() == read_table(slow).digest()
+    assert rb.read_table(fast).digest() == rb.read_table(slow).digest()
     named = csv_file(tmp_path, f"{HEADER},rel_se,note\n0.032,0.01,4,0.00097,,nan\n", "nan.csv")
-    assert read_table(named).frame["note"].tolist() == ["nan"]
+    assert rb.read_table(named).frame["note"].tolist() == ["nan"]
 
 
 WORD = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=8)
@@ -557,9 +558,9 @@ def tables(draw) -> pd.DataFrame:
 @settings(max_examples=25, deadline=None)
 def test_write_then_read__is_identity(suffix: str, frame: pd.DataFrame, tmp_path_factory) -> None:
     path = tmp_path_factory.mktemp("t") / f"t.{suffix}"
-    table = read_table(frame)
+    table = rb.read_table(frame)
     table.write(path)
-    again = read_table(path)
+    again = rb.read_table(path)
     pd.testing.assert_frame_equal(again.frame, table.frame, check_exact=True)
     assert again.digest() == table.digest()
     first = path.read_bytes()
@@ -573,27 +574,27 @@ def test_write_then_read__is_identity(suffix: str, frame: pd.DataFrame, tmp_path
 def test_order_of_columns__does_not_matter(frame: pd.DataFrame, order) -> None:
     names = list(frame.columns)
     order.shuffle(names)
-    assert read_table(frame[names]).digest() == read_table(frame).digest()
+    assert rb.read_table(frame[names]).digest() == rb.read_table(frame).digest()
 
 
 def test_digest__is_of_every_cell_and_the_order_of_rows() -> None:
     frame = sweep(2).assign(source="x", mine=[1, 2, 3, 4, 5, 6])
-    digests = [read_table(frame).digest(), read_table(frame.iloc[::-1]).digest()]
+    digests = [rb.read_table(frame).digest(), rb.read_table(frame.iloc[::-1]).digest()]
     spelled_out = frame.assign(nu=0.5, rel_se=0.0)
-    assert read_table(spelled_out).digest() == digests[0]
+    assert rb.read_table(spelled_out).digest() == digests[0]
     cells = {"p_over_E": 0.0011, "source": "y", "mine": 9, "nu": 0.4, "rel_se": 0.1}
     for name, cell in cells.items():
         changed = spelled_out.copy()
         changed.loc[0, name] = cell
-        digests.append(read_table(changed).digest())
+        digests.append(rb.read_table(changed).digest())
     assert len(set(digests)) == len(digests) == 7
-    assert read_table(frame.assign(offset_over_R=-0.0)).digest() == digests[0]
+    assert rb.read_table(frame.assign(offset_over_R=-0.0)).digest() == digests[0]
     assert all(re.fullmatch("[0-9a-f]{64}", digest) for digest in digests)
 
 
 def test_digest__is_the_same_on_every_machine() -> None:
     """Reference: typed in once; a change of it makes every stored fingerprint stale."""
-    assert read_table(sweep(1)).digest() == (
+    assert rb.read_table(sweep(1)).digest() == (
         "d1859b29cad14ef0cdf51bd6ab1c59104b5cbd885b103828f5bdc1805dec66bd"
     )
 
@@ -601,7 +602,7 @@ def test_digest__is_the_same_on_every_machine() -> None:
 def test_parquet__keeps_an_index_another_program_stored(tmp_path: Path) -> None:
     path = tmp_path / "t.parquet"
     sweep(1).set_index("Q").to_parquet(path)
-    assert read_table(path).digest() == read_table(sweep(1)).digest()
+    assert rb.read_table(path).digest() == rb.read_table(sweep(1)).digest()
 
 
 def test_read_table__a_lone_carriage_return_shifts_no_cell(tmp_path):
@@ -614,10 +615,10 @@ def test_repeated__are_rows_to_fit_of_curves_with_the_loads_of_another_source_to
     other.loc[[0, 4], "p_over_E"] *= 1 + 1e-15
     other.loc[1, "p_over_E"] *= 1.01
     other.loc[2, "nu"], other.loc[3, "role"] = 0.45, "held-out"
-    table = ContactTable.from_frame(
+    table = rb.ContactTable.from_frame(
         pd.concat([one, other.fillna({"nu": 0.5, "role": "calibration"})])
     )
-    assert len(ContactTable.from_frame(one).repeated) == 0
+    assert len(rb.ContactTable.from_frame(one).repeated) == 0
     found = table.repeated
     assert set(found.column("source")) == {"B"}
     assert found.column("p_over_E").tolist() == other["p_over_E"].iloc[6:].tolist()
@@ -630,7 +631,7 @@ def repeats(loads):
         for i, p in enumerate(loads)
     ]
     frame = pd.concat(parts).assign(a_over_R=0.02, b_over_R=0.02)
-    return ContactTable.from_frame(frame).repeated.column("series").tolist()
+    return rb.ContactTable.from_frame(frame).repeated.column("series").tolist()
 
 
 def test_repeated__honest_repeats_of_few_digits_are_none():
@@ -650,13 +651,13 @@ def test_repeated__a_curve_within_another_is_one_whichever_comes_first():
 
 
 def test_read_table__takes_a_table_a_frame_or_a_path_and_nothing_else(tmp_path):
-    table = paper_sweep()
-    assert read_table(table) is table
-    assert read_table(table.to_dataframe()).digest() == table.digest()
+    table = rb.paper_sweep()
+    assert rb.read_table(table) is table
+    assert rb.read_table(table.to_dataframe()).digest() == table.digest()
     table.write(tmp_path / "t.csv")
     for path in (tmp_path / "t.csv", str(tmp_path / "t.csv")):
-        assert read_table(path).digest() == table.digest()
-    with pytest.raises(InputError, match="table: expected a path, a ContactTable or a"):
-        read_table([0.01, 0.02])
-    with pytest.raises(InputError, match=r"table: expected a pandas\.DataFrame, got str"):
-        ContactTable.from_frame("t.csv")
+        assert rb.read_table(path).digest() == table.digest()
+    with pytest.raises(rb.InputError, match="table: expected a path, a ContactTable or a"):
+        rb.read_table([0.01, 0.02])
+    with pytest.raises(rb.InputError, match=r"table: expected a pandas\.DataFrame, got str"):
+        rb.ContactTable.from_frame("t.csv")
