@@ -99,7 +99,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
         _check_cells(cells, use, problems)
     typed = uses = ask_columns(cells, uses, values, problems)
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
-    if not corners:
+    if not corners and any(use.label is not None for use in uses):
         cells, uses = melted(cells, uses, problems)
     cells, uses = _one_series(cells, uses, problems)
     converter = Converter(cells, uses, values, facts, problems)

@@ -13,7 +13,7 @@ from ridgebayes.runtime.text import count
 def melted(
     cells: pd.DataFrame, uses: Sequence[Use], problems: FileError
 ) -> tuple[pd.DataFrame, list[Use]]:
-    """Return a row for each load, of a table with a column for each Q or repeat, if it is one.
+    """Return a row for each load, of a table with a column for each Q or each repeat.
 
     Raises
     ------
@@ -21,8 +21,6 @@ def melted(
         If there is a load beside them, no load, or the units of one quantity differ.
     """
     wide = [use for use in uses if use.label is not None]
-    if not wide:
-        return cells, [*uses]
     is_Q = wide[0].Q is not None
     if is_Q and (rule := _broken(uses, wide)):
         raise problems.error(rule)
