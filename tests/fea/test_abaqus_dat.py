@@ -58,7 +58,7 @@ def test_read_abaqus_dat__finds_the_loads(tmp_path, full, R, E):
     assert found["Q"].tolist() == [4, 6, 8]
     np.testing.assert_allclose(found["p_over_E"], run["load"], rtol=6e-3)  # second order
     assert (np.abs(found["p_over_E"] / run["load"] - 1) < 3 * found["rel_se"]).all()
-    assert "34 increments with RIM and TOP" in done.messages[0]
+    assert "34 increments" in done.messages[0]
     assert set(found["solver"]) == {"abaqus"}
 
 
@@ -202,7 +202,7 @@ def test_read_abaqus_dat__a_perturbation_step_is_left_out(tmp_path):
     )
     extra = extra.replace("\n\n", "\n     THIS IS A LINEAR PERTURBATION STEP.\n\n", 1)
     done = read(tmp_path, PRINTED + extra)
-    assert sum("increment ignored, a perturbation step" in line for line in done.messages) == 34
+    assert any("31 more: increment ignored, a perturbation step" in line for line in done.messages)
     np.testing.assert_array_equal(done.table.frame["p_over_E"], loads(tmp_path))
 
 
@@ -226,7 +226,7 @@ def changed_row(new):
         (changed_row("        900      1.5E-03  2.0E-03"), "node 900 is not in the deck's RIM"),
         (changed_row("         50      1.5E-03  9.0"), "MAXIMUM .* is not that of the rows"),
         (PRINTED.replace(" SUMMARY", " SHORT"), "a table before its increment"),
-        (re.sub("MAXIMUM +", "MAXIMUM 1. ", PRINTED, count=1), "3 values; expected 2"),
+        (re.sub("MAXIMUM +", "MAXIMUM 1. ", PRINTED, count=1), "'1. .*; expected U1, U2"),
         (PRINTED.replace("SET RIM", "SET PART_RIM"), "the tables are .*U1 U2 of PART_RIM"),
         ("", "no increment with U1 and U2 of RIM"),
         ("0.1;0.2\n", "no increment with U1 and U2 of RIM"),

@@ -66,7 +66,7 @@ def test_read_abaqus_rpt__finds_the_loads_from_either_coordinates(
     np.testing.assert_allclose(found["p_over_E"], run["load"], rtol=6e-3)  # second order
     assert (np.abs(found["p_over_E"] / run["load"] - 1) < 3 * found["rel_se"]).all()
     assert f"COORD: coordinates of {coordinates} nodes" in done.messages
-    assert "34 frames, PRESS 1 to PRESS 34" in done.messages[0]
+    assert "34 increments" in done.messages[0]
 
 
 @pytest.mark.slow
@@ -152,11 +152,11 @@ def test_read_abaqus_rpt__a_file_cut_anywhere_is_refused_or_ends_earlier(tmp_pat
 def test_read_abaqus_rpt__a_cut_table_leaves_its_frame_out(tmp_path):
     row = PRINTED.rindex(f"\n{100:16d} ")
     done = read(tmp_path, PRINTED[: row + 1])
-    assert any(re.search("frame ignored, .* is cut off$", line) for line in done.messages)
+    assert any(re.search("increment ignored, .* is cut off$", line) for line in done.messages)
     short = PRINTED[:row] + PRINTED[PRINTED.index("\n\n", row) :]
     done = read(tmp_path, short)
     assert any(
-        re.search(r"PRESS 34, line \d+: frame ignored, 62 nodes missing", s) for s in done.messages
+        re.search(r"line \d+: increment ignored, 62 nodes missing", s) for s in done.messages
     )
 
 
@@ -193,14 +193,14 @@ def changed_row(change):
             "'50.5'; expected a whole number",
         ),
         (PRINTED.replace("   ODB: /", "   ODB: /2", 1), "expected one run"),
-        (PRINTED.replace("RF.RF2", "RF.RF3"), "frame ignored, RF.RF2 missing"),
+        (PRINTED.replace("RF.RF2", "RF.RF3"), "increment ignored, RF.RF2 missing"),
         (
             PRINTED.replace("U.U1", "UT.U1"),
-            "frame ignored, U.U1, U.U2, COORD.COOR1, COORD.COOR2 missing",
+            "increment ignored, COORD.COOR1, COORD.COOR2, U.U1, U.U2 missing",
         ),
         (
             WRITER.rpt_text(*ARRAYS, coordinates=None),
-            "frame ignored, U.U1, U.U2, COORD.COOR1, COORD.COOR2 missing",
+            "increment ignored, COORD.COOR1, COORD.COOR2, U.U1, U.U2 missing",
         ),
         (re.sub(r"COOR1(.*)COOR2", r"COOR2\1COOR1", PRINTED), "expected one of the two to stay"),
         ("", "no 'Field Output Report'"),

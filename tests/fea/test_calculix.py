@@ -48,21 +48,25 @@ def test_read_calculix__finds_the_loads(tmp_path, full, R, E):
     np.testing.assert_allclose(found["p_over_E"], run["load"], rtol=6e-3)  # second order
     assert (np.abs(found["p_over_E"] / run["load"] - 1) < 3 * found["rel_se"]).all()
     assert found["source"].str.contains("run.dat sha256=[0-9a-f]{16} deck=run.inp").all()
-    assert any("34 levels with RIM and TOP" in line for line in done.messages)
+    assert any("34 increments" in line for line in done.messages)
 
 
 def test_read_calculix__forces_of_single_nodes_are_summed(tmp_path):
+    n = len(RUN["nodes"]) + 1
     text = re.sub(
         r" total force \(fx,fy,fz\)(.*)\n\n +(\S+) +(\S+) +(\S+)\n",
         lambda m: (
-            f" forces (fx,fy,fz){m[1]}\n\n 900 0. {0.25 * float(m[3])!r} 0.\n"
-            f" 901 0. {0.75 * float(m[3])!r} 0.\n"
+            f" forces (fx,fy,fz){m[1]}\n\n {n} 0. {0.25 * float(m[3])!r} 0.\n"
+            f" {n + 1} 0. {0.75 * float(m[3])!r} 0.\n"
         ),
         PRINTED,
     )
     assert " total force" not in text
-    found = read(tmp_path, text).table.frame["p_over_E"]
+    deck = WRITER.deck_text(RUN).replace(f"NSET=TOP\n{n},", f"NSET=TOP\n{n},{n + 1}")
+    found = read(tmp_path, text, deck=deck).table.frame["p_over_E"]
     np.testing.assert_allclose(found, read(tmp_path).table.frame["p_over_E"], rtol=1e-12)
+    done = read(tmp_path, text.replace(f" {n + 1} 0.", f" {n + 2} 0.", 1), deck=deck)
+    assert any("increment ignored, fy missing for 1 of 2 nodes" in line for line in done.messages)
 
 
 def test_read_calculix__a_total_below_forces_of_nodes_is_the_force(tmp_path):
@@ -81,14 +85,15 @@ def test_read_calculix__a_total_below_forces_of_nodes_is_the_force(tmp_path):
 def test_read_calculix__a_level_cut_off_is_left_out(tmp_path):
     cut = PRINTED[: PRINTED.rindex("\n", 0, len(PRINTED) - 200) + 1]
     done = read(tmp_path, cut)
-    assert any(re.search(r"level ignored, .* of 241 nodes$", line) for line in done.messages)
+    assert any(re.search(r"increment ignored, .* of 241 nodes$", line) for line in done.messages)
     assert done.table.frame["Q"].tolist() == [4, 6, 8]
 
 
 def test_read_calculix__a_level_without_a_force_is_left_out(tmp_path):
     text = PRINTED + " displacements (vx,vy,vz) for set RIM and time  0.9900000E+02\n\n"
     assert any(
-        "level ignored, total force missing" in line for line in read(tmp_path, text).messages
+        "increment ignored, fx, fy, fz of TOP missing" in line
+        for line in read(tmp_path, text).messages
     )
 
 
@@ -97,7 +102,7 @@ def test_read_calculix__a_time_printed_again_counts_once_as_last(tmp_path):
     wrong = re.sub(r"-?\d\.\d+E-0\d", "9.000000E-03", first)
     text = PRINTED.replace(first, wrong + first)
     done = read(tmp_path, text)
-    assert "1 levels of a time printed again: the later one counts" in done.messages
+    assert "1 increments printed again: the later one counts" in done.messages
     found, expected = done.table.frame["p_over_E"], read(tmp_path).table.frame["p_over_E"]
     np.testing.assert_array_equal(found, expected)
 
@@ -135,7 +140,7 @@ def test_read_calculix__what_contradicts_the_deck_is_refused(tmp_path, body, mes
     [
         ({"surface": "ARC"}, "no node set 'ARC'; the node sets are"),
         ({"reaction": "DRIVEN"}, "no node set 'DRIVEN'"),
-        ({"surface": "TOP"}, "no level with displacements of TOP"),
+        ({"surface": "TOP"}, "no increment with displacements of TOP"),
     ],
 )
 def test_read_calculix__wrong_sets_are_refused(tmp_path, options, message):
@@ -165,14 +170,15 @@ def test_read_calculix__a_line_that_cannot_be_understood_is_named(tmp_path, old,
 
 @pytest.mark.parametrize("text", ["", "0.1;0.2\n", PRINTED.replace("RIM", "ARC")])
 def test_read_calculix__a_file_without_levels_is_refused(tmp_path, text):
-    with pytest.raises(InputError, match="no level with displacements of RIM"):
+    with pytest.raises(InputError, match="no increment with displacements of RIM"):
         read(tmp_path, text)
 
 
 def test_read_calculix__a_last_line_without_its_end_is_left_out(tmp_path):
     done = read(tmp_path, PRINTED.rstrip()[:-5])
     assert any(
-        "level ignored, displacements given for 240 of 241 nodes" in line for line in done.messages
+        "increment ignored, displacements missing for 1 of 241 nodes" in line
+        for line in done.messages
     )
 
 
@@ -186,7 +192,7 @@ def test_read_calculix__levels_that_never_converged_are_left_out(tmp_path):
     rows.append(f"{len(times) - 2:5d} {1:10d} {1:4d}U {9:5d} {times[-3]:.6E} 0.1E+01 0.1E+01")
     (tmp_path / "run.sta").write_text("\n".join(["SUMMARY OF JOB INFORMATION", *rows, ""]))
     done = read(tmp_path, sta=tmp_path / "run.sta")
-    assert "3 levels ignored: they did not converge" in done.messages
+    assert any("increment ignored, it did not converge" in line for line in done.messages)
     assert any("stopped after 1 attempts without convergence" in line for line in done.messages)
     n = len(done.table)
     assert done.table.frame["p_over_E"].tolist() == whole.table.frame["p_over_E"].tolist()[:n]

@@ -136,11 +136,12 @@ def level_text(k, *faces, moved=0.0):
 def test_read_calculix_contact__a_level_without_contact_print_is_left_out(tmp_path):
     text = dat_text(RUN) + "\n total force (fx,fy,fz) for set TOP and time  0.9E+01\n\n 0. 1. 0.\n"
     assert any(
-        "level ignored, contact stress missing" in line for line in read(tmp_path, text).messages
+        "increment ignored, element, face, press, tang1, tang2 missing" in line
+        for line in read(tmp_path, text).messages
     )
     with pytest.raises(
         InputError,
-        match="no level with displacements of RIM or contact stress, and a total force of TOP",
+        match="no increment with displacements of RIM or contact stress, and forces of TOP",
     ):
         read(tmp_path, dat_text(RUN, pressed=False))
 
@@ -161,8 +162,12 @@ def test_read_calculix_contact__a_face_over_two_ridges_leaves_the_increment_open
     ("old", "new", "message"),
     [
         ("          3  1.0", "          2  1.0", "expected a side of a plane element"),
-        ("          3  1.0", "          7  1.0", "has no side 5"),
-        ("         5          3  1.0", "    900000          3  1.0", "no element 900000"),
+        ("          3  1.0", "          7  1.0", "no side 5 of an element"),
+        (
+            "         5          3  1.0",
+            "    900000          3  1.0",
+            "no side 1 of an element 900000",
+        ),
         ("         5          3  1.0", "       5.5          3  1.0", "expected a side of a plane"),
         ("          3  1.000000E-01", "          3  1,000000E-01", "expected a finite number"),
         ("          3  1.000000E-01", "  1.000000E-01", "expected element, face, press"),
@@ -179,7 +184,7 @@ def test_read_calculix_contact__what_cannot_be_understood_is_named(tmp_path, old
 
 def test_read_calculix_contact__of_nodes_is_told(tmp_path):
     text = dat_text(RUN).replace("slave element+face", "slave node")
-    with pytest.raises(InputError, match=r"no level with.* of faces, TYPE=SURFACE TO SURFACE"):
+    with pytest.raises(InputError, match=r"no increment with.* of faces, TYPE=SURFACE TO SURFACE"):
         read(tmp_path, text)
 
 

@@ -22,14 +22,6 @@ def test_finite__refuses_what_python_alone_would_read(word):
         Line(Path("a"), 7, word).finite(word)
 
 
-@pytest.mark.parametrize("word", ["1.5", "3", "x"])
-def test_node__is_whole_and_new(word):
-    line = Line(Path("a"), 7, word)
-    with pytest.raises(InputError, match=f"a, line 7: .*{word}"):
-        line.node(word, {3})
-    assert line.node("4", {3}) == 4
-
-
 def test_read_lines__a_last_line_without_an_end_is_told(tmp_path):
     path = tmp_path / "a.txt"
     path.write_bytes(b"one\r\ntwo\nthr")
