@@ -334,8 +334,8 @@ def enumerated(files):
         ([("/etc/s0.vtu", 0.1)], "expected a .vtu in the same folder"),
         ([("s0.vtk", 0.1)], "expected a .vtu in the same folder"),
         ([("s0.vtu", 0.1), ("s1.vtu", 0.1)], "twice; expected one file a step"),
-        ([("s0.vtu", -0.1)], "expected a load"),
-        ([("s0.vtu", 0.1)], "1 files; expected a collection of two or more"),
+        ([("s0.vtu", -0.1), ("s1.vtu", 0.2)], "s0.vtu: no such file"),
+        ([("s0.vtu", 0.1)], "1 .vtu with 1 loads; expected two or more"),
         ([("s0.vtu", 0.1), ("s1.vtu", 0.2)], "s0.vtu: no such file"),
     ],
 )
