@@ -9,7 +9,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import NUMBER, Line, last_digit_of
-from ridgebayes.fea.printed import Increment, MissingError, Printed, Table, on
+from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
 
 _ALL = "ALL NODES"
 _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
@@ -40,7 +40,7 @@ def read_abaqus_dat(path: Path, *, deck: RunDeck) -> ContactHistory:
     Abaqus leaves out rows of zeros. A node that is not there has moved by nothing where its table
     ends in a summary (``MAXIMUM``, ``TOTAL``), without which the increment is ignored.
     """
-    printed = _Dat("in global directions (no footnotes)").read(path, unfinished=True)
+    printed = _Tables("in global directions (no footnotes)").read(path, unfinished=True)
     surface, reaction = deck.surface, deck.reaction
     digits = [0.0]
 
@@ -66,7 +66,7 @@ def read_abaqus_dat(path: Path, *, deck: RunDeck) -> ContactHistory:
     return printed.history(load, source, "abaqus", digits=max(digits) / 2, **surface_at)
 
 
-def _fill(table: Table, nodes: list[int]) -> None:
+def _fill(table: NodeTable, nodes: list[int]) -> None:
     """Add rows of zeros, which are not printed.
 
     Raises
@@ -95,7 +95,7 @@ def _fill(table: Table, nodes: list[int]) -> None:
                 )
 
 
-def _last_digit(rim: Table) -> float:
+def _last_digit(rim: NodeTable) -> float:
     """Return what the last digit of the largest displacement is worth."""
     size = rim.rows.abs().to_numpy()
     if not size.any():
@@ -104,7 +104,7 @@ def _last_digit(rim: Table) -> float:
     return last_digit_of(rim.lines[row].words[1 + column])
 
 
-class _Dat(Printed):
+class _Tables(Printed):
     """Increments of a run."""
 
     def __init__(self, rule: str) -> None:
@@ -168,7 +168,7 @@ class _Dat(Printed):
         else:
             self.others.add(f"{' '.join(columns)} of {self._name}")
 
-    def row(self, line: Line, table: Table) -> None:
+    def row(self, line: Line, table: NodeTable) -> None:
         """Take a row, or what stands below the rows."""
         word, _, values = line.text.strip().partition(" ")
         if word.isdecimal():

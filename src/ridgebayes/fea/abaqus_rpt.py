@@ -10,7 +10,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Deck, read_deck
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line
-from ridgebayes.fea.printed import Increment, MissingError, Printed, Table, on
+from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
 from ridgebayes.fea.record import provenance
 
 _DASHES = re.compile(r"\s*-{9,}\s*$")
@@ -103,7 +103,7 @@ def read_abaqus_rpt(
 
 def _table(
     increment: Increment, columns: tuple[str, ...], name: str | None, nodes: list[int]
-) -> Table:
+) -> NodeTable:
     """Return the table of a region, or else the one that has a set's nodes."""
     table = increment.table(columns, name or "", *[""] * bool(nodes))
     if not table.whole:
@@ -152,7 +152,7 @@ class _Report(Printed):
         if match[1] is None:
             self.others.add(line.text.strip())
         elif self.increment is not None:
-            self.table = Table(line, match[1], rule=self._rule)
+            self.table = NodeTable(line, match[1], rule=self._rule)
             self.increment.tables.append(self.table)
 
     def blank(self) -> None:
@@ -162,7 +162,7 @@ class _Report(Printed):
         elif not self._pending:
             self._header = []
 
-    def row(self, line: Line, table: Table) -> None:
+    def row(self, line: Line, table: NodeTable) -> None:
         """Take a line of a table: its header, a row or a piece of one, or what stands below."""
         text = line.text.strip()
         if _DASHES.match(text):
@@ -183,13 +183,13 @@ class _Report(Printed):
                 self._pending = []
 
 
-def _digits(table: Table) -> int:
+def _digits(table: NodeTable) -> int:
     """Return the most digits of a number of a table: zeros at the end are not printed."""
     words = (word for line in table.lines for word in line.words[1:])
     return max(len(re.sub(r"[EeDd].*|[-+.]", "", word).lstrip("0")) for word in words)
 
 
-def _force(table: Table, nodes: list[int]) -> float:
+def _force(table: NodeTable, nodes: list[int]) -> float:
     """Return the sum of RF2, checked against a printed total and against nothing at all."""
     driven = nodes or table.rows.index.tolist()
     force, size = table.force(driven, _RF), float(table.rows[_RF].reindex(driven).abs().sum())

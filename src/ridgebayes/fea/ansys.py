@@ -13,7 +13,7 @@ from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line
-from ridgebayes.fea.printed import Increment, Printed, Table, on
+from ridgebayes.fea.printed import Increment, NodeTable, Printed, on
 from ridgebayes.fea.record import FileError, provenance
 from ridgebayes.fea.transitions import last_digit
 
@@ -106,7 +106,7 @@ class _Listing(Printed):
 
     def __init__(self) -> None:
         super().__init__()
-        self.places = Table(Line(Path(), 0, ""), "", list(_PLACE))  # of `NLIST`
+        self.places = NodeTable(Line(Path(), 0, ""), "", list(_PLACE))  # of `NLIST`
 
     @on(r"LOAD STEP=\s*(\d+)\s+SUBSTEP=\s*(\d+)")
     def _step(self, line: Line, match: re.Match[str]) -> None:
@@ -124,7 +124,7 @@ class _Listing(Printed):
     def _end(self, line: Line, match: re.Match[str]) -> None:
         self.table = None
 
-    def row(self, line: Line, table: Table) -> None:
+    def row(self, line: Line, table: NodeTable) -> None:
         """Take a row, of columns of fixed width; a 1 by itself is a page's head."""
         text = line.text.strip()
         if text[0].isdigit() and text != "1":

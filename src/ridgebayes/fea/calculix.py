@@ -12,7 +12,7 @@ from ridgebayes.fea.calculix_sta import read_sta
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line, numbers_of
-from ridgebayes.fea.printed import Increment, MissingError, Printed, Table, on
+from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
 
 _FACES = "slave element+face"
 _STRESS = ("element", "face", "press", "tang1", "tang2")
@@ -58,7 +58,7 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
         If a file cannot be understood, with file and line; if a set is missing.
     """
     is_frd = path.suffix.lower() == ".frd"
-    printed = (_Frd() if is_frd else _Dat({deck.surface, deck.reaction})).read(path)
+    printed = (_Frd() if is_frd else _Blocks({deck.surface, deck.reaction})).read(path)
     surface, reaction = ("", "") if is_frd else (deck.surface, deck.reaction)
     times = sorted(printed.increments)
     if sta is not None:
@@ -121,7 +121,7 @@ def _ends(element: int, side: int, run: RunDeck) -> tuple[float, float]:
     return places[side - 1][0], places[side % n][0]
 
 
-class _Dat(Printed):
+class _Blocks(Printed):
     """Blocks of two node sets, and of contact."""
 
     def __init__(self, sets: Collection[str]) -> None:
@@ -179,7 +179,7 @@ class _Dat(Printed):
         else:
             self.others.add(f"{block} of {name or 'all'}")
 
-    def row(self, line: Line, table: Table) -> None:
+    def row(self, line: Line, table: NodeTable) -> None:
         """Take a row, or a total."""
         if not self._is_total:
             table.lines.append(line)
@@ -189,7 +189,7 @@ class _Dat(Printed):
             table.below["TOTAL"] = line.values(table.columns)
 
 
-def _faces(table: Table) -> FloatArray:
+def _faces(table: NodeTable) -> FloatArray:
     """Return element, face and pressure of each row of contact stress."""
     rows = numbers_of(table.lines, _STRESS)
     element, face, pressure = rows[:, :3].T
@@ -235,5 +235,5 @@ class _Frd(Printed):
         if self.table is not None:
             self.table.whole, self.table = True, None
 
-    def row(self, line: Line, table: Table) -> None:
+    def row(self, line: Line, table: NodeTable) -> None:
         """Take the name of a component: columns are those of a plane run."""

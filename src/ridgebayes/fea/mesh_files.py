@@ -72,7 +72,7 @@ def read_xdmf(path: Path, field: str) -> tuple[FloatArray, list[FloatArray], lis
                 here = f"{path}, state {k + 1}"
                 attributes = state.findall("Attribute")
                 _check_once(here, field, attributes)
-                for other in (one for one in attributes if one.get("Name") != field):
+                for other in (item for item in attributes if item.get("Name") != field):
                     state.remove(other)
                 times.append([time.get("Value", "") for time in state.findall("Time")])
                 if len(times[-1]) != 1:

@@ -30,7 +30,7 @@ class MissingError(Exception):
 
 
 @dataclass(eq=False)
-class Table:
+class NodeTable:
     """Values of nodes that a program printed.
 
     Parameters
@@ -111,17 +111,17 @@ class Increment:
     ----------
     line : Line
         Where it begins.
-    tables : list of Table
+    tables : list of NodeTable
         In the order of the file.
     ignored : str
         Why it is not to be used.
     """
 
     line: Line
-    tables: list[Table] = field(default_factory=list)
+    tables: list[NodeTable] = field(default_factory=list)
     ignored: str = ""
 
-    def table(self, columns: Sequence[str], *names: str) -> Table:
+    def table(self, columns: Sequence[str], *names: str) -> NodeTable:
         """Return the last table with some columns, of the first of several sets that has it.
 
         Parameters
@@ -183,7 +183,7 @@ class Printed:
     def __init__(self, rule: str = "") -> None:
         self.increments: dict[Key, Increment] = {}
         self.increment: Increment | None = None
-        self.table: Table | None = None
+        self.table: NodeTable | None = None
         self.others: set[str] = set()
         self.messages: list[str] = []
         self._rule, self._where, self._n_again = rule, "", 0
@@ -215,7 +215,7 @@ class Printed:
     def blank(self) -> None:
         """Take a blank line."""
 
-    def row(self, line: Line, table: Table) -> None:
+    def row(self, line: Line, table: NodeTable) -> None:
         """Take a line of a table."""
         table.lines.append(line)
 
@@ -227,7 +227,7 @@ class Printed:
         self.increment = self.increments.setdefault(key, Increment(line, ignored=ignored))
         return self.increment
 
-    def open(self, line: Line, nodes: str, columns: list[str]) -> Table:
+    def open(self, line: Line, nodes: str, columns: list[str]) -> NodeTable:
         """Add a table to the increment; one that breaks off is gone on with."""
         if self.increment is None:
             raise line.error("a table before its increment; expected the head of an increment")
@@ -235,7 +235,7 @@ class Printed:
             if (table.nodes, table.columns) == (nodes, columns) and not table.whole:
                 self.table = table
                 return table
-        self.table = Table(line, nodes, columns, self._rule)
+        self.table = NodeTable(line, nodes, columns, self._rule)
         self.increment.tables.append(self.table)
         return self.table
 

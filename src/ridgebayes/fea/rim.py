@@ -31,7 +31,7 @@ class Rim:
 
     R: float
     centre: FloatArray
-    sides: tuple[tuple[IntArray, float], ...] = field(repr=False)  # node numbers, sign of x
+    sides: tuple[tuple[IntArray, float], ...] = field(repr=False)
 
     @classmethod
     def of(cls, undeformed: FloatArray, where: str, *, R: float | None, symmetry: str) -> "Rim":
@@ -53,24 +53,26 @@ class Rim:
             # The axis is where the mesh ends: nodes on it tell it better than a circle does.
             x = at[np.argmin(np.abs(at[:, 0] - x)), 0]
         centre = np.array([x, y])
-        found = math.sqrt(max(c + x * x + y * y, 0.0))
-        R = found if R is None else R
+        fitted = math.sqrt(max(c + x * x + y * y, 0.0))
+        R = fitted if R is None else R
         off = np.abs(np.hypot(*(at - centre).T) - R)
         if not off.max() <= _ROUND * R:
             raise InputError(
                 f"{where}: surface nodes lie up to {off.max():.3g} off a circle of R = {R:.6g} "
                 f"about ({x:.4g}, {y:.4g}); expected the undeformed surface of a cylinder, within "
-                f"{_ROUND:g} R (the circle through them has R = {found:.6g})"
+                f"{_ROUND:g} R (the circle through them has R = {fitted:.6g})"
             )
         angle = np.arctan2(at[:, 0] - x, y - at[:, 1])
         outwards = {sign: np.argsort(sign * angle) for sign in (1.0, -1.0)}
         halves = [(some[sign * angle[some] >= -_TINY], sign) for sign, some in outwards.items()]
         sides = tuple(half for half in halves if len(half[0]) >= _LEAST_NODES)
         if len(sides) != (1 if symmetry == "half" else 2):
-            there, use = ("one side of the axis only", "half")
-            if len(sides) > 1:
-                there, use = "both sides of the axis", "full"
-            raise InputError(f"{where}: surface nodes on {there}; use --symmetry {use}")
+            use = (
+                ("both sides of the axis", "full")
+                if len(sides) > 1
+                else ("one side of the axis only", "half")
+            )
+            raise InputError(f"{where}: surface nodes on {use[0]}; use --symmetry {use[1]}")
         return cls(float(R), centre, sides)
 
     @classmethod
@@ -87,11 +89,8 @@ class Rim:
         signs = (1.0,) if symmetry == "half" else (1.0, -1.0)
         if symmetry == "half" and np.median(x) < 0:
             signs = (-1.0,)
-        order = [np.argsort(sign * x, kind="stable") for sign in signs]
-        sides = tuple(
-            (some[sign * x[some] >= -_TINY * R], sign)
-            for some, sign in zip(order, signs, strict=True)
-        )
+        order = {sign: np.argsort(sign * x, kind="stable") for sign in signs}
+        sides = tuple((some[sign * x[some] >= -_TINY * R], sign) for sign, some in order.items())
         if any(len(side) < _LEAST_NODES for side, _ in sides):
             raise InputError(
                 f"{where}: {len(x)} surface nodes; expected at least {_LEAST_NODES} on each side "
@@ -136,8 +135,8 @@ class Rim:
             on = (corners[:, :1] <= x) & (x <= corners[:, :1] + width)
             inside = corners[:, 1:] - y
             deep.append(inside[on & (inside > 0)])
-        found = np.concatenate(deep)
-        return float(found.mean()) if found.size else 0.0
+        depths = np.concatenate(deep)
+        return float(depths.mean()) if depths.size else 0.0
 
 
 def _height(x: FloatArray, y: FloatArray, at: float) -> float:
