@@ -253,7 +253,7 @@ def _elements(block: _Block, deck: Deck) -> None:
     for line, more in block.rows:
         cells += filter(None, more)
         if more[-1]:  # a line that ends in a comma goes on
-            element, *nodes = _integers(line, cells)
+            element, *nodes = _integers(line, cells, 2)
             deck.elements[element] = tuple(nodes)
             cells = []
     if cells:
