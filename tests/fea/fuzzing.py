@@ -205,6 +205,8 @@ def plain_rows(content: bytes, messages: str) -> list[dict[str, str]]:
         re.search(r"separator (tab|';'|','|'\|')", messages).group(1)  # type: ignore[union-attr]
     ]
     encoding = "cp1252" if "read as Windows-1252" in messages else "utf-8-sig"
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        encoding = "utf-16"
     text = content.decode(encoding).lstrip("\ufeff")
     records = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
     records = [one for one in records if any(cell.strip() for cell in one)]

@@ -1,9 +1,9 @@
 """A run as a contact history, and the one way from a history to transition loads."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
+from typing import Any
 
 import numpy as np
 
@@ -144,65 +144,17 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
         If the surface is not round, corners cannot be placed, none is reached, or a load is beyond
         what can be computed with.
     """
-    where = history.where
-    if history.Q is not None and history.closed is not None:
-        if body.R is None and history.load_is != "p_over_E":
-            raise InputError(f"{where}: expected --R, the body's radius")
-        gaps = np.where(history.closed, -np.inf, np.inf)
-        return _table(history, gaps, replace(body, R=body.R or 1.0), history.Q, [], brackets)
-    assert history.x is not None
-    R = body.R or history.R
-    if history.undeformed is None:
-        rim = Rim.deformed(history.x[0], where, R=R, symmetry=body.symmetry)
-    else:
-        rim = Rim.of(history.undeformed, where, R=R, symmetry=body.symmetry)
-    body, n = replace(body, R=rim.R), history.x.shape[1]
-    said = [f"surface: {n} nodes on a circle of R = {rim.R:.6g}"]
-    if history.closed is not None:
-        gaps = _of_closed(history, body, rim)
-        return _table(history, gaps, body, 4 + 2 * np.arange(gaps.shape[1]), said, brackets)
-    assert history.height is not None
-    digits = history.digits
-    position = np.stack([history.x, history.height], axis=-1)
-    if body.top is None and history.rigid is None:
-        position, body = _at_rest(position, body, rim, where), replace(body, top=0.0)
-        digits = math.hypot(digits, _REST * rim.R)
-        said.append("tops: where the body rests on the first ridge, step by step")
-    corners, radius, how = _corners(history, body, rim)
-    if body.symmetry == "half" and (beyond := n - len(rim.sides[0][0])):
-        # A few nodes beyond a half mesh's axis are no second side: see Rim.of.
-        said.insert(0, f"{beyond} surface nodes ignored: beyond the axis of a half mesh")
-    gaps = np.array([rim.gaps(at, corners, radius)[1:] for at in position]) / rim.R
-    # Over round corners a surface below the tops is no overlap: flats tell it.
-    flat, width = corners + np.array([radius, 0.0]), body.a_over_R * rim.R - 2 * radius
-    depth = np.array([rim.overlap(at, flat, width) for at in position])
-    return _table(
-        history,
-        gaps,
-        body,
-        4 + 2 * np.arange(gaps.shape[1]),
-        [*said, how],
-        brackets,
-        np.hypot(depth[:, None], digits) / rim.R,
-        # A height is a sum of two printed numbers: a coordinate and a displacement.
-        2 * history.digits / rim.R,
-    )
-
-
-def _table(
-    history: ContactHistory,
-    gaps: FloatArray,
-    body: RunBody,
-    Q: IntArray,
-    said: Sequence[str],
-    brackets: bool,
-    gap_error: FloatArray | float = 0.0,
-    digits: float = 0.0,
-) -> Imported:
-    """Return the transitions of gaps over R at corners, shape (n_step, n_corner)."""
     where, load = history.where, np.abs(history.load)
-    assert body.R is not None
-    is_force, over = history.load_is == "force", 2 * body.R * body.E
+    said: list[str] = []
+    errors: dict[str, Any] = {}
+    if history.Q is None or history.closed is None:
+        body, gaps, errors = _on_rim(history, body, said)
+        Q = 4 + 2 * np.arange(gaps.shape[1])
+    elif body.R is None and history.load_is != "p_over_E":
+        raise InputError(f"{where}: expected --R, the body's radius")
+    else:
+        gaps, Q = np.where(history.closed, -np.inf, np.inf), history.Q
+    is_force, over = history.load_is == "force", 2 * (body.R or 1.0) * body.E
     half = 2 if is_force and body.symmetry == "half" else 1
     how = f"{' times 2' if half == 2 else ''} over 2 R E, E = {body.E:g}"
     if history.load_is == "p_over_E":
@@ -215,9 +167,7 @@ def _table(
             f"most {HUGE:g}"
         )
     try:
-        frame, odd = transitions_of(
-            p_over_E, gaps, Q, brackets=brackets, gap_error=gap_error, digits=digits
-        )
+        frame, odd = transitions_of(p_over_E, gaps, Q, brackets=brackets, **errors)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     frame.insert(0, "a_over_R", body.a_over_R)
@@ -235,6 +185,40 @@ def _table(
         f"{'all' if n_bracket == len(frame) else n_bracket} as brackets",
     )
     return Imported(ContactTable.from_frame(frame, where=where), messages)
+
+
+def _on_rim(
+    history: ContactHistory, body: RunBody, said: list[str]
+) -> tuple[RunBody, FloatArray, dict[str, Any]]:
+    """Return the body with its R, gaps over R at corners, shape (n_step, n_corner), and errors."""
+    assert history.x is not None
+    R, where, n = body.R or history.R, history.where, history.x.shape[1]
+    if history.undeformed is None:
+        rim = Rim.deformed(history.x[0], where, R=R, symmetry=body.symmetry)
+    else:
+        rim = Rim.of(history.undeformed, where, R=R, symmetry=body.symmetry)
+    body = replace(body, R=rim.R)
+    said.append(f"surface: {n} nodes on a circle of R = {rim.R:.6g}")
+    if history.height is None:
+        return body, _of_closed(history, body, rim), {}
+    digits = history.digits
+    position = np.stack([history.x, history.height], axis=-1)
+    if body.top is None and history.rigid is None:
+        position, body = _at_rest(position, body, rim, where), replace(body, top=0.0)
+        digits = math.hypot(digits, _REST * rim.R)
+        said.append("tops: where the body rests on the first ridge, step by step")
+    corners, radius, how = _corners(history, body, rim)
+    if body.symmetry == "half" and (beyond := n - len(rim.sides[0][0])):
+        # A few nodes beyond a half mesh's axis are no second side: see Rim.of.
+        said.append(f"{beyond} surface nodes ignored: beyond the axis of a half mesh")
+    said.append(how)
+    gaps = np.array([rim.gaps(at, corners, radius)[1:] for at in position]) / rim.R
+    # Over round corners a surface below the tops is no overlap: flats tell it.
+    flat, width = corners + np.array([radius, 0.0]), body.a_over_R * rim.R - 2 * radius
+    depth = np.array([rim.overlap(at, flat, width) for at in position])
+    error = np.hypot(depth[:, None], digits) / rim.R
+    # A height is a sum of two printed numbers: a coordinate and a displacement.
+    return body, gaps, {"gap_error": error, "digits": 2 * history.digits / rim.R}
 
 
 def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArray, float, str]:
