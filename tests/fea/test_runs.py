@@ -94,7 +94,7 @@ def test_abaqus__printed_digits_are_errors_of_the_load(tmp_path):
         imported(tmp_path, "abaqus-dat", run=pressed(R=R)).table.frame["rel_se"][0]
         for R in (1.0, 1000.0)
     ]
-    # Of displacements of up to 34, in units of R / 1000, two decimals are printed: half of 0.01.
+    # Two decimals are printed of displacements of up to 34, in units of R / 1000: half of 0.01.
     # A gap closes with the depth d at a rate of 1, p/E = 0.00155 grows by 0.3 + 24 d, d = 0.0044.
     expected = 0.005 / 1000 * (0.3 + 24 * 0.0044) / 0.00155
     assert np.sqrt(errors[1] ** 2 - errors[0] ** 2) == pytest.approx(expected, rel=0.2)

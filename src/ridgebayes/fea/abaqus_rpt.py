@@ -61,9 +61,10 @@ def read_abaqus_rpt(
             f"{path}: no 'Field Output Report'; expected a field report of Abaqus/Viewer"
         )
     columns = _U if deck else _COORD + _U
-    nodes = sheet.nsets.get((surface or "").upper(), [])
-    driven = sheet.nsets.get((reaction or "").upper(), [])
-
+    nodes, driven = (
+        list(dict.fromkeys(sheet.nsets.get((name or "").upper(), ())))
+        for name in (surface, reaction)
+    )
     digits = []
 
     def state(increment: Increment) -> tuple[float, FloatArray]:

@@ -13,6 +13,7 @@ from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line, numbers_of
 from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
+from ridgebayes.runtime.text import clipped
 
 _FACES = "slave element+face"
 _STRESS = ("element", "face", "press", "tang1", "tang2")
@@ -27,9 +28,9 @@ _COLUMNS = {
 }
 # CalculiX makes a plane element one layer of a solid, whose first two faces are its sides.
 _SIDES = 2
+_CORNERS = (3, 4)  # of plane elements
 _DIGITS = 5e-7  # of a displacement: seven are printed
 _FRD_DIGITS = 5e-6  # six are, in a .frd
-_N_SIDES = {3: 3, 6: 3, 4: 4, 8: 4}  # of plane elements, by their nodes
 
 
 def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> ContactHistory:
@@ -112,8 +113,9 @@ def _ends(element: int, side: int, run: RunDeck) -> tuple[float, float]:
     """Return from where to where a side of an element was."""
     nodes = run.deck.elements.get(element, ())
     places = [run.deck.nodes[node] for node in nodes if node in run.deck.nodes]
-    n = _N_SIDES.get(len(set(places)), 0)
-    if len(places) < len(nodes) or not 0 < side <= n:
+    # Corners come first, then as many nodes in the middle of sides, or none.
+    n = len(nodes) if len(nodes) in _CORNERS else len(nodes) // 2
+    if len(set(places)) < len(nodes) or n not in _CORNERS or not 0 < side <= n:
         raise InputError(
             f"{run.path}: no side {side} of an element {element}, which is pressed; expected the "
             "run's deck, of plane triangles and quadrilaterals"
@@ -146,8 +148,8 @@ class _Blocks(Printed):
         is_head = here == "words" and self._head.pattern.match(line.text) is not None
         is_wrong = is_lost if here == "row" else self._above and self.table and not is_head
         if is_wrong:
-            text = line.text.strip()[:60]
-            raise line.error(f"{text!r} among rows; expected rows, a blank line, a heading")
+            text = clipped(line.text.strip())
+            raise line.error(f"{text} among rows; expected rows, a blank line, a heading")
         if here == "row" and self.table is not None:
             self.row(line, self.table)
         elif is_head:

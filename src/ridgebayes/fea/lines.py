@@ -13,10 +13,11 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_text
+from ridgebayes.runtime.text import clipped
 
 # A number as programs print it: Fortran drops the E of an exponent of three digits.
 NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
-_SHOWN = 60  # characters
+MOST_WHOLE = 2**53  # whole numbers up to here are floats
 
 
 class Line(NamedTuple):
@@ -50,7 +51,7 @@ class Line(NamedTuple):
 
     def unexpected(self, expected: str) -> InputError:
         """Return an error that shows the line."""
-        return self.error(f"{self.text.strip()[:_SHOWN]!r}; expected {expected}")
+        return self.error(f"{clipped(self.text.strip())}; expected {expected}")
 
     def finite(self, word: str, value: int | None = None) -> float:
         """Return a printed number.
@@ -70,7 +71,7 @@ class Line(NamedTuple):
         number = parse_number(word)
         if not math.isfinite(number):
             where = f"{self.path}, line {self.number}" + (f", value {value} =" if value else ":")
-            raise InputError(f"{where} {word[:40]!r}: expected a finite number")
+            raise InputError(f"{where} {clipped(word)}: expected a finite number")
         return number
 
     def values(self, columns: Sequence[str]) -> list[float]:

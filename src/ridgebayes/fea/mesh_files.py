@@ -27,8 +27,8 @@ from ridgebayes.runtime.reading import (
     read_text,
     refusing,
 )
+from ridgebayes.runtime.text import clipped
 
-_SHOWN = 80  # characters of a word in a file that messages show
 _MOST_NAMES = 10  # of fields that messages show
 _ENCODING = re.compile(r"<\?xml[^>]*encoding\s*=\s*[\"']([^\"']*)")
 State = tuple[FloatArray, FloatArray]  # points, and their displacements
@@ -49,7 +49,7 @@ def parse_xml(path: Path) -> ET.Element:
             raise InputError(f"{path}, line {line}: {word}; expected XML without it")
     encoding = _ENCODING.match(text)
     if encoding and encoding[1].upper() not in ("UTF-8", "UTF8", "ASCII", "US-ASCII"):
-        raise InputError(f"{path}, line 1: encoding {short(encoding[1])}; expected UTF-8")
+        raise InputError(f"{path}, line 1: encoding {clipped(encoding[1])}; expected UTF-8")
     try:
         return ET.fromstring(text)
     except ET.ParseError as error:
@@ -86,7 +86,9 @@ def read_vtu(path: Path, field: str) -> State:
     root = parse_xml(path)
     compressor = root.get("compressor")
     if compressor not in (None, "vtkZLibDataCompressor"):
-        raise InputError(f"{path}: compressor {short(compressor)}; expected vtkZLibDataCompressor")
+        raise InputError(
+            f"{path}: compressor {clipped(str(compressor))}; expected vtkZLibDataCompressor"
+        )
     _check_once(str(path), field, root.findall("*/Piece/PointData/DataArray"))
     with _of_meshio(str(path), "a VTU file of an unstructured grid"):
         for item in root.iter("DataArray"):
@@ -117,7 +119,7 @@ def _check_items(path: Path, root: ET.Element) -> None:
             raise InputError(f"{path}: a <DataItem> of others; expected one plain <DataItem>")
         if not re.fullmatch(r"\s*[0-9]{1,15}(\s+[0-9]{1,15})?\s*", dimensions):
             raise InputError(
-                f"{path}: Dimensions {short(dimensions)}; expected whole numbers, of points and "
+                f"{path}: Dimensions {clipped(dimensions)}; expected whole numbers, of points and "
                 "components"
             )
         shape = tuple(map(int, dimensions.split()))
@@ -130,9 +132,9 @@ def _check_items(path: Path, root: ET.Element) -> None:
         if item.get("Format") == "HDF":
             _check_dataset(path, text, shape)
         elif item.get("Format") != "XML":
-            raise InputError(f"{path}: Format {short(item.get('Format'))}; expected XML or HDF")
+            raise InputError(f"{path}: Format {item.get('Format')!r:.80}; expected XML or HDF")
         elif not re.fullmatch(r"[-+.\dEe\s]*", text, re.A):
-            raise InputError(f"{path}: {short(text)}; expected numbers between blanks")
+            raise InputError(f"{path}: {clipped(text)}; expected numbers between blanks")
 
 
 def _check_dataset(path: Path, text: str, shape: tuple[int, ...]) -> None:
@@ -141,16 +143,18 @@ def _check_dataset(path: Path, text: str, shape: tuple[int, ...]) -> None:
 
     name, _, inner = text.rpartition(":")
     target = path.parent.resolve() / name
-    here = f"{target}: {short(inner)}"
+    here = f"{target}: {clipped(inner)}"
     # TypeError: a type of HDF5 that NumPy has not.
     kinds = (OSError, RuntimeError, KeyError, ValueError, TypeError)
-    with refusing(f"{path}: numbers in {short(text)}: cannot be read", *kinds):
+    with refusing(f"{path}: numbers in {clipped(text)}: cannot be read", *kinds):
         if not re.fullmatch("(/[^/]+)+", inner) or not name or not is_beside(path, name):
             raise InputError(
-                f"{path}: numbers in {short(text)}; expected FILE.h5:/PATH in the same folder"
+                f"{path}: numbers in {clipped(text)}; expected FILE.h5:/PATH in the same folder"
             )
         if not target.is_file():
-            raise InputError(f"{path}: numbers in {short(name)}: no such file; move both together")
+            raise InputError(
+                f"{path}: numbers in {clipped(name)}: no such file; move both together"
+            )
         with h5py.File(target, "r") as data:
             item = data
             for key in inner[1:].split("/"):
@@ -171,7 +175,7 @@ def _check_binary(path: Path, root: ET.Element, item: ET.Element) -> None:
         appended = (root.findtext("AppendedData") or "").strip()
         text = appended[1 + int(item.get("offset", "0")) :]
     if not re.fullmatch(r"[A-Za-z0-9+/=]*", text):
-        raise InputError(f"{path}: {short(text)}; expected base64")
+        raise InputError(f"{path}: {clipped(text)}; expected base64")
     if root.get("compressor") is None:
         return
     order = ">" if root.get("byte_order") == "BigEndian" else "<"
@@ -205,16 +209,11 @@ def is_beside(path: Path, name: str) -> bool:
     return not is_away and (folder / name).resolve().is_relative_to(folder)
 
 
-def short(word: str | None) -> str:
-    """Return a word of a file as messages show it: in quotes, and no more than its beginning."""
-    return repr(word if word is None else word[:_SHOWN])
-
-
 def _check_once(here: str, field: str, arrays: Sequence[ET.Element]) -> None:
     """Refuse point data that are not there once, or are data of cells."""
     names = [array.get("Name") for array in arrays if array.get("Center", "Node") == "Node"]
     if (n := names.count(field)) != 1:
-        shown = ", ".join(sorted(set(map(short, names)))[:_MOST_NAMES])
+        shown = ", ".join(sorted(set(map(clipped, map(str, names))))[:_MOST_NAMES])
         raise InputError(
             f"{here}: {n} point data {field!r}; expected one; the fields are {shown or 'none'}"
         )

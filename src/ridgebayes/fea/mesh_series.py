@@ -12,12 +12,12 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import parse_number
-from ridgebayes.fea.mesh_files import is_beside, parse_xml, read_vtu, read_xdmf, short
+from ridgebayes.fea.mesh_files import is_beside, parse_xml, read_vtu, read_xdmf
 from ridgebayes.fea.record import FARTHEST, HUGE, provenance
+from ridgebayes.runtime.text import clipped
 
-_ROUND = 5e-6  # of R: nodes so near to the circle are on it
 _MOST_NAMED = 5  # files that a source names beside the first
-_SHOWN = 40  # characters of a load
+_ROUND = 5e-6  # of R: nodes so near to the circle are on it
 
 
 def read_series(
@@ -110,8 +110,8 @@ def _loads(words: Sequence[object], places: Sequence[str]) -> FloatArray:
     """Return the load of each state."""
     loads = np.array([parse_number(str(word).strip()) for word in words])
     for k in np.flatnonzero(~((loads >= 0) & (loads <= HUGE)))[:1]:
-        shown = str(words[k])[:_SHOWN]
-        raise InputError(f"{places[k]}: load {shown!r}; expected a number from 0 to {HUGE:g}")
+        shown = clipped(str(words[k]))
+        raise InputError(f"{places[k]}: load {shown}; expected a number from 0 to {HUGE:g}")
     return loads
 
 
@@ -122,7 +122,7 @@ def _of_pvd(path: Path) -> tuple[list[Path], list[str]]:
     times = [item.get("timestep", "") for item in listed]
     for name in names:
         if not (name.lower().endswith(".vtu") and is_beside(path, name)):
-            raise InputError(f"{path}: file {short(name)}; expected a .vtu in the same folder")
+            raise InputError(f"{path}: file {clipped(name)}; expected a .vtu in the same folder")
     if len(set(times)) < len(times):
         raise InputError(f"{path}: a timestep twice; expected one file a step, of one part")
     return [path.parent / name for name in names], times

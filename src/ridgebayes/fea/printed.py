@@ -14,12 +14,11 @@ import pandas as pd
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.lines import Line, numbers_of, read_lines
-from ridgebayes.runtime.text import some_of
+from ridgebayes.fea.lines import MOST_WHOLE, Line, numbers_of, read_lines
+from ridgebayes.fea.record import SHOWN
+from ridgebayes.runtime.text import clipped, some_of
 
 _ROW = re.compile(r"\s*\d+\s+[-+.\d][-+0-9.Ee\s]*$")
-_MOST_NODE = 2**53  # whole numbers up to here are floats
-_SHOWN = 3  # lines and reasons that a message shows
 Handler = Any  # a method of a `Printed`, of a line and its match
 Key = tuple[float, ...]
 T = TypeVar("T")
@@ -75,10 +74,10 @@ class NodeTable:
         try:
             values = numbers_of(self.lines, ["node", *self.columns])
             node = values[:, 0]
-            is_odd = (node % 1 != 0) | (np.abs(node) > _MOST_NODE) | pd.Series(node).duplicated()
+            is_odd = (node % 1 != 0) | (np.abs(node) > MOST_WHOLE) | pd.Series(node).duplicated()
             for i in np.flatnonzero(is_odd)[:1]:
-                word = self.lines[i].words[0][:40]
-                raise self.lines[i].error(f"node {word!r}; expected a whole number, each node once")
+                word = clipped(self.lines[i].words[0])
+                raise self.lines[i].error(f"node {word}; expected a whole number, each node once")
         except InputError as error:
             raise InputError(f"{error}{self.rule and ', '}{self.rule}") from None
         return pd.DataFrame(values[:, 1:], columns=self.columns, index=node.astype(np.int64))
@@ -220,7 +219,7 @@ class Printed:
         table.lines.append(line)
 
     def begin(self, line: Line, key: Key, *, anew: bool = False, ignored: str = "") -> Increment:
-        """Go to an increment; one that is printed anew counts as in the later place."""
+        """Go to an increment; where one is printed again, the later one counts."""
         if anew and self.increments.pop(key, None) is not None:
             self._n_again += 1
         self.table = None
@@ -291,12 +290,11 @@ class Printed:
         if self._n_again:
             said.append(f"{self._n_again} increments printed again: the later one counts")
         said += [
-            f"{some_of(where, _SHOWN)}: increment ignored, {lack}"
-            for lack, where in ignored.items()
+            f"{some_of(where, SHOWN)}: increment ignored, {lack}" for lack, where in ignored.items()
         ]
         said = [*self.messages, *said]
         if not states:
-            why = "".join(f"; {text}" for text in said[:_SHOWN])
+            why = "".join(f"; {text}" for text in said[:SHOWN])
             raise InputError(f"{path}: no increment with {wanted}{why}")
         self.messages = [f"{path}: {len(states)} increments", *said]
         return np.array([load for load, _ in states], dtype=float), [rest for _, rest in states]

@@ -10,6 +10,7 @@ from scipy.interpolate import krogh_interpolate
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
+from ridgebayes.fea.record import SHOWN
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.rules import row_codes
 
@@ -18,7 +19,6 @@ _MOST_Q = 10_000  # of counts: a column of memory for each even one
 _MOST_REMARKS = 20  # on single histories that messages show
 _TOUCHING = 1e-12  # of R: a body that lies on a corner is off it by rounding
 _MOST_DISTINCT = 1000  # numbers whose digits are looked at
-_MOST_LOADS = 5  # that a message shows
 
 
 def transitions_of(
@@ -97,7 +97,7 @@ def transitions_of(
         first = int(np.argmax(touched))
         lost = load[first:][gap[first:, j] > touching]
         if lost.size:
-            at = some_of([f"{at:.5g}" for at in lost], _MOST_LOADS)
+            at = some_of([f"{at:.5g}" for at in lost], SHOWN)
             messages.append(f"Q = {Q[j]}: contact is lost again at p/E = {at}")
         before = np.flatnonzero(is_known[:first])
         lower = float(load[before[-1]]) if before.size else 0.0
