@@ -161,6 +161,11 @@ ABAQUS_PAGE = (
     "\n 10 kN on a pad                    STEP    1  INCREMENT    1\n"
     " 2 mm thick                    TIME COMPLETED IN THIS STEP   0.00\n\n"
 )
+ANSYS_PAGE = (
+    "\n1\n\n ***** ANSYS - ENGINEERING ANALYSIS SYSTEM  RELEASE 2021 R1          21.1     *****\n"
+    " 00000000  VERSION=LINUX x64     15:08:00  FEB 01, 2021 CP=      1.234\n\n"
+    "  ***** POST1 NODAL DEGREE OF FREEDOM LISTING *****\n\n"
+)
 
 
 def before_row(new):
@@ -308,6 +313,8 @@ SAME = [
         {"surface": "RIM", "reaction": "TOP"},
         "",
     ),
+    ("ansys", put("^(?=     1150)", ANSYS_PAGE, count=0), {}, ""),
+    ("ansys, status", put("^(?=     1150)", ANSYS_PAGE, count=0), {}, ""),
     ("febio", None, {}, "line 1: increment ignored, zeros, as before the first step"),
     ("nodes", put("COPEN", "Clearance"), {"map": ("gap=Clearance",)}, "34 steps of 241 nodes"),
 ]
@@ -552,7 +559,7 @@ REFUSED = [
     ("ansys", put("FX|UX", "UZ", count=0), "UX missing"),
     ("ansys", put("^     1002", "    x1002"), "other nodes"),
     ("ansys", put("E-0", "Q-0"), "expected a finite number"),
-    ("ansys", lambda text: text[: text.rindex("     1201") + 9], "has no end"),
+    ("ansys", lambda text: text[: text.rindex("     1201") + 15], "has no end"),
     ("ansys", lambda text: text[: text.rindex("     1201")], "UY of other nodes"),
     ("ansys", lambda text: text.replace("     1201", "     5201"), "node 5201 has no X and Y"),
     ("series, PVD", put("0.vtu", "../0.vtu"), "expected a .vtu in the same folder"),

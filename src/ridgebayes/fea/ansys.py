@@ -20,6 +20,7 @@ from ridgebayes.fea.transitions import last_digit
 MARK = re.compile(rb"\*\*\*\*\* POST1 .* LISTING|LIST (?:ALL )?SELECTED NODES|PRINT .* PER NODE")
 CLOSED = (2, 3)  # of STAT: 0 far, 1 near, 2 sliding, 3 sticking
 _TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")  # where a number begins in fixed columns
+_ROW = re.compile(r"\s*\d+(?:\s+|(?=-))[-+.]*\d")  # a node and a number: no line of a page's head
 _PLACE = ("X", "Y")
 _MOST = 20  # nodes that messages name
 
@@ -125,11 +126,10 @@ class _Listing(Printed):
         self.table = None
 
     def row(self, line: Line, table: NodeTable) -> None:
-        """Take a row, of columns of fixed width; a 1 by itself is a page's head."""
-        text = line.text.strip()
-        if text[0].isdigit() and text != "1":
+        """Take a row, of columns of fixed width; other lines are of a page's head."""
+        if _ROW.match(line.text):
             if not line.ended:
                 raise line.error("the last line has no end; expected a whole listing")
-            words = _TOUCH.sub(" ", text).split()
+            words = _TOUCH.sub(" ", line.text).split()
             words = words[:3] if table is self.places else words
             table.lines.append(line._replace(text=" ".join(words)))

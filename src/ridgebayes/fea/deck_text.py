@@ -26,7 +26,6 @@ from ridgebayes.scene.scene import Scene
 FORMATS = ("calculix", "abaqus")
 SURFACE, REACTION = "NARC", "NTOP"
 _PENALTY = 1e5  # pressure over overlap, E/R: an overlap shifts the first transition most
-_RIGID = 1000.0  # E of the blocks, whose nodes are all held
 DEPTH = 0.06  # of the blocks that are the ridges, over R
 _ARC = 16  # blocks under a round corner
 _GROWTH = 0.3  # of edges away from corners
@@ -220,7 +219,6 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
             "use 0.49, which changes loads by up to 1.4 %, or --format abaqus"
         )
     number, points, n_cell = disk.numbers, disk.mesh.points, len(disk.cells)
-    used = np.flatnonzero(number)
     sets = {REACTION: disk.mesh.mid_plane, "NAX": disk.mesh.axis, SURFACE: disk.rim}
     # Blocks side by side share nodes: CalculiX goes from face to face to find what is pressed, and
     # at the seam of faces that do not know each other the body passes through them.
@@ -232,15 +230,12 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
         "deck.inp.jinja",
         disk=disk,
         calculix=calculix,
-        nodes=zip(number[used].tolist(), *points[used].T.tolist(), strict=True),
+        nodes=np.column_stack([number, points])[number > 0].tolist(),
         cells=number[disk.cells].tolist(),
         sets={name: [n for n in number[some].tolist() if n] for name, some in sets.items()},
-        rigid_nodes=[(n, x, y) for (x, y), n in rigid.items()],
+        rigid=rigid,
         blocks=[_block(disk, k, n_cell, rigid) for k in range(len(disk.blocks))],
         faces=_pressed_faces(disk),
-        c10=0.25 / (1.0 + disk.nu),
-        d1=6.0 * (1.0 - 2.0 * disk.nu),  # 2/K, and 0 for an incompressible body
-        rigid=_RIGID,
         penalty=penalty,
         surface=SURFACE,
         reaction=REACTION,
