@@ -169,11 +169,15 @@ class _Tables(Printed):
             self.others.add(f"{' '.join(columns)} of {self._name}")
 
     def row(self, line: Line, table: NodeTable) -> None:
-        """Take a row, or what stands below the rows."""
+        """Take a row."""
+        if not table.whole and not (self._is_below and self._is_count(line)):
+            table.lines.append(line)
+
+    def other(self, line: Line, table: NodeTable) -> None:
+        """Take a damaged row, or what stands below the rows."""
         word, _, values = line.text.strip().partition(" ")
         if word.isdecimal():
-            if not (table.whole or self._is_count(line)):
-                table.lines.append(line)
+            self.row(line, table)
         elif word in ("MAXIMUM", "MINIMUM", "TOTAL"):
             table.whole = True
             table.below[word] = line._replace(text=values).values(table.columns)

@@ -74,7 +74,8 @@ class NodeTable:
         try:
             values = numbers_of(self.lines, ["node", *self.columns])
             node = values[:, 0]
-            is_odd = (node % 1 != 0) | (np.abs(node) > MOST_WHOLE) | pd.Series(node).duplicated()
+            is_odd = (node % 1 != 0) | (np.abs(node) > MOST_WHOLE)
+            is_odd |= ~np.isin(np.arange(len(node)), np.unique(node, return_index=True)[1])
             for i in np.flatnonzero(is_odd)[:1]:
                 word = clipped(self.lines[i].words[0])
                 raise self.lines[i].error(f"node {word}; expected a whole number, each node once")
@@ -209,14 +210,18 @@ class Printed:
                 handler(self, line, match)
                 return
         if self.table is not None:
-            self.row(line, self.table)
+            self.other(line, self.table)
 
     def blank(self) -> None:
         """Take a blank line."""
 
     def row(self, line: Line, table: NodeTable) -> None:
-        """Take a line of a table."""
+        """Take a row of a table."""
         table.lines.append(line)
+
+    def other(self, line: Line, table: NodeTable) -> None:
+        """Take a line of a table that is no plain row."""
+        self.row(line, table)
 
     def begin(self, line: Line, key: Key, *, anew: bool = False, ignored: str = "") -> Increment:
         """Go to an increment; where one is printed again, the later one counts."""
