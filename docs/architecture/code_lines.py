@@ -23,7 +23,7 @@ BUDGETS = {
     "table": 637,  # pandas reads plain CSV: a million rows in two thirds of the time and memory
     "scene": 1_323,
     "simulate": 507,
-    "fea": 4_694,
+    "fea": 4_429,
     "model": 1_606,
     "inference": 2_569,
     "predict": 1_147,  # loads of many textures in one call where no texture has a share of its own
