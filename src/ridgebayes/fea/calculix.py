@@ -229,13 +229,14 @@ class _Frd(Printed):
         self.table, name = None, match[1].strip()
         if name not in _COLUMNS:
             self.others.add(name)
-        elif self.increment is not None:
+        else:
             self.open(line, name, list(_COLUMNS[name]))
 
     @on("-3")
     def _end(self, line: Line, match: re.Match[str]) -> None:
         if self.table is not None:
             self.table.whole, self.table = True, None
+        self.increment = None  # each block has a head with its time
 
     def row(self, line: Line, table: NodeTable) -> None:
         """Take the name of a component: columns are those of a plane run."""
