@@ -17,7 +17,7 @@ import pandas as pd
 from scipy.interpolate import krogh_interpolate
 
 from ridgebayes._types import FloatArray
-from ridgebayes.fea.calculix import whole_levels
+from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
 from ridgebayes.fea.rim import Rim
@@ -61,14 +61,15 @@ def transitions(folder: Path, a: float, b: float, edges: float, penalty: float) 
     """
     name, radius = name_of(a, b, edges, penalty), CORNER * a
     run = RunDeck.read(folder / f"{name}.inp", SURFACE, REACTION, E=1.0, nu=NU)
-    levels, _ = whole_levels(folder / f"{name}.dat", run, None)
-    load = np.array([abs(one.force or math.nan) for one in levels])
-    moved = np.array([one.moved(run.nodes) for one in levels])
+    history = read_calculix(folder / f"{name}.dat", deck=run)
+    assert history.x is not None
+    assert history.height is not None
+    load, position = np.abs(history.load), np.stack([history.x, history.height], axis=-1)
     surface = Rim.of(run.undeformed, name, R=1.0, symmetry="half")
     far = b / 2 + (a + b) * np.arange(math.ceil(0.6 / (a + b)))
     top = float(run.rigid[:, 1].max())
     corners = np.column_stack([far, np.full(len(far), top)])
-    gaps = np.array([surface.gaps(run.undeformed + one, corners, radius) for one in moved])
+    gaps = np.array([surface.gaps(at, corners, radius) for at in position])
     rows = []
     for k in range(1, len(far)):
         after = int(np.append(np.flatnonzero(gaps[:, k] <= 0), len(load))[0])
@@ -76,9 +77,7 @@ def transitions(folder: Path, a: float, b: float, edges: float, penalty: float) 
             continue
         last = slice(after - 3, after)
         flat = corners[[k - 1]] + [radius, 0.0]
-        overlap = np.array(
-            [surface.overlap(run.undeformed + one, flat, a - 2 * radius) for one in moved[last]]
-        )
+        overlap = np.array([surface.overlap(at, flat, a - 2 * radius) for at in position[last]])
         p, gap = load[last], gaps[last, k]
         found, plain, straight = (
             _zero(gap + OVERLAP * overlap, p),

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.commands.fields import generate_fields
-from ridgebayes.fea.calculix import read_levels
-from ridgebayes.fea.deck import read_deck
+from ridgebayes.fea.calculix import read_calculix
+from ridgebayes.fea.deck import RunDeck
 from ridgebayes.scene.scene import Scene
 from ridgebayes.table.table import read_table
 
@@ -26,11 +26,10 @@ def abaqus() -> None:
     """Write the run's rim and force as Abaqus prints and reports them."""
     writer, folder = runpy.run_path(str(WRITER)), FEA / "abaqus"
     folder.mkdir(exist_ok=True)
-    deck = read_deck(FEA / "calculix" / "ridges.inp")
-    nodes = deck.coordinates(deck.nsets["NARC"], "ridges.inp")
-    levels, _ = read_levels(FEA / "calculix" / "ridges.dat", "NARC", "NTOP")
-    force = np.array([one.force for one in levels], dtype=float)
-    moved = np.array([one.moved(deck.nsets["NARC"]) for one in levels])
+    run = RunDeck.read(FEA / "calculix" / "ridges.inp", "NARC", "NTOP", E=1.0, nu=0.49)
+    deck, nodes = run.deck, run.undeformed
+    history = read_calculix(FEA / "calculix" / "ridges.dat", deck=run)
+    force, moved = history.load, np.stack([history.x, history.height], axis=-1) - nodes
     text = writer["dat_text"](force, nodes, nodes + moved, surface="RIM", reaction="TOP")
     (folder / "ridges.dat").write_text(text, encoding="ascii")
     rim = [f"{i}, {x:.13g}, {y:.13g}" for i, (x, y) in enumerate(nodes, start=1)]

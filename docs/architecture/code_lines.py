@@ -23,7 +23,7 @@ BUDGETS = {
     "table": 643,  # with the check for plain CSV that import uses too: pandas reads it faster
     "scene": 1_323,
     "simulate": 507,
-    "fea": 4_532,
+    "fea": 4_268,
     "model": 1_606,
     "inference": 2_569,
     "predict": 1_147,  # loads of many textures in one call where no texture has a share of its own

@@ -22,7 +22,7 @@ _HOME = {
     "InputError": "errors",
     "RidgebayesError": "errors",
     "import_table": "fea.import_table",
-    "export_deck": "fea.export_deck",
+    "export_deck": "fea.deck_text",
     "Scene": "scene.scene",
     "plan": "scene.estimates",
     "generate": "simulate.generation",
@@ -104,7 +104,7 @@ if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
     from ridgebayes.errors import ComputationError as ComputationError
     from ridgebayes.errors import InputError as InputError
     from ridgebayes.errors import RidgebayesError as RidgebayesError
-    from ridgebayes.fea.export_deck import export_deck as export_deck
+    from ridgebayes.fea.deck_text import export_deck as export_deck
     from ridgebayes.fea.import_table import import_table as import_table
     from ridgebayes.friction.bands import FrictionBands as FrictionBands
     from ridgebayes.friction.calibration import FrictionFit as FrictionFit

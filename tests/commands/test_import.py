@@ -65,7 +65,7 @@ def test_import__of_a_run_gives_the_load_at_which_the_corner_is_reached(run):
     assert frame["p_over_E"].iloc[0] == pytest.approx(REACHED, rel=2e-4)
     assert frame["rel_se"].iloc[0] > 0.1  # the first ridge is deep inside this rigid rim
     assert frame["source"].str.match(r"import calculix: run\.dat sha256=\w{16} deck=run\.inp").all()
-    assert said.out.startswith("format: calculix\nrun.dat: 20 levels with NARC and NTOP\n")
+    assert said.out.startswith("format: calculix\nrun.dat: 20 increments\n")
     assert f"texture: a/R = {A:g}, b/R = {B:g}, nu = 0.49" in said.out
     next_one = r"next: ridgebayes run --table t\.csv\n$"
     assert re.search(r"t\.csv: \d rows?, 1 texture\. " + next_one, said.out)

@@ -1,6 +1,5 @@
 """A deck through CalculiX itself and back: the package's own loads by another program."""
 
-import functools
 import os
 import shutil
 import subprocess
@@ -11,13 +10,13 @@ import pytest
 
 from ridgebayes.contact.cylinder.faces import first_height
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.fea.calculix import whole_levels
+from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
-from ridgebayes.fea.history import RunBody
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.read import import_files
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.generation import generate
-from tests.fea.runs import read_calculix
 
 SOLVER = shutil.which("ccx") or shutil.which("ccx_2.20")
 if SOLVER is None and os.environ.get("RIDGEBAYES_NEEDS_CCX"):
@@ -53,14 +52,8 @@ def run(scene, tmp_path_factory):
     # Without friction a state does not depend on the way: seven of the levels below the transition
     # are left out, and the two beyond it.
     solve(scene, slice(7, 12), folder)
-    return functools.partial(
-        read_calculix,
-        folder / "run.dat",
-        RunBody(A, B, NU),
-        deck=folder / "run.inp",
-        surface=SURFACE,
-        reaction=REACTION,
-    )
+    given = {"texture": (A, B), "nu": f"{NU}", "surface": SURFACE, "reaction": REACTION}
+    return lambda **more: import_files([folder / "run.dat"], Given(**given, **more))
 
 
 def test_run__agrees_with_the_package_s_own_elements(run, scene):
@@ -82,8 +75,8 @@ def test_run__on_round_corners_has_no_way_into_the_flats(tmp_path):
     texture = Texture(a_over_R=A, b_over_R=B, corner_radius_over_R=r)
     solve(Scene(textures=(texture,), p_over_E=0.013, nu=NU), slice(6, 8), tmp_path)
     run = RunDeck.read(tmp_path / "run.inp", SURFACE, REACTION, E=1.0, nu=NU)
-    (*_, level), _ = whole_levels(tmp_path / "run.dat", run, None)
-    x, y = (run.undeformed + level.moved(run.nodes)).T
+    history = read_calculix(tmp_path / "run.dat", deck=run)
+    x, y = history.x[-1], history.height[-1]
     top = first_height(Profile(A, B, corner=r))
     on = (x > B / 2 + r) & (x < B / 2 + A - r) & (y < top + 1e-6)
     assert on.sum() > 3

@@ -108,6 +108,7 @@ def test_read_deck__a_deck_that_includes_itself_is_refused(tmp_path):
             "GENERATE of 9999999 nodes: expec",
         ),
         (NODES + "*ELEMENT, TYPE=CPE4\n1, 2, 3,\n", "an element ends in a comma"),
+        (NODES + "*ELEMENT, TYPE=CPE4\n1\n", "line 6: 1 values; expected at least 2"),
         (
             NODES + "*MATERIAL, NAME=A\n*HYPERELASTIC, NEO HOOKE\n0., 1.\n",
             "C10 = 0, D1 = 1; expec",

@@ -1,17 +1,9 @@
 """Damaged files: some hundred of them, with a fixed seed."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-# By its file, so that it does not matter from which folder pytest was started.
-_SPEC = importlib.util.spec_from_file_location("fuzzing", Path(__file__).with_name("fuzzing.py"))
-fuzzing = importlib.util.module_from_spec(_SPEC)
-sys.modules["fuzzing"] = fuzzing
-_SPEC.loader.exec_module(fuzzing)
+from tests.fea import fuzzing
 
 N_MUTANT = 16  # of each kind of file; thousands by `python -m tests.fea.fuzzing`
 

@@ -1,9 +1,6 @@
 """A rim moved in closed form: its loads are known."""
 
 import dataclasses
-import runpy
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -11,8 +8,7 @@ import pytest
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.history import ContactHistory, RunBody, table_of
-
-WRITER = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("abaqus_writer.py"))))
+from tests.fea.abaqus_writer import pressed
 
 
 def levels(run, **changes):
@@ -36,7 +32,7 @@ def frame(run, body=None, **changes):
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize(("R", "E"), [(1.0, 1.0), (8.0, 0.06)])
 def test_table_of__finds_the_loads_of_half_and_full_bodies_in_any_unit(full, R, E):
-    run = WRITER.pressed(full=full, R=R, E=E)
+    run = pressed(full=full, R=R, E=E)
     found = frame(run)
     assert found["Q"].tolist() == run["Q"] == [4, 6, 8]
     # Extrapolated straight over an increment: an error of second order, which rel_se tells.
@@ -46,12 +42,12 @@ def test_table_of__finds_the_loads_of_half_and_full_bodies_in_any_unit(full, R, 
 
 
 def test_table_of__halves_of_a_full_body_give_its_loads():
-    whole, half = (frame(WRITER.pressed(full=full)) for full in (True, False))
+    whole, half = (frame(pressed(full=full)) for full in (True, False))
     np.testing.assert_allclose(whole["p_over_E"], half["p_over_E"], rtol=1e-12)  # rounding
 
 
 def test_table_of__the_side_that_touches_first_counts():
-    run = WRITER.pressed(full=True)
+    run = pressed(full=True)
     # Lower on the left alone, by less than an increment: that side is a little earlier.
     run["position"][:, run["nodes"][:, 0] < 0, 1] -= 2e-4
     found = frame(run)
@@ -59,14 +55,14 @@ def test_table_of__the_side_that_touches_first_counts():
 
 
 def test_table_of__reversed_forces_and_thickness_are_the_same_load():
-    run = WRITER.pressed()
+    run = pressed()
     expected = frame(run)["p_over_E"]
     body = RunBody(run["a"], run["b"], thickness=2.5)
     np.testing.assert_allclose(frame(run, body, load=-2.5 * run["force"])["p_over_E"], expected)
 
 
 def test_table_of__a_rim_that_hangs_over_round_corners_is_no_overlap():
-    run = WRITER.pressed()
+    run = pressed()
     r = 0.2 * run["a"]
     body = RunBody(run["a"], run["b"], corner_over_R=r)
     rigid = levels(run).rigid + np.array([r, 0.0])
@@ -84,14 +80,14 @@ def test_table_of__a_rim_that_hangs_over_round_corners_is_no_overlap():
 
 
 def test_table_of__top_given_is_as_tops_found():
-    run = WRITER.pressed()
+    run = pressed()
     body = RunBody(run["a"], run["b"], top=run["top"])
     found = frame(run, body, rigid=np.zeros((0, 2)))
     np.testing.assert_allclose(found["p_over_E"], frame(run)["p_over_E"], rtol=1e-12)
 
 
 def test_table_of__a_wrong_E_is_that_factor_of_load():
-    run = WRITER.pressed()
+    run = pressed()
     found = frame(run, RunBody(run["a"], run["b"], E=2.0))
     np.testing.assert_allclose(2 * found["p_over_E"], frame(run)["p_over_E"], rtol=1e-12)
 
@@ -106,20 +102,20 @@ def test_table_of__a_wrong_E_is_that_factor_of_load():
     ],
 )
 def test_table_of__what_contradicts_the_run_is_refused(changes, message):
-    run = WRITER.pressed()
+    run = pressed()
     body = dataclasses.replace(RunBody(run["a"], run["b"]), **changes)
     with pytest.raises(InputError, match=rf"run: .*{message}"):
         table(run, body)
 
 
 def test_table_of__a_full_run_called_half_is_refused():
-    run = WRITER.pressed(full=True)
+    run = pressed(full=True)
     with pytest.raises(InputError, match="both sides of the axis; use --symmetry full"):
         table(run, RunBody(run["a"], run["b"]))
 
 
 def test_table_of__few_nodes_and_no_circle_are_refused():
-    run = WRITER.pressed()
+    run = pressed()
     short = {"undeformed": run["nodes"][:4], "position": run["position"][:, :4]}
     with pytest.raises(InputError, match="4 surface nodes; expected at least 5"):
         table(run, **short)
@@ -146,7 +142,7 @@ def test_body__values_out_of_range_are_named(changes, named):
 
 
 def test_table_of__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be_left_out():
-    run = WRITER.pressed()
+    run = pressed()
     assert not any("beyond the axis" in line for line in table(run).messages)
     mirror = np.array([-1.0, 1.0])
     more = {
@@ -168,13 +164,13 @@ def test_table_of__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be_left_out(
     ],
 )
 def test_table_of__numbers_that_overflow_are_refused(name, scale, message):
-    run = WRITER.pressed()
+    run = pressed()
     with pytest.raises(InputError, match=message):
         table(run, **{name: scale * getattr(levels(run), name)})
 
 
 def test_table_of__a_rim_that_rests_within_its_printed_digits_is_in_contact():
-    run, digits = WRITER.pressed(), 1e-5
+    run, digits = pressed(), 1e-5
     position = run["position"].copy()
     # Rounded upwards, in coordinate and displacement, and a floor in the grooves.
     position[..., 1] = np.maximum(position[..., 1], run["top"] + 1.5 * digits)
@@ -184,7 +180,7 @@ def test_table_of__a_rim_that_rests_within_its_printed_digits_is_in_contact():
 
 
 def test_table_of__the_corner_radius_is_that_of_the_deck_s_nodes():
-    run = WRITER.pressed()
+    run = pressed()
     r = 0.2 * run["a"]
     turn = np.linspace(0, np.pi / 2, 7)
     arc = r * np.column_stack([1 - np.cos(turn), np.sin(turn) - 1])
@@ -202,7 +198,7 @@ def test_table_of__the_corner_radius_is_that_of_the_deck_s_nodes():
 
 
 def test_table_of__corners_that_are_no_circle_ask_for_their_radius():
-    run = WRITER.pressed()
+    run = pressed()
     rigid = np.array([(far + 0.2 * run["a"], run["top"]) for far in run["corners"]])
     with pytest.raises(InputError, match=r"no rigid nodes at the corners.* --corner"):
         table(run, rigid=rigid)

@@ -15,6 +15,39 @@ def straight(zero, load=LOAD):
     return np.maximum(zero - load, 0.0)[:, None]
 
 
+SMOOTH = "Q = 4: the gap before contact is not smooth enough: bracketed"
+
+
+@pytest.mark.parametrize(
+    ("gap", "options", "bracket", "messages"),
+    [
+        (straight(0.37)[:, 0], {"brackets": True}, [0.3, 0.4], []),
+        (straight(0.05)[:, 0], {}, [0.0, 0.1], []),  # contact from the first increment on
+        (
+            [0.2, 0.1, 0.0, 0.1, 0.0],
+            {"brackets": True},
+            [0.2, 0.3],
+            ["Q = 4: contact is lost again at p/E = 0.4"],
+        ),
+        ([0.05, 0.3, 0.2, -0.1, -0.2], {}, [0.3, 0.4], [SMOOTH]),  # grows, then closes at 0.5
+        ([0.5, 0.4, 0.3, -0.1, -0.2], {}, [0.3, 0.4], [SMOOTH]),  # straight on: at 0.6
+        # Straight on: at 1.2; a parabola: 0.3.
+        ([0.9, 0.1, 0.09, -0.1, -0.1], {"gap_error": 1.0}, [0.3, 0.4], [SMOOTH]),
+        (straight(0.37)[:, 0], {"gap_error": np.inf}, [0.3, 0.4], [SMOOTH]),
+        # An unknown gap is no end of a bracket.
+        ([np.inf, np.inf, np.nan, -np.inf, -np.inf], {}, [0.2, 0.4], []),
+    ],
+)
+def test_transitions_of__without_a_smooth_gap_a_load_is_in_its_increment(
+    gap, options, bracket, messages
+):
+    gap = np.array(gap)[:, None]
+    rows, said = transitions_of(LOAD, gap, np.array([4]), **options)
+    columns = ["p_over_E_lower", "p_over_E", "rel_se"]
+    assert rows[columns].iloc[0].tolist() == pytest.approx([*bracket, 0.0], rel=1e-12)
+    assert said == messages
+
+
 def test_transitions_of__a_straight_gap_is_zero_at_its_load():
     rows, messages = transitions_of(LOAD, straight(0.37), np.array([4]))
     assert rows["p_over_E"].iloc[0] == pytest.approx(0.37, rel=1e-12)  # rounding
@@ -29,16 +62,6 @@ def test_transitions_of__a_curved_gap_is_off_by_no_more_than_three_errors():
         off = abs(rows["p_over_E"].iloc[0] - 0.37) / 0.37
         # The error is what a parabola adds to a straight line; the rest is of third order.
         assert 0.3 * rows["rel_se"].iloc[0] < off < 3 * rows["rel_se"].iloc[0]
-
-
-def test_transitions_of__brackets_are_the_increment():
-    rows, _ = transitions_of(LOAD, straight(0.37), np.array([4]), brackets=True)
-    assert rows[["p_over_E_lower", "p_over_E", "rel_se"]].iloc[0].tolist() == [0.3, 0.4, 0.0]
-
-
-def test_transitions_of__a_first_increment_in_contact_is_bracketed_from_zero():
-    rows, _ = transitions_of(LOAD, straight(0.05), np.array([4]))
-    assert rows[["p_over_E_lower", "p_over_E"]].iloc[0].tolist() == [0.0, 0.1]
 
 
 def test_transitions_of__cut_backs_repeats_and_unloading_change_nothing():
@@ -61,38 +84,12 @@ def test_transitions_of__contact_seen_only_while_unloading_does_not_count():
         transitions_of(load, gap, np.array([4]))
 
 
-def test_transitions_of__lost_contact_is_said_and_the_first_one_counts():
-    gap = np.array([[0.2], [0.1], [0.0], [0.1], [0.0]])
-    rows, messages = transitions_of(LOAD, gap, np.array([4]), brackets=True)
-    assert rows["p_over_E"].iloc[0] == 0.3
-    assert messages == ["Q = 4: contact is lost again at p/E = 0.4"]
-
-
-def test_transitions_of__a_gap_that_jumps_is_bracketed():
-    gap = np.array([[0.05], [0.3], [0.2], [-0.1], [-0.2]])  # grows, then would close at 0.5
-    rows, messages = transitions_of(LOAD, gap, np.array([4]))
-    assert rows[["p_over_E_lower", "p_over_E"]].iloc[0].tolist() == [0.3, 0.4]
-    assert messages == ["Q = 4: the gap before contact is not smooth enough: bracketed"]
-
-
-def test_transitions_of__a_gap_that_would_close_outside_its_increment_is_bracketed():
-    gap = np.array([[0.5], [0.4], [0.3], [-0.1], [-0.2]])  # straight on: at 0.6
-    rows, _ = transitions_of(LOAD, gap, np.array([4]))
-    assert rows[["p_over_E_lower", "p_over_E"]].iloc[0].tolist() == [0.3, 0.4]
-
-
 def test_transitions_of__known_signs_alone_make_brackets():
     gap = np.where(LOAD[:, None] > [0.25, 0.45], -np.inf, np.inf)
     rows, messages = transitions_of(LOAD, gap, np.array([4, 6]))
     assert rows["p_over_E_lower"].tolist() == [0.2, 0.4]
     assert rows["p_over_E"].tolist() == [0.3, 0.5]
     assert messages == []
-
-
-def test_transitions_of__an_unknown_gap_is_no_end_of_a_bracket():
-    gap = np.array([[np.inf], [np.inf], [np.nan], [-np.inf], [-np.inf]])
-    rows, _ = transitions_of(LOAD, gap, np.array([4]))
-    assert rows[["p_over_E_lower", "p_over_E"]].iloc[0].tolist() == [0.2, 0.4]
 
 
 def test_transitions_of__errors_of_the_gap_are_errors_of_the_load():
@@ -132,15 +129,6 @@ def test_transitions_of__a_gap_within_one_printed_digit_is_closed():
     np.testing.assert_allclose(rows["rel_se"], [5e-7 / 0.1 / 0.4], rtol=1e-6)
     with pytest.raises(InputError, match="no corner is reached"):
         transitions_of(LOAD, gap, np.array([4]))
-
-
-def test_transitions_of__a_load_that_one_more_increment_changes_much_is_bracketed():
-    gap = np.array([[0.9], [0.1], [0.09], [-0.1], [-0.1]])  # straight on: at 1.2; a parabola: 0.3
-    rows, messages = transitions_of(LOAD, gap, np.array([4]), gap_error=1.0)
-    assert rows[["p_over_E_lower", "p_over_E", "rel_se"]].iloc[0].tolist() == [0.3, 0.4, 0.0]
-    assert messages == ["Q = 4: the gap before contact is not smooth enough: bracketed"]
-    rows, _ = transitions_of(LOAD, straight(0.37), np.array([4]), gap_error=np.inf)
-    assert rows["p_over_E_lower"].tolist() == [0.3]
 
 
 def test_transitions_of_runs__gaps_are_closed_at_their_last_digit():

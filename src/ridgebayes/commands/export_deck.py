@@ -3,8 +3,7 @@
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import refuse_existing, refuse_suffix
 from ridgebayes.commands.terminal import Answer
-from ridgebayes.fea.deck_text import REACTION, SURFACE
-from ridgebayes.fea.export_deck import export_deck
+from ridgebayes.fea.deck_text import REACTION, SURFACE, export_deck
 from ridgebayes.scene.scene import Scene
 
 

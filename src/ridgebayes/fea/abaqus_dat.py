@@ -1,31 +1,18 @@
 """Abaqus runs: printed displacements and reaction forces of a ``.dat`` with its deck."""
 
-import math
 import re
 from pathlib import Path
 
 import numpy as np
 
-from ridgebayes.errors import InputError
+from ridgebayes._types import FloatArray
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.lines import (
-    NUMBER,
-    Frame,
-    Line,
-    NodeTable,
-    Printed,
-    last_digit_of,
-    on,
-    read_lines,
-    unused,
-)
+from ridgebayes.fea.lines import NUMBER, Line, last_digit_of
+from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
 
 _ALL = "ALL NODES"
 _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
-_MOST_DIGITS = 18  # of the number of a node
-_RULE = "in global directions (no footnotes)"
-_TRAILERS = ("MAXIMUM", "MINIMUM", "TOTAL")
 
 
 def read_abaqus_dat(path: Path, *, deck: RunDeck) -> ContactHistory:
@@ -53,142 +40,108 @@ def read_abaqus_dat(path: Path, *, deck: RunDeck) -> ContactHistory:
     Abaqus leaves out rows of zeros. A node that is not there has moved by nothing where its table
     ends in a summary (``MAXIMUM``, ``TOTAL``), without which the increment is ignored.
     """
+    printed = _Tables("in global directions (no footnotes)").read(path, unfinished=True)
     surface, reaction = deck.surface, deck.reaction
-    asked = {
-        surface.upper(): set(deck.nodes),
-        reaction.upper(): set(deck.driven),
-        _ALL: set(deck.deck.nodes),
-    }
-    increments, messages = _increments(path)
-    force, moved, unit = [], [], 0.0
-    for one in increments:
-        try:
-            rim, driven = _table(one, surface, "U1", "U2"), _table(one, reaction, "RF2")
-            _check_whole(rim, asked[rim.nodes])
-            _check_whole(driven, asked[driven.nodes])
-        except LookupError as lack:
-            messages.append(f"line {one.line}: increment ignored, {lack}")
-            continue
-        moved.append(np.nan_to_num(rim.of(deck.nodes, "U1", "U2")))
-        unit = max(unit, _last_digit(rim))
-        if "TOTAL" in driven.trailers and driven.nodes == reaction.upper():
-            force.append(driven.trailers["TOTAL"][driven.columns.index("RF2")])
-        else:
-            force.append(math.fsum(np.nan_to_num(driven.of(deck.driven, "RF2")[:, 0])))
-    if not force:
-        printed = {f"{' '.join(t.columns)} of {t.nodes}" for one in increments for t in one.tables}
-        raise InputError(
-            f"{path}: no increment with U1 and U2 of {surface} and RF2 of {reaction}; expected "
-            "*NODE PRINT of U on the one and of RF on the other; the tables are "
-            + (", ".join(sorted(printed)[:5]) or "none")
-            + "".join(f"; {line}" for line in messages[:3])
-        )
-    at = deck.undeformed + np.array(moved)
-    return ContactHistory(
-        np.array(force),
-        str(path),
-        deck.provenance(path, "abaqus-dat"),
-        "abaqus",
-        at[..., 0],
-        at[..., 1],
-        undeformed=deck.undeformed,
-        rigid=deck.rigid,
-        digits=unit / 2,
-        messages=(f"{path}: {len(force)} increments with {surface} and {reaction}", *messages),
+    digits = [0.0]
+
+    def state(increment: Increment) -> tuple[float, FloatArray]:
+        rim = increment.table(("U1", "U2"), surface, _ALL)
+        digits.append(_last_digit(rim))
+        driven = increment.table(("RF2",), reaction, _ALL)
+        for table, nodes in ((rim, deck.nodes), (driven, deck.driven)):
+            _fill(table, list(deck.deck.nodes) if table.nodes == _ALL else nodes)
+        if driven.nodes == _ALL:
+            driven.below.pop("TOTAL", None)
+        return driven.force(deck.driven, "RF2"), rim.of(deck.nodes, "U1", "U2")
+
+    load, moved = printed.states(
+        state,
+        path,
+        f"U1 and U2 of {surface} and RF2 of {reaction}; expected *NODE PRINT of U on the one and "
+        f"of RF on the other; the tables are {printed.shown}",
     )
+    x, height = np.moveaxis(deck.undeformed + np.array(moved), -1, 0)
+    surface_at = {"x": x, "height": height, "undeformed": deck.undeformed, "rigid": deck.rigid}
+    source = deck.provenance(path, "abaqus-dat")
+    return printed.history(load, source, "abaqus", digits=max(digits) / 2, **surface_at)
 
 
-def _table(increment: Frame, nodes: str, *columns: str) -> NodeTable:
-    """Return the table of a set, or else of all nodes, that has some columns; or LookupError."""
-    if increment.ignored:
-        raise LookupError(increment.ignored)
-    for name in (nodes.upper(), _ALL):
-        for one in increment.tables:
-            if one.nodes == name and one.has(*columns):
-                return one
-    raise LookupError(f"{' and '.join(columns)} of {nodes} missing")
+def _fill(table: NodeTable, nodes: list[int]) -> None:
+    """Add rows of zeros, which are not printed.
 
-
-def _check_whole(table: NodeTable, nodes: set[int]) -> None:
-    """Refuse a table that contradicts itself; LookupError if something of it is missing."""
-    rows = table.rows
-    if strange := set(rows.nodes.tolist()) - nodes:
+    Raises
+    ------
+    MissingError
+        If rows are missing, and no end tells that they are zeros.
+    InputError
+        If a node is not of the set, or extremes are not those of the rows.
+    """
+    rows, n = table.rows, len(table.rows)
+    if strange := set(rows.index) - set(nodes):
         # Numbers of an assembly's instances are not those of the deck's parts.
         raise table.line.error(
             f"node {min(strange)} is not in the deck's "
             f"{table.nodes}; expected the deck of this run, without parts and instances"
         )
-    missing = len(nodes) - len(rows.nodes)
-    if missing and not table.whole:
-        raise LookupError(
-            f"a table of {table.nodes} with {len(rows.nodes)} of {len(nodes)} nodes, and no end"
-        )
-    zeros = np.zeros((int(missing > 0 or not nodes), len(table.columns)))
-    values = np.vstack([rows.values, zeros])
-    for name, pick in (("MAXIMUM", np.max), ("MINIMUM", np.min)):
-        for i, value in enumerate(table.trailers.get(name, ())):
-            if pick(values[:, i]) != value:
+    if n < len(nodes) and not table.whole:
+        raise MissingError(f"a table of {table.nodes} with {n} of {len(nodes)} nodes, and no end")
+    table.rows = rows.reindex(nodes, fill_value=0.0)
+    for name, values in (("MAXIMUM", table.rows.max()), ("MINIMUM", table.rows.min())):
+        for column, value in zip(table.columns, table.below.get(name, ()), strict=False):
+            if values[column] != value:
                 raise table.line.error(
-                    f"{table.columns[i]} of {table.nodes}: {name} {value:g} is not that of the "
-                    "rows; expected whole tables"
+                    f"{column} of {table.nodes}: {name} {value:g} is not that of the rows; "
+                    "expected whole tables"
                 )
 
 
 def _last_digit(rim: NodeTable) -> float:
     """Return what the last digit of the largest displacement is worth."""
-    size = np.abs(rim.rows.values)
+    size = rim.rows.abs().to_numpy()
     if not size.any():
         return 0.0
-    row, column = np.unravel_index(np.argmax(size), size.shape)
-    return last_digit_of(rim.lines[int(row)].words[1 + int(column)])
+    row, column = np.unravel_index(size.argmax(), size.shape)
+    return last_digit_of(rim.lines[row].words[1 + column])
 
 
-def _increments(path: Path) -> tuple[list[Frame], list[str]]:
-    """Return the increments of a file in its order; one printed again counts once, as last."""
-    reader = _Dat()
-    lines = read_lines(path, unfinished=True)
-    cut = lines[-1].number if lines and not lines[-1].ended else 0
-    for line in lines:
-        if line.text.strip() and line.number != cut:
-            reader.take(line)
-        elif reader.table is not None and reader.table.lines:
-            reader.table.below = True
-    found = reader.found
-    messages = unused(reader.others)
-    if reader.repeated:
-        messages.append(f"{reader.repeated} increments printed again: the later one counts")
-    if cut and found:
-        messages.append(f"line {cut} ignored: the last one, and without an end")
-    return list(found.values()), messages
-
-
-class _Dat(Printed):
+class _Tables(Printed):
     """Increments of a run."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.repeated, self._step, self._ignored = 0, 0, ""
-        self._is_name = False  # whether the next line is the long name of a set
+    def __init__(self, rule: str) -> None:
+        super().__init__(rule)
+        self._step, self._ignored = 0, ""
+        self._name = ""  # of the next table's set
+        self._is_below = False  # whether a blank line came after rows
+
+    @property
+    def shown(self) -> str:
+        """Words for the tables that there are."""
+        tables = [table for step in self.increments.values() for table in step.tables]
+        return (
+            ", ".join(sorted({f"{' '.join(t.columns)} of {t.nodes}" for t in tables})[:5]) or "none"
+        )
+
+    def blank(self) -> None:
+        """Note what may be the end of a table."""
+        self._is_below = self.table is not None and bool(self.table.lines)
 
     def take(self, line: Line) -> None:
-        """Read a line that is not blank."""
-        if self._is_name:
-            self._is_name, self.table = False, NodeTable(line, line.words[0].upper(), _RULE)
+        """Take a line; the last one without an end may be half."""
+        if self._name == "\n":
+            self._name = line.words[0].upper()
+        elif not line.ended:
+            self.messages.append(f"line {line.number} ignored: the last one, and without an end")
         else:
             super().take(line)
 
     @on(r"INCREMENT\s+(\d{1,9})\s+SUMMARY\s*$")
     def _summary(self, line: Line, match: re.Match[str]) -> None:
-        key = (self._step, int(match[1]))
-        self.repeated += key in self.found
-        self.found.pop(key, None)
-        self.frame = self.found[key] = Frame(line.number, ignored=self._ignored)
-        self.table = None
+        self.begin(line, (self._step, int(match[1])), anew=True, ignored=self._ignored)
 
     @on(r"S T E P\s+(\d{1,9})\s")
     def _new_step(self, line: Line, match: re.Match[str]) -> None:
         self._step, self._ignored = int(match[1]), ""
-        self.frame = self.table = None
+        self.increment = self.table = None
 
     @on(r".*\bSTEP\s+(\d{1,9})\s+INCREMENT\s+\d+\b|1\s*$|.*TIME COMPLETED IN THIS STEP")
     def _page(self, line: Line, match: re.Match[str]) -> None:
@@ -203,43 +156,35 @@ class _Dat(Printed):
         r"THE FOLLOWING TABLE IS PRINTED FOR (?:(ALL NODES)|NODES BELONGING TO NODE SET ?(\S*))\s*$"
     )
     def _title(self, line: Line, match: re.Match[str]) -> None:
-        name = _ALL if match[1] else match[2].upper()
-        self._is_name, self.table = not name, NodeTable(line, name, _RULE) if name else None
+        self.table = None
+        self._name = match[1] or match[2].upper() or "\n"  # a long name is on the next line
 
     @on(r"NODE\s+FOOT-\s+(\S.*)$")
     def _header(self, line: Line, match: re.Match[str]) -> None:
         """Take the columns of a table, and go on with it if it began on the page before."""
-        if (table := self.table) is None:
-            return
-        table.columns, self.table = match[1].split(), None
-        if not table.has("U1", "U2") and not table.has("RF2"):
-            self.others.add(f"{' '.join(table.columns)} of {table.nodes}")
-            return
-        if self.frame is None:
-            raise line.error("a table before its increment; expected INCREMENT n SUMMARY first")
-        for one in self.frame.tables:
-            if (one.nodes, one.columns) == (table.nodes, table.columns) and not one.whole:
-                self.table = one
-                return
-        self.frame.tables.append(table)
-        self.table = table
+        columns, self.table = match[1].split(), None
+        if {"U1", "U2"} <= set(columns) or "RF2" in columns:
+            self.open(line, self._name, columns)
+        else:
+            self.others.add(f"{' '.join(columns)} of {self._name}")
 
     def row(self, line: Line, table: NodeTable) -> None:
-        """Take a row, or what stands below the rows."""
-        words = line.words
-        is_row = words[0].isascii() and words[0].isdecimal() and len(words[0]) <= _MOST_DIGITS
-        if not table.columns or words[0] == "AT" or (is_row and table.whole):
-            return
-        if is_row:
-            if not table.below or all(NUMBER.fullmatch(word) for word in words):
-                # Else counts of messages at the end of the file.
-                table.lines.append(line)
-        elif words[0] in _TRAILERS:
-            values = [line.finite(word) for word in words[1:]]
-            if len(values) != len(table.columns):
-                raise line.error(f"{len(values)} values; expected {len(table.columns)}")
+        """Take a row."""
+        if not table.whole and not (self._is_below and self._is_count(line)):
+            table.lines.append(line)
+
+    def other(self, line: Line, table: NodeTable) -> None:
+        """Take a damaged row, or what stands below the rows."""
+        word, _, values = line.text.strip().partition(" ")
+        if word.isdecimal():
+            self.row(line, table)
+        elif word in ("MAXIMUM", "MINIMUM", "TOTAL"):
             table.whole = True
-            table.trailers[words[0]] = values
-        elif " ".join(words) == _ZERO:
+            table.below[word] = line._replace(text=values).values(table.columns)
+        elif line.text.strip() == _ZERO:
             table.whole = True
-        # Else NOTE below the header, a page's head, or what follows the table.
+        # Else NOTE below the header, AT NODE, a page's head, or what follows the table.
+
+    def _is_count(self, line: Line) -> bool:
+        """Return whether a line below a blank one counts messages, at the end of a file."""
+        return self._is_below and not all(NUMBER.fullmatch(word) for word in line.words)

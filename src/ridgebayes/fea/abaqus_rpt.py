@@ -1,6 +1,5 @@
 """Reports of Abaqus/Viewer: nodal values frame by frame."""
 
-import math
 import re
 from pathlib import Path
 
@@ -10,13 +9,15 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Deck, read_deck
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.lines import Frame, Line, NodeTable, Printed, on, read_lines, unused
+from ridgebayes.fea.lines import Line
+from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
 from ridgebayes.fea.record import provenance
 
 _DASHES = re.compile(r"\s*-{9,}\s*$")
 _GAP = re.compile(r"\s{2,}")  # between names, which hold single blanks
 _AGREE = 1e-4  # of the sum of sizes: how far a total may be off its rows
 _MOVED = 1e-4  # of the largest displacement: how far undeformed coordinates may differ
+_U, _COORD, _RF = ("U.U1", "U.U2"), ("COORD.COOR1", "COORD.COOR2"), "RF.RF2"
 
 
 def read_abaqus_rpt(
@@ -53,85 +54,79 @@ def read_abaqus_rpt(
     ``COORD`` is where nodes are, or where they were, depending on the step's ``NLGEOM``: it is what
     makes undeformed coordinates the same in all frames.
     """
-    sheet = read_deck(deck) if deck is not None else None
-    frames, messages = _frames(path)
-    names = ["U.U1", "U.U2"] + ([] if sheet else ["COORD.COOR1", "COORD.COOR2"])
-    rims, driven = _Region(surface, sheet), _Region(reaction, sheet)
-    kept: list[str] = []
-    used: list[NodeTable] = []
-    force: list[float] = []
-    nodes: list[int] = []
-    for one in frames:
-        try:
-            rim = rims.table(one, *names)
-            nodes = nodes or rims.nodes_of(rim)
-            if missing := set(nodes) - set(rim.rows.nodes.tolist()):
-                raise LookupError(f"{len(missing)} nodes missing")
-            forces = driven.table(one, "RF.RF2")
-        except LookupError as lack:
-            messages.append(f"{one.name}, line {one.line}: frame ignored, {lack}")
-            continue
-        kept.append(one.name)
-        used.append(rim)
-        force.append(_force(forces, driven.nodes_of(forces)))
-    if not kept:
-        raise InputError(
-            f"{path}: no frame with {', '.join(names)} and RF.RF2; expected nodal field output "
-            "of both" + "".join(f"; {line}" for line in messages[:3])
-        )
-    moved = np.array([rim.of(nodes, "U.U1", "U.U2") for rim in used])
-    digits = 0.5 * 10.0 ** (1 - max(map(_digits, used))) * float(np.abs(moved).max())
-    if sheet is not None and deck is not None:
-        undeformed = sheet.coordinates(nodes, str(deck))
-        rigid = sheet.coordinates(sheet.rigid_nodes(nodes), str(deck))
-    else:
-        at = np.array([rim.of(nodes, "COORD.COOR1", "COORD.COOR2") for rim in used])
-        undeformed, how = _undeformed(path, at, moved)
-        messages.append(how)
-        rigid = np.zeros((0, 2))
-    given = {"deck": deck and deck.name, "surface": surface, "reaction": reaction}
-    details = (f"{key}={name}" for key, name in given.items() if name)
-    position = undeformed + moved
-    return ContactHistory(
-        np.array(force),
-        str(path),
-        provenance(path, "abaqus-rpt", *details),
-        "abaqus",
-        position[..., 0],
-        position[..., 1],
-        undeformed=undeformed,
-        rigid=rigid,
-        digits=digits,
-        messages=(f"{path}: {len(kept)} frames, {kept[0]} to {kept[-1]}", *messages),
-    )
-
-
-def _frames(path: Path) -> tuple[list[Frame], list[str]]:
-    """Return the frames of a file in the order of steps and increments."""
-    report = _Report()
-    for line in read_lines(path):
-        report.take(line)
-    if not report.n:
+    sheet = Deck() if deck is None else read_deck(deck)
+    printed = _Report("averaged where elements meet").read(path)
+    if not printed.steps:
         raise InputError(
             f"{path}: no 'Field Output Report'; expected a field report of Abaqus/Viewer"
         )
-    return [report.found[key] for key in sorted(report.found)], unused(report.others)
+    columns = _U if deck else _COORD + _U
+    nodes, driven = (
+        list(dict.fromkeys(sheet.nsets.get((name or "").upper(), ())))
+        for name in (surface, reaction)
+    )
+    digits = []
+
+    def state(increment: Increment) -> tuple[float, FloatArray]:
+        rim = _table(increment, columns, surface, nodes)
+        forces = _table(increment, (_RF,), reaction, driven)
+        nodes[:] = nodes or rim.rows.index.tolist()
+        values = rim.of(nodes, *columns)
+        if n := int(np.isnan(values[:, 0]).sum()):
+            raise MissingError(f"{n} nodes missing")
+        digits.append(_digits(rim))
+        return _force(forces, driven), values
+
+    wanted = f"{', '.join(columns)} and {_RF}; expected nodal field output of both"
+    load, states = printed.states(state, path, wanted)
+    moved = np.array(states)[..., -2:]
+    if deck is None:
+        undeformed, how = _undeformed(path, np.array(states)[..., :2], moved)
+        printed.messages.append(how)
+        rigid = np.zeros((0, 2))
+    else:
+        undeformed = sheet.coordinates(nodes, str(deck))
+        rigid = sheet.coordinates(sheet.rigid_nodes(nodes), str(deck))
+    x, height = np.moveaxis(undeformed + moved, -1, 0)
+    options = {"deck": deck and deck.name, "surface": surface, "reaction": reaction}
+    source = (f"{key}={name}" for key, name in options.items() if name)
+    return printed.history(
+        load,
+        provenance(path, "abaqus-rpt", *source),
+        "abaqus",
+        x=x,
+        height=height,
+        undeformed=undeformed,
+        rigid=rigid,
+        digits=0.5 * 10.0 ** (1 - max(digits)) * float(np.abs(moved).max()),
+    )
+
+
+def _table(
+    increment: Increment, columns: tuple[str, ...], name: str | None, nodes: list[int]
+) -> NodeTable:
+    """Return the table of a region, or else the one that has a set's nodes."""
+    table = increment.table(columns, name or "", *[""] * bool(nodes))
+    if not table.whole:
+        raise MissingError(f"{', '.join(columns)} of {table.nodes} is cut off")
+    return table
 
 
 class _Report(Printed):
     """Reports, one after another."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.n, self._database, self._step = 0, "", ""
-        self._steps: dict[str, int] = {}
+    def __init__(self, rule: str) -> None:
+        super().__init__(rule)
+        self.steps: dict[str, int] = {}
+        self._database, self._step = "", ""
+        self._region_name = ""
         self._header: list[str] = []
         self._pending: list[str] = []  # a row so far: wide ones are wrapped
 
     @on("Field Output Report(?!.*reported at)")
     def _title(self, line: Line, match: re.Match[str]) -> None:
-        self.n += 1
-        self.frame = self.table = None
+        self.increment = self.table = None
+        self.steps.setdefault("", 0)
 
     @on(r"(ODB: .*\S)")
     def _run(self, line: Line, match: re.Match[str]) -> None:
@@ -146,21 +141,27 @@ class _Report(Printed):
     @on(r"(Frame: (?:Increment\s+(\d{1,9}): Step Time =\s*(\S+)|.*\S))")
     def _new_frame(self, line: Line, match: re.Match[str]) -> None:
         if match[2] is None:
-            self.frame = None
+            self.increment = None
             self.others.add(match[1])
             return
         line.finite(match[3])
-        key = (self._steps.setdefault(self._step, len(self._steps)), int(match[2]))
-        self.frame = self.found.setdefault(key, Frame(line.number, f"{self._step} {match[2]}"))
+        self.begin(line, (self.steps.setdefault(self._step, len(self.steps)), int(match[2])))
 
     @on(r"Field Output reported at(?: nodes for (?:part|region): (.*\S))?")
     def _region(self, line: Line, match: re.Match[str]) -> None:
         self._header, self._pending, self.table = [], [], None
         if match[1] is None:
             self.others.add(line.text.strip())
-        elif self.frame is not None:
-            self.table = NodeTable(line, match[1], "averaged where elements meet")
-            self.frame.tables.append(self.table)
+        elif self.increment is not None:
+            self.table = NodeTable(line, match[1], rule=self._rule)
+            self.increment.tables.append(self.table)
+
+    def blank(self) -> None:
+        """Take the end of a header, or of rows."""
+        if self.table is not None and self.table.lines:
+            self.table.whole = self.table.whole or not self._pending
+        elif not self._pending:
+            self._header = []
 
     def row(self, line: Line, table: NodeTable) -> None:
         """Take a line of a table: its header, a row or a piece of one, or what stands below."""
@@ -170,50 +171,17 @@ class _Report(Printed):
             names = _GAP.split(self._header[0]) if self._header else []
             table.columns += names[names[:1] in (["Node"], ["Node Label"]) :]
             self._header = []
-        elif (
-            not table.lines and not self._pending and (not table.columns or not text[:1].isdigit())
-        ):
-            self._header = [*self._header, text] if text else []
-        elif not text or text[0].isalpha():
-            table.whole = table.whole or not self._pending
+        elif not (table.lines or self._pending or (table.columns and text[0].isdigit())):
+            self._header.append(text)
+        elif text[0].isalpha():
+            self.blank()
             if text.startswith("Total"):
-                table.trailers["TOTAL"] = [line.finite(word) for word in line.words[1:]]
+                table.below["Total"] = [line.finite(word) for word in line.words[1:]]
         elif not table.whole:
             self._pending += line.words
             if len(self._pending) > len(table.columns):
                 table.lines.append(line._replace(text=" ".join(self._pending)))
                 self._pending = []
-
-
-class _Region:
-    """Nodes that are asked for: a region as the report names it, a set of the deck, or any."""
-
-    def __init__(self, name: str | None, deck: Deck | None) -> None:
-        self._name = name
-        nsets = {} if deck is None else deck.nsets
-        self._nodes = list(dict.fromkeys(nsets.get((name or "").upper(), ())))
-
-    def table(self, frame: Frame, *columns: str) -> NodeTable:
-        """Return the table that has some columns; LookupError if something of it is missing."""
-        some = [one for one in frame.tables if one.has(*columns) and one.lines and one.whole]
-        if self._name is not None:
-            name = "." + self._name.upper()
-            named = [one for one in some if f".{one.nodes.upper()}".endswith(name)]
-            some = named or (some if self._nodes else [])
-        if not some:
-            cut = [one for one in frame.tables if one.has(*columns) and not one.whole]
-            what = ", ".join(columns) + (f" of {self._name}" if self._name else "")
-            raise LookupError(f"{what} is cut off" if cut else f"{what} missing")
-        regions = sorted({one.nodes for one in some})
-        if len(regions) > 1:
-            raise some[-1].line.error(
-                f"{', '.join(columns)} of {', '.join(regions)}; name one of these regions"
-            )
-        return some[-1]
-
-    def nodes_of(self, table: NodeTable) -> list[int]:
-        """Return the set's nodes, or all of the table."""
-        return self._nodes or table.rows.nodes.tolist()
 
 
 def _digits(table: NodeTable) -> int:
@@ -224,20 +192,19 @@ def _digits(table: NodeTable) -> int:
 
 def _force(table: NodeTable, nodes: list[int]) -> float:
     """Return the sum of RF2, checked against a printed total and against nothing at all."""
-    values = table.of(nodes, "RF.RF2")[:, 0]
-    values = values[~np.isnan(values)]
-    force, size = math.fsum(values), math.fsum(np.abs(values))
-    totals = table.trailers.get("TOTAL", [])
-    if len(totals) == len(table.columns) and len(values) == len(table.lines):
-        total = totals[table.columns.index("RF.RF2")]
+    driven = nodes or table.rows.index.tolist()
+    force, size = table.force(driven, _RF), float(table.rows[_RF].reindex(driven).abs().sum())
+    totals = table.below.get("Total", [])
+    if len(totals) == len(table.columns) and len(driven) == len(table.lines):
+        total = totals[table.columns.index(_RF)]
         if abs(total - force) > _AGREE * size:
             raise table.line.error(
-                f"RF.RF2 of {table.nodes} adds up to {force:.6g}, and the total is {total:.6g}; "
+                f"{_RF} of {table.nodes} adds up to {force:.6g}, and the total is {total:.6g}; "
                 "expected whole tables"
             )
     if size > 0 and abs(force) < _AGREE * size:
         raise table.line.error(
-            f"RF.RF2 of {table.nodes} cancels to {force:.3g}; expected a region of the driven "
+            f"{_RF} of {table.nodes} cancels to {force:.3g}; expected a region of the driven "
             "nodes alone, where the load is read"
         )
     return force
@@ -247,7 +214,7 @@ def _undeformed(path: Path, at: FloatArray, moved: FloatArray) -> tuple[FloatArr
     """Return coordinates that are the same in all frames, and whether COORD is before or after."""
     largest = float(np.abs(moved).max())
     bases = {"undeformed": at, "deformed": at - moved}
-    spread = {name: float(np.ptp(one, axis=0).max()) for name, one in bases.items()}
+    spread = {name: float(np.ptp(base, axis=0).max()) for name, base in bases.items()}
     digits = 1e-5 * float(np.abs(at).max())
     how = min(spread, key=lambda name: spread[name])
     if len(at) < 2 or spread[how] > _MOVED * largest + digits or largest < 10 * digits:

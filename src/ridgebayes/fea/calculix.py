@@ -1,8 +1,7 @@
 """CalculiX runs: what a ``.dat`` or a ``.frd`` prints, with its deck and its ``.sta``."""
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,57 +11,26 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.calculix_sta import read_sta
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.lines import Line, NodeRows, read_lines, unused
+from ridgebayes.fea.lines import Line, numbers_of
+from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
+from ridgebayes.runtime.text import clipped
 
-_HEAD = re.compile(
-    r"\s*(total force|forces|displacements|relative contact displacement|contact stress)"
-    r" \(([^)]*)\) for (?:set (\S+)|all \S+ ?\S*) and time +(\S+)\s*$"
-)
-_STRESS = "contact stress"
 _FACES = "slave element+face"
+_STRESS = ("element", "face", "press", "tang1", "tang2")
+_FORCES, _MOVED = ("fx", "fy", "fz"), ("vx", "vy", "vz")
 _COLUMNS = {
-    "total force": "fx, fy, fz",
-    "forces": "node, fx, fy, fz",
-    "displacements": "node, vx, vy, vz",
-    _STRESS: "element, face, press, tang1, tang2",
+    "total force": _FORCES,
+    "forces": _FORCES,
+    "displacements": _MOVED,
+    "contact stress": _STRESS,
+    "DISP": _MOVED,
+    "FORC": _FORCES,
 }
 # CalculiX makes a plane element one layer of a solid, whose first two faces are its sides.
 _SIDES = 2
+_CORNERS = (3, 4)  # of plane elements
 _DIGITS = 5e-7  # of a displacement: seven are printed
 _FRD_DIGITS = 5e-6  # six are, in a .frd
-
-
-@dataclass(eq=False)
-class Level:
-    """Blocks printed at one time.
-
-    Parameters
-    ----------
-    line : int
-        Where it begins.
-    time : float
-        Total time.
-    blocks : dict of str to NodeRows
-        Rows by kind of block.
-    again : bool
-        Whether the time had been printed before.
-    """
-
-    line: int
-    time: float
-    blocks: dict[str, NodeRows] = field(default_factory=dict)
-    again: bool = False
-
-    @property
-    def force(self) -> float | None:
-        """Vertical force on the driven set: the total, or else the sum over its nodes."""
-        rows = self.blocks.get("total force", self.blocks.get("forces"))
-        return None if rows is None or not len(rows.values) else float(rows.values[:, -2].sum())
-
-    def moved(self, nodes: Sequence[int]) -> FloatArray | None:
-        """Displacements of nodes, shape (n_node, 2), NaN where there are none; None without any."""
-        rows = self.blocks.get("displacements")
-        return None if rows is None else rows.of(nodes)[:, :2]
 
 
 def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> ContactHistory:
@@ -72,13 +40,13 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
     ----------
     path : pathlib.Path
         A ``.dat`` file: ``*NODE PRINT`` of ``U`` on the surface's set, and of ``RF`` with
-        ``TOTALS=ONLY`` or ``YES`` (or of each node) on the driven set, at each level; or, in place
-        of displacements, ``*CONTACT PRINT`` of ``CSTR`` (of faces: ``TYPE=SURFACE TO SURFACE``).
-        Or a ``.frd`` file: ``*NODE FILE, OUTPUT=2D`` of ``U`` and ``RF``.
+        ``TOTALS=ONLY`` or ``YES`` (or of each node) on the driven set, at each increment; or, in
+        place of displacements, ``*CONTACT PRINT`` of ``CSTR`` (of faces: ``TYPE=SURFACE TO
+        SURFACE``). Or a ``.frd`` file: ``*NODE FILE, OUTPUT=2D`` of ``U`` and ``RF``.
     deck : RunDeck
         The run's ``.inp`` file: coordinates, sets, and the ridges' nodes.
     sta : pathlib.Path or None, optional
-        The run's ``.sta``: levels of increments that it does not list as converged are ignored.
+        The run's ``.sta``: increments that it does not list as converged are ignored.
 
     Returns
     -------
@@ -91,256 +59,184 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
         If a file cannot be understood, with file and line; if a set is missing.
     """
     is_frd = path.suffix.lower() == ".frd"
-    levels, messages = whole_levels(path, deck, sta)
-    surface, reaction = deck.surface, deck.reaction
-    source = deck.provenance(path, "calculix")
-    said = (f"{path}: {len(levels)} levels with {surface} and {reaction}", *messages)
-    force = np.array([one.force for one in levels], dtype=float)
-    if levels and all("displacements" in one.blocks for one in levels):
-        moved = np.array([one.moved(deck.nodes) for one in levels])
-        at = deck.undeformed + moved
-        return ContactHistory(
-            force,
-            str(path),
-            source,
-            "calculix",
-            at[..., 0],
-            at[..., 1],
-            undeformed=deck.undeformed,
-            rigid=deck.rigid,
-            digits=float((_FRD_DIGITS if is_frd else _DIGITS) * np.abs(moved).max()),
-            messages=said,
-        )
-    if levels:
-        pressed = [
-            {(int(e), int(f)) for e, f, p, *_ in one.blocks[_STRESS].values if p > 0}
-            for one in levels
-        ]
-        faces = sorted(set().union(*pressed))
-        ends = np.array([_ends(element, side - _SIDES, deck) for element, side in faces])
-        ends = ends.reshape(-1, 2)
-        closed = np.array([[one in here for one in faces] for here in pressed])
-        n = max(map(len, pressed))
-        return ContactHistory(
-            force,
-            str(path),
-            source,
-            "calculix",
-            np.broadcast_to(ends.mean(axis=1), closed.shape),
-            closed=closed,
-            width=np.abs(np.diff(ends)[:, 0]),
-            undeformed=deck.undeformed,
-            messages=(*said, f"pressed faces: {n} at most, where they were"),
-        )
-    raise InputError(
-        f"{path}: no level with displacements of {surface} or contact stress, and a total force of "
-        f"{reaction}; expected "
-        + (
-            "*NODE FILE, OUTPUT=2D of U and RF"
-            if is_frd
-            else "*NODE PRINT of U on the one and of RF, TOTALS=ONLY, on the other"
-        )
-        + "".join(f"; {line}" for line in messages[:3])
+    printed = (_Frd() if is_frd else _Blocks({deck.surface, deck.reaction})).read(path)
+    surface, reaction = ("", "") if is_frd else (deck.surface, deck.reaction)
+    times = sorted(printed.increments)
+    if sta is not None:
+        converged, said = read_sta(sta, np.ravel(times))
+        printed.messages.append(said)
+        for time in (time for time, is_end in zip(times, converged, strict=True) if not is_end):
+            printed.increments[time].ignored = "it did not converge"
+    # Contact stress alone tells which faces carry; displacements tell more.
+    tables = [table for step in printed.increments.values() for table in step.tables]
+    is_moved = any(table.has(*_MOVED) for table in tables)
+
+    def state(increment: Increment) -> tuple[float, FloatArray]:
+        force = increment.table(_FORCES, reaction).force(deck.driven, "fy")
+        if not is_moved:
+            return force, _faces(increment.table(_STRESS))
+        moved = increment.table(_MOVED, surface).of(deck.nodes, "vx", "vy")
+        if n := int(np.isnan(moved[:, 0]).sum()):
+            raise MissingError(f"displacements missing for {n} of {len(moved)} nodes")
+        return force, moved
+
+    load, states = printed.states(
+        state,
+        path,
+        f"displacements of {deck.surface} or contact stress, and forces of {deck.reaction}; "
+        "expected *NODE PRINT of U and of RF, TOTALS=ONLY; or *NODE FILE, OUTPUT=2D of both",
     )
+    source, undeformed = deck.provenance(path, "calculix"), deck.undeformed
+    if not is_moved:
+        pressed = _pressed(states, deck)
+        n = pressed["closed"].sum(axis=1).max()
+        printed.messages.append(f"pressed faces: {n} at most, where they were")
+        return printed.history(load, source, "calculix", undeformed=undeformed, **pressed)
+    x, height = np.moveaxis(undeformed + np.array(states), -1, 0)
+    digits = float((_FRD_DIGITS if is_frd else _DIGITS) * np.abs(states).max())
+    surface_at = {"x": x, "height": height, "undeformed": undeformed, "rigid": deck.rigid}
+    return printed.history(load, source, "calculix", digits=digits, **surface_at)
+
+
+def _pressed(stress: Sequence[FloatArray], run: RunDeck) -> dict[str, np.ndarray]:
+    """Return which faces are pressed in each increment, and where they were."""
+    pressed = [{(int(row[0]), int(row[1])) for row in rows if row[2] > 0} for rows in stress]
+    faces = sorted(set().union(*pressed))
+    ends = np.array([_ends(element, side - _SIDES, run) for element, side in faces])
+    ends = ends.reshape(-1, 2)
+    closed = np.array([[face in some for face in faces] for some in pressed])
+    x = np.broadcast_to(ends.mean(axis=1), closed.shape)
+    return {"x": x, "closed": closed, "width": np.abs(np.diff(ends)[:, 0])}
 
 
 def _ends(element: int, side: int, run: RunDeck) -> tuple[float, float]:
     """Return from where to where a side of an element was."""
-    nodes = run.deck.elements.get(element)
-    if nodes is None:
+    nodes = run.deck.elements.get(element, ())
+    places = [run.deck.nodes[node] for node in nodes if node in run.deck.nodes]
+    # Corners come first, then as many nodes in the middle of sides, or none.
+    n = len(nodes) if len(nodes) in _CORNERS else len(nodes) // 2
+    if len(set(places)) < len(nodes) or n not in _CORNERS or not 0 < side <= n:
         raise InputError(
-            f"{run.path}: no element {element}, which is pressed; expected the run's deck"
+            f"{run.path}: no side {side} of an element {element}, which is pressed; expected the "
+            "run's deck, of plane triangles and quadrilaterals"
         )
-    n = {3: 3, 6: 3, 4: 4, 8: 4}.get(len(nodes))
-    places = {run.deck.nodes.get(node) for node in nodes}
-    if n is None or None in places or len(places) < len(nodes):
-        raise InputError(
-            f"{run.path}: element {element} of {len(nodes)} nodes; expected plane triangles and "
-            "quadrilaterals"
-        )
-    if not 0 < side <= n:
-        raise InputError(f"{run.path}: element {element} has no side {side}")
-    first, last = (run.deck.nodes[nodes[i % n]][0] for i in (side - 1, side))
-    return first, last
+    return places[side - 1][0], places[side % n][0]
 
 
-def whole_levels(path: Path, run: RunDeck, sta: Path | None) -> tuple[list[Level], list[str]]:
-    """Return the levels of a run that converged and were printed whole, and messages.
+class _Blocks(Printed):
+    """Blocks of two node sets, and of contact."""
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        The ``.dat`` or ``.frd`` file.
-    run : RunDeck
-        Its sets.
-    sta : pathlib.Path or None
-        The ``.sta`` file.
-    """
-    read = _read_frd if path.suffix.lower() == ".frd" else read_levels
-    levels, messages = read(path, run.surface, run.reaction)
-    if path.suffix.lower() == ".frd":
-        for one in levels:  # all nodes are printed: the load is that of the driven ones
-            if (forces := one.blocks.get("forces")) is not None:
-                driven = forces.of(run.driven)
-                one.blocks["forces"] = NodeRows(np.array(run.driven), driven)
-                if np.isnan(driven).any():
-                    del one.blocks["forces"]
-    if sta is not None:
-        sure, said = read_sta(sta, np.array([one.time for one in levels]))
-        messages.append(said)
-        if n := int((~sure).sum()):
-            messages.append(f"{n} levels ignored: they did not converge")
-        levels = [one for one, keep in zip(levels, sure, strict=True) if keep]
-    # Contact stress alone tells which faces carry; displacements tell more.
-    is_moved = any("displacements" in one.blocks for one in levels)
-    whole = []
-    for one in levels:
-        moved = one.moved(run.nodes)
-        n = 0 if moved is None else int((~np.isnan(moved[:, 0])).sum())
-        lacks = {
-            "total force missing": one.force is None,
-            f"displacements given for {n} of {len(run.nodes)} nodes": (
-                is_moved and n < len(run.nodes)
-            ),
-            "contact stress missing": not is_moved and _STRESS not in one.blocks,
-        }
-        if lack := next((what for what, is_so in lacks.items() if is_so), ""):
-            messages.append(f"line {one.line}: level ignored, {lack}")
+    def __init__(self, sets: Collection[str]) -> None:
+        super().__init__()
+        self._sets = {name.upper() for name in sets}
+        self._blocks: dict[float, set[str]] = {}
+        self._above = ""  # what the line above is, if it is not blank
+        self._is_total = self._is_lost = False
+
+    def blank(self) -> None:
+        """Note that no line stands above the next."""
+        self._above = ""
+
+    def take(self, line: Line) -> None:
+        """Take a line, but for words among rows.
+
+        CalculiX prints headings between blank lines: other words are damage, and rows after them
+        would be lost.
+        """
+        here = "words" if line.text.strip()[0].isalpha() else "row"
+        is_lost = self._above == "words" and self._is_lost
+        is_head = here == "words" and self._head.pattern.match(line.text) is not None
+        is_wrong = is_lost if here == "row" else self._above and self.table and not is_head
+        if is_wrong:
+            text = clipped(line.text.strip())
+            raise line.error(f"{text} among rows; expected rows, a blank line, a heading")
+        if here == "row" and self.table is not None:
+            self.row(line, self.table)
+        elif is_head:
+            super().take(line)
+        elif here == "words":
+            self._is_lost, self.table = is_lost or self.table is not None, None
+        self._above = "head" if is_head else here
+
+    @on(
+        r"(total force|forces|displacements|relative contact displacement|contact stress)"
+        r" \(([^)]*)\) for (?:set (\S+)|all \S+ ?\S*) and time +(\S+)\s*$"
+    )
+    def _head(self, line: Line, match: re.Match[str]) -> None:
+        block, columns, name = match[1], match[2], (match[3] or "").upper()
+        self.table = None
+        is_stress = block == "contact stress" and not name
+        if is_stress and not columns.startswith(_FACES):
+            if not columns.startswith("slave node"):
+                raise line.unexpected(f"contact stress ({_FACES},...) or (slave node,...)")
+            self.others.add(f"{block} by ({columns}); expected of faces, TYPE=SURFACE TO SURFACE")
+        elif block in _COLUMNS and (is_stress or name in self._sets):
+            time = line.finite(match[4])
+            if time not in self._blocks or block in self._blocks[time]:
+                self._blocks[time] = set()
+            self.begin(line, (time,), anew=not self._blocks[time])
+            self._blocks[time].add(block)
+            self._is_total = block == "total force"
+            self.open(line, name, list(_COLUMNS[block]))
         else:
-            whole.append(one)
-    return whole, messages
+            self.others.add(f"{block} of {name or 'all'}")
+
+    def row(self, line: Line, table: NodeTable) -> None:
+        """Take a row, or a total."""
+        if not self._is_total:
+            table.lines.append(line)
+        elif "TOTAL" in table.below:
+            raise line.unexpected("one total force an increment")
+        else:
+            table.below["TOTAL"] = line.values(table.columns)
 
 
-def read_levels(path: Path, surface: str, reaction: str) -> tuple[list[Level], list[str]]:
-    """Read what a ``.dat`` has of two node sets, and of contact.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The ``.dat`` file.
-    surface, reaction : str
-        Node sets whose displacements and forces are read.
-
-    Returns
-    -------
-    list of Level
-        By time; of a time printed again the later one.
-    list of str
-        Messages about blocks that were not used, and about times printed again.
-
-    Raises
-    ------
-    InputError
-        If a line cannot be understood, with its number.
-    """
-    wanted = {"displacements": surface, "total force": reaction, "forces": reaction, _STRESS: ""}
-    found: dict[float, Level] = {}
-    others: set[str] = set()
-    level, block, rows = None, "", list[Line]()
-    lines = read_lines(path)
-    texts = ["", *(line.text.strip() for line in lines), ""]
-    for line, before, text, after in zip(lines, texts, texts[1:], texts[2:], strict=False):
-        if text and not text[0].isalpha():
-            if level is not None:
-                rows.append(line)
-            continue
-        if text and level is not None:
-            _finish(level, block, rows)
-        if match := _HEAD.match(line.text):
-            block, rows = match[1], []
-            level = _headed(line, match, wanted, found, others)
-        elif text:
-            # CalculiX prints headings between blank lines: another line of letters among rows is
-            # damage, and rows after it would be lost.
-            if level is not None and (before or after):
-                raise line.error(
-                    f"{text[:60]!r} among rows of {block}; expected rows, a blank line, a heading"
-                )
-            level = None
-    if level is not None:
-        _finish(level, block, rows)
-    levels = [found[time] for time in sorted(found)]
-    messages = unused(others)
-    if n := sum(one.again for one in levels):
-        messages.append(f"{n} levels of a time printed again: the later one counts")
-    return levels, messages
+def _faces(table: NodeTable) -> FloatArray:
+    """Return element, face and pressure of each row of contact stress."""
+    rows = numbers_of(table.lines, _STRESS)
+    element, face, pressure = rows[:, :3].T
+    is_face = (element % 1 == 0) & (face % 1 == 0) & ((face > _SIDES) | (pressure <= 0))
+    for i in np.flatnonzero(~is_face)[:1]:
+        raise table.lines[i].error(
+            f"face {face[i]:g} of {element[i]:g}; expected a side of a plane element"
+        )
+    return rows
 
 
-def _headed(
-    line: Line,
-    match: re.Match[str],
-    wanted: Mapping[str, str],
-    found: dict[float, Level],
-    others: set[str],
-) -> Level | None:
-    """Return the level that a block belongs to; None where it is not wanted."""
-    block, columns, name = match[1], match[2], (match[3] or "").upper()
-    if wanted.get(block, "-").upper() != name:
-        others.add(f"{block} of {name or 'all'}")
-        return None
-    if block == _STRESS and not columns.startswith(_FACES):
-        if not columns.startswith("slave node"):
-            raise line.unexpected(f"contact stress ({_FACES},...) or (slave node,...)")
-        others.add(f"contact stress by ({columns}); expected of faces, TYPE=SURFACE TO SURFACE")
-        return None
-    time = line.finite(match[4])
-    level = found.setdefault(time, Level(line.number, time))
-    if block in level.blocks:
-        level = found[time] = Level(line.number, time, again=True)
-    return level
+class _Frd(Printed):
+    """Displacements and forces of all nodes, in columns of fixed width."""
 
+    _width = 0  # of a node's number
 
-def _finish(level: Level, block: str, lines: list[Line]) -> None:
-    """Take the rows of a block."""
-    is_node = block in ("forces", "displacements")
-    rows = NodeRows.of_lines(lines, _COLUMNS[block], is_node=is_node)
-    level.blocks[block] = rows
-    if block == "total force" and len(lines) > 1:
-        raise lines[1].unexpected("one total force a level")
-    if block == _STRESS:
-        element, face, pressure = rows.values[:, :3].T
-        is_face = (element % 1 == 0) & (face % 1 == 0) & ((face > _SIDES) | (pressure <= 0))
-        for i in np.flatnonzero(~is_face).tolist()[:1]:
-            raise lines[i].error(
-                f"face {face[i]:g} of {element[i]:g}; expected a side of a plane element"
-            )
+    @on(r"(?<= )-1")
+    def _row(self, line: Line, match: re.Match[str]) -> None:
+        if self.table is not None:
+            text, first = line.text, 3 + self._width
+            ends = range(first, first + 12 * len(self.table.columns), 12)
+            cells = [text[3:first], *(text[start : start + 12] for start in ends)]
+            self.table.lines.append(line._replace(text=" ".join(cells)))
 
+    @on("100C")
+    def _time(self, line: Line, match: re.Match[str]) -> None:
+        form = line.text[73:75].strip()
+        if form not in ("0", "1"):
+            raise line.error(f"format {form!r}; expected text, 0 or 1, not binary")
+        self._width = 10 if form == "1" else 5
+        self.begin(line, (line.finite(line.text[12:24].strip()),))
 
-def _read_frd(path: Path, surface: str, reaction: str) -> tuple[list[Level], list[str]]:
-    """Read displacements and forces of a ``.frd``: of all nodes, in columns of fixed width."""
-    found: dict[float, Level] = {}
-    names = {"DISP": "displacements", "FORC": "forces"}
-    others: set[str] = set()
-    time, width, block, n_column, rows = None, 0, "", 0, list[Line]()
-    for line in read_lines(path):
-        kind, text = line.text[:3], line.text
-        if text[2:6] == "100C":
-            time = line.finite(text[12:24].strip())
-            form = text[73:75].strip()
-            if form not in ("0", "1"):
-                raise line.error(f"format {form!r}; expected text, 0 or 1, not binary")
-            width = 10 if form == "1" else 5
-        elif kind == " -4" and time is not None:
-            name = text[5:13].strip()
-            block, rows, n_column = names.get(name, ""), [], 0
-            if not block:
-                others.add(name)
-        elif kind == " -5" and block:
-            n_column += "ALL" not in text
-        elif kind == " -1" and block:
-            cells = [text[3 : 3 + width]]
-            start = 3 + width
-            cells += [text[start + 12 * i : start + 12 * i + 12] for i in range(n_column)]
-            rows.append(Line(path, line.number, " ".join(cells)))
-        elif kind == " -3" and block:
-            assert time is not None
-            level = found.setdefault(time, Level(line.number, time))
-            if block in level.blocks:
-                level = found[time] = Level(line.number, time, again=True)
-            if n_column != len("xyz"):
-                raise line.error(f"{n_column} components above; expected three, x, y and z")
-            level.blocks[block] = NodeRows.of_lines(rows, "node, x, y, z")
-            block = ""
-    if not found and not others:
-        raise InputError(f"{path}: no results; expected a .frd of CalculiX, not binary")
-    return [found[time] for time in sorted(found)], unused(others)
+    @on(r"-4 {2}(.{8})")
+    def _block(self, line: Line, match: re.Match[str]) -> None:
+        self.table, name = None, match[1].strip()
+        if name not in _COLUMNS:
+            self.others.add(name)
+        else:
+            self.open(line, name, list(_COLUMNS[name]))
+
+    @on("-3")
+    def _end(self, line: Line, match: re.Match[str]) -> None:
+        if self.table is not None:
+            self.table.whole, self.table = True, None
+        self.increment = None  # each block has a head with its time
+
+    def row(self, line: Line, table: NodeTable) -> None:
+        """Take the name of a component: columns are those of a plane run."""

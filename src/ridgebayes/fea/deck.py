@@ -1,7 +1,7 @@
 """Input decks of Abaqus and CalculiX, as far as nodes, sets and a material go."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -11,7 +11,7 @@ from scipy.cluster.hierarchy import DisjointSet
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.lines import Line, read_lines
+from ridgebayes.fea.lines import MOST_WHOLE, Line, read_lines
 from ridgebayes.fea.record import provenance
 
 _DEEPEST = 4  # *INCLUDEs within *INCLUDEs
@@ -44,7 +44,7 @@ class Deck:
     printed: dict[str, list[str]] = field(default_factory=dict)
 
     def nodes_of(self, name: str, where: str) -> list[int]:
-        """Return the nodes of a set.
+        """Return the nodes of a set, each once.
 
         Raises
         ------
@@ -54,9 +54,9 @@ class Deck:
         if name.upper() not in self.nsets:
             there = ", ".join(self.nsets) or "none"
             raise InputError(f"{where}: no node set {name!r}; the node sets are {there}")
-        return self.nsets[name.upper()]
+        return list(dict.fromkeys(self.nsets[name.upper()]))
 
-    def coordinates(self, numbers: list[int], where: str) -> FloatArray:
+    def coordinates(self, numbers: Sequence[int], where: str) -> FloatArray:
         """Return coordinates of nodes, shape (n, 2).
 
         Raises
@@ -64,9 +64,9 @@ class Deck:
         InputError
             If a node is not in the deck.
         """
-        missing = [number for number in numbers if number not in self.nodes]
-        if missing:
-            raise InputError(f"{where}: node {missing[0]} is not in the deck")
+        for number in numbers:
+            if number not in self.nodes:
+                raise InputError(f"{where}: node {number} is not in the deck")
         return np.array([self.nodes[number] for number in numbers], dtype=float).reshape(-1, 2)
 
     def check_material(self, E: float, nu: float, path: Path) -> None:
@@ -83,17 +83,15 @@ class Deck:
         ------
         InputError
         """
-        for name, own, given, off in (
-            ("E", self.E, E, {"rel_tol": 1e-3}),
-            ("nu", self.nu, nu, {"rel_tol": 0.0, "abs_tol": 1e-3}),
-        ):
-            if own is not None and not math.isclose(own, given, **off):
+        for name, typed, off in (("E", E, {"rel_tol": 1e-3}), ("nu", nu, {"abs_tol": 1e-3})):
+            value = getattr(self, name)
+            if value is not None and not math.isclose(value, typed, **off):
                 raise InputError(
-                    f"{path}: the material has {name} = {own:.6g}, and {given:g} was given; use "
+                    f"{path}: the material has {name} = {value:.6g}, and {typed:g} was given; use "
                     f"--{name} as in the deck"
                 )
 
-    def rigid_nodes(self, body: list[int]) -> list[int]:
+    def rigid_nodes(self, body: Sequence[int]) -> list[int]:
         """List the nodes that no chain of elements joins to some nodes of the body."""
         joined = DisjointSet({*self.nodes, *body, *chain(*self.elements.values())})
         for first, *others in self.elements.values():
@@ -115,16 +113,12 @@ class RunDeck:
         As read.
     surface, reaction : str
         Node sets: the body's surface, and where the load is read.
-    nodes, driven : list of int
-        Their nodes, each once.
     """
 
     path: Path
     deck: Deck
     surface: str
     reaction: str
-    nodes: list[int]
-    driven: list[int]
 
     @classmethod
     def read(cls, path: Path, surface: str, reaction: str, *, E: float, nu: float) -> "RunDeck":
@@ -135,12 +129,21 @@ class RunDeck:
         InputError
             If it cannot be understood, has other sets, or another material.
         """
-        deck = read_deck(path)
-        nodes, driven = (
-            list(dict.fromkeys(deck.nodes_of(name, str(path)))) for name in (surface, reaction)
-        )
-        deck.check_material(E, nu, path)
-        return cls(path, deck, surface, reaction, nodes, driven)
+        run = cls(path, read_deck(path), surface, reaction)
+        for name in (surface, reaction):
+            run.deck.nodes_of(name, str(path))
+        run.deck.check_material(E, nu, path)
+        return run
+
+    @property
+    def nodes(self) -> list[int]:
+        """Nodes of the surface."""
+        return self.deck.nodes_of(self.surface, str(self.path))
+
+    @property
+    def driven(self) -> list[int]:
+        """Nodes where the load is read."""
+        return self.deck.nodes_of(self.reaction, str(self.path))
 
     @property
     def undeformed(self) -> FloatArray:
@@ -212,49 +215,47 @@ def _read(path: Path, deck: Deck, depth: int) -> None:
 
 
 def _nodes(block: _Block, deck: Deck) -> None:
-    found = []
+    numbers = []
     for line, cells in block.rows:
-        _, x, y = _numbers(line, cells[:3], at_least=3)
-        (node,) = _integers(line, cells[:1])
-        if deck.nodes.setdefault(node, (x, y)) != (x, y):
+        _, x, y = _numbers(line, cells[:3], 3)
+        numbers += _integers(line, cells[:1])
+        if deck.nodes.setdefault(numbers[-1], (x, y)) != (x, y):
             raise line.error(
-                f"node {node} stands at two places; expected a deck without parts, each node once"
+                f"node {numbers[-1]} stands at two places; expected a deck without parts, each "
+                "node once"
             )
-        found.append(node)
     if "NSET" in block.options:
-        deck.nsets.setdefault(block.options["NSET"].upper(), []).extend(found)
+        deck.nsets.setdefault(block.options["NSET"].upper(), []).extend(numbers)
 
 
 def _nset(block: _Block, deck: Deck) -> None:
-    name = block.options.get("NSET", "")
-    if not name:
+    if not block.options.get("NSET"):
         raise block.line.error("*NSET without a name; expected NSET=name")
-    some = deck.nsets.setdefault(name.upper(), [])
+    nodes = deck.nsets.setdefault(block.options["NSET"].upper(), [])
     for line, all_cells in block.rows:
         cells = [cell for cell in all_cells if cell]
         if "GENERATE" in block.options:
-            first, last, *step = _integers(line, cells, at_least=2)
-            new = range(first, last + 1, step[0] if step else 1)
-            if len(some) + len(new) > _MOST_NODES:
+            first, last, *step = _integers(line, cells, 2)
+            new = range(first, last + 1, *step[:1])
+            if len(nodes) + len(new) > _MOST_NODES:
                 raise line.error(
                     f"GENERATE of {len(new)} nodes: expected at most {_MOST_NODES} in a set"
                 )
-            some += new
-            continue
-        for cell in cells:
-            known = deck.nsets.get(cell.upper())
-            some += _integers(line, [cell]) if known is None else known
+            nodes += new
+        else:
+            for cell in cells:
+                nodes += deck.nsets.get(cell.upper()) or _integers(line, [cell])
 
 
 def _elements(block: _Block, deck: Deck) -> None:
-    flat: list[str] = []
-    for line, cells in block.rows:
-        flat += [cell for cell in cells if cell]
-        if cells[-1]:  # a line that ends in a comma goes on
-            element, *nodes = _integers(line, flat)
+    cells: list[str] = []
+    for line, more in block.rows:
+        cells += filter(None, more)
+        if more[-1]:  # a line that ends in a comma goes on
+            element, *nodes = _integers(line, cells, 2)
             deck.elements[element] = tuple(nodes)
-            flat = []
-    if flat:
+            cells = []
+    if cells:
         raise block.rows[-1][0].error("an element ends in a comma; expected nodes")
 
 
@@ -262,20 +263,19 @@ def _elastic(block: _Block, deck: Deck) -> None:
     # Rubber is the body even where the ridges' metal stands before it.
     if deck.E is None and block.rows and any(block.rows[0][1]):
         line, cells = block.rows[0]
-        deck.E, deck.nu = _numbers(line, cells[:2], at_least=2)
+        deck.E, deck.nu = _numbers(line, cells[:2], 2)
 
 
 def _hyperelastic(block: _Block, deck: Deck) -> None:
-    if not block.rows or not any(n.replace(" ", "-") == "NEO-HOOKE" for n in block.options):
+    if not block.rows or not {"NEO HOOKE", "NEO-HOOKE"} & block.options.keys():
         return
     line, cells = block.rows[0]
-    c10, d1 = _numbers(line, cells[:2], at_least=2)
+    c10, d1 = _numbers(line, cells[:2], 2)
     if not (c10 > 0 and d1 >= 0):
         raise line.error(f"C10 = {c10:g}, D1 = {d1:g}; expected > 0 and >= 0")
-    mu = 2 * c10
-    bulk = 2 / d1 if d1 else math.inf
-    deck.nu = (3 * bulk - 2 * mu) / (2 * (3 * bulk + mu)) if d1 else 0.5
-    deck.E = 2 * mu * (1 + deck.nu)
+    # mu = 2 C10 and K = 2 / D1, so that mu / K = C10 D1.
+    deck.nu = (3 - 2 * c10 * d1) / (6 + 2 * c10 * d1)
+    deck.E = 4 * c10 * (1 + deck.nu)
 
 
 def _node_print(block: _Block, deck: Deck) -> None:
@@ -287,15 +287,16 @@ def _node_print(block: _Block, deck: Deck) -> None:
 
 
 def _include(block: _Block, deck: Deck) -> None:
-    given = block.options.get("INPUT", "").strip("\"'")
+    name = Path(block.options.get("INPUT", "").strip("\"'"))
     folder = block.line.path.parent
-    target = folder / given
-    is_away = not given or Path(given).is_absolute() or ".." in Path(given).parts
-    if is_away or not target.resolve().is_relative_to(folder.resolve()):
-        raise block.line.error(f"*INCLUDE of {given!r}: expected a file in the deck's own folder")
+    is_away = name == Path() or name.is_absolute() or ".." in name.parts
+    if is_away or not (folder / name).resolve().is_relative_to(folder.resolve()):
+        raise block.line.error(
+            f"*INCLUDE of {str(name)!r}: expected a file in the deck's own folder"
+        )
     if block.depth >= _DEEPEST:
         raise block.line.error(f"*INCLUDE: expected at most {_DEEPEST} deep")
-    _read(target, deck, block.depth + 1)
+    _read(folder / name, deck, block.depth + 1)
 
 
 _READERS: dict[str, Callable[[_Block, Deck], None]] = {
@@ -309,16 +310,15 @@ _READERS: dict[str, Callable[[_Block, Deck], None]] = {
 }
 
 
-def _numbers(line: Line, cells: list[str], *, at_least: int = 1) -> list[float]:
-    found = [line.finite(cell, column) for column, cell in enumerate(cells, start=1)]
-    if len(found) < at_least:
-        raise line.error(f"{len(found)} values; expected at least {at_least}")
-    return found
+def _numbers(line: Line, cells: Sequence[str], at_least: int) -> list[float]:
+    if len(cells) < at_least:
+        raise line.error(f"{len(cells)} values; expected at least {at_least}")
+    return [line.finite(cell, column) for column, cell in enumerate(cells, start=1)]
 
 
-def _integers(line: Line, cells: list[str], *, at_least: int = 1) -> list[int]:
-    values = _numbers(line, cells, at_least=at_least)
+def _integers(line: Line, cells: Sequence[str], at_least: int = 1) -> list[int]:
+    values = _numbers(line, cells, at_least)
     for value in values:
-        if value != int(value) or not 0 < value < 2**53:
+        if value != int(value) or not 0 < value < MOST_WHOLE:
             raise line.error(f"{value:g}: expected a whole number above 0")
     return [int(value) for value in values]

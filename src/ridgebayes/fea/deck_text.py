@@ -5,8 +5,10 @@ CalculiX's or Abaqus's, is that of a template.
 """
 
 import math
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,13 +19,13 @@ from ridgebayes.contact.cylinder.faces import first_height
 from ridgebayes.contact.cylinder.mesh import DiskMesh, disk_mesh
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.templates import rendered
 from ridgebayes.scene.scene import Scene
 
 FORMATS = ("calculix", "abaqus")
 SURFACE, REACTION = "NARC", "NTOP"
 _PENALTY = 1e5  # pressure over overlap, E/R: an overlap shifts the first transition most
-_RIGID = 1000.0  # E of the blocks, whose nodes are all held
 DEPTH = 0.06  # of the blocks that are the ridges, over R
 _ARC = 16  # blocks under a round corner
 _GROWTH = 0.3  # of edges away from corners
@@ -65,9 +67,9 @@ class PressedDisk:
     def numbers(self) -> IntArray:
         """Number from 1 of each node in a deck; 0 of those in the middle of elements."""
         used = np.unique(self.cells)
-        found = np.zeros(len(self.mesh.points), dtype=np.int64)
-        found[used] = np.arange(1, len(used) + 1)
-        return found
+        numbers = np.zeros(len(self.mesh.points), dtype=np.int64)
+        numbers[used] = np.arange(1, len(used) + 1)
+        return numbers
 
     @property
     def rim(self) -> IntArray:
@@ -101,15 +103,15 @@ def pressed_disk(scene: Scene, *, edges: float = 12.0) -> PressedDisk:
         If the scene has several textures or an offset one, a material other than neo-Hookean, or
         ridges that lie outside the disk.
     """
-    if len(scene.textures) != 1:
-        raise InputError(f"{len(scene.textures)} textures; a deck is of one texture")
-    (texture,) = scene.textures
-    if texture.offset != 0:
-        raise InputError(f"offset = {texture.offset!r}; a deck's body is centred, offset 0")
-    if scene.ogden != NEO_HOOKEAN:
-        raise InputError(f"ogden = {scene.ogden!r}; a deck's material is neo-Hookean")
-    if not 2 <= edges <= 200:
-        raise InputError(f"edges = {edges!r}; expected 2 to 200 on a ridge")
+    texture, n = scene.textures[0], len(scene.textures)
+    for is_wrong, why in (
+        (n != 1, f"{n} textures; a deck is of one texture"),
+        (texture.offset != 0, f"offset = {texture.offset!r}; a deck's body is centred, offset 0"),
+        (scene.ogden != NEO_HOOKEAN, f"ogden = {scene.ogden!r}; a deck's material is neo-Hookean"),
+        (not 2 <= edges <= 200, f"edges = {edges!r}; expected 2 to 200 on a ridge"),
+    ):
+        if is_wrong:
+            raise InputError(why)
     a, b, r = texture.a_over_R, texture.b_over_R, texture.corner_radius_over_R
     p_max = scene.highest_load(texture)
     widest = 1.1 * float(hertz.half_width(p_max, nu=scene.nu))
@@ -156,8 +158,7 @@ def _size(
         # Points of the rim that meet a corner slide as the load grows: hence the widths.
         apart = np.abs(theta[:, None] - corners) - (0.5 * corner + window + 0.005 * corners)
         near = corner + _GROWTH * np.maximum(apart.min(axis=1), 0.0)
-        found = np.minimum(near, edge) + _GROWTH * np.maximum(theta - reach, 0.0)
-        return np.asarray(found)
+        return np.asarray(np.minimum(near, edge) + _GROWTH * np.maximum(theta - reach, 0.0))
 
     return size
 
@@ -218,7 +219,6 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
             "use 0.49, which changes loads by up to 1.4 %, or --format abaqus"
         )
     number, points, n_cell = disk.numbers, disk.mesh.points, len(disk.cells)
-    used = np.flatnonzero(number)
     sets = {REACTION: disk.mesh.mid_plane, "NAX": disk.mesh.axis, SURFACE: disk.rim}
     # Blocks side by side share nodes: CalculiX goes from face to face to find what is pressed, and
     # at the seam of faces that do not know each other the body passes through them.
@@ -230,15 +230,12 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
         "deck.inp.jinja",
         disk=disk,
         calculix=calculix,
-        nodes=zip(number[used].tolist(), *points[used].T.tolist(), strict=True),
+        nodes=np.column_stack([number, points])[number > 0].tolist(),
         cells=number[disk.cells].tolist(),
         sets={name: [n for n in number[some].tolist() if n] for name, some in sets.items()},
-        rigid_nodes=[(n, x, y) for (x, y), n in rigid.items()],
+        rigid=rigid,
         blocks=[_block(disk, k, n_cell, rigid) for k in range(len(disk.blocks))],
         faces=_pressed_faces(disk),
-        c10=0.25 / (1.0 + disk.nu),
-        d1=6.0 * (1.0 - 2.0 * disk.nu),  # 2/K, and 0 for an incompressible body
-        rigid=_RIGID,
         penalty=penalty,
         surface=SURFACE,
         reaction=REACTION,
@@ -267,3 +264,58 @@ def _pressed_faces(disk: PressedDisk) -> list[tuple[int, int]]:
     pressed = rim[middle < 2.0 * np.arcsin(min(disk.reach, 0.7)), 1]
     side, element = np.nonzero(np.isin(disk.cells[:, 4:].T, pressed))
     return list(zip((element + 1).tolist(), (side + 1).tolist(), strict=True))
+
+
+def export_deck(
+    scene: Scene | str | os.PathLike[str],
+    program: str,
+    path: str | os.PathLike[str],
+    *,
+    edges: float = 12.0,
+) -> PressedDisk:
+    """Write a scene as an input deck for other finite elements, as ``ridgebayes export-deck``.
+
+    Parameters
+    ----------
+    scene : Scene or path
+        Scene of one texture, with the body centred over a groove, or its file.
+    program : {"calculix", "abaqus"}
+        Program that reads the deck.
+    path : path
+        File to write; one that is there is replaced.
+    edges : float, optional
+        Element edges over a ridge's width.
+
+    Returns
+    -------
+    PressedDisk
+        The disk that was written: nodes, cells, displacements of its levels, in units of R.
+
+    Raises
+    ------
+    InputError
+        If the scene has several textures, or effects that a deck cannot hold.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import ridgebayes as rb
+    >>> scene = rb.Scene.of([(0.06, 0.03)], p_over_E=0.002, nu=0.49)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     disk = rb.export_deck(scene, "calculix", f"{folder}/run.inp")
+    ...     text = Path(folder, "run.inp").read_text()
+    >>> "*STEP" in text, len(disk.cells) > 100
+    (True, True)
+    """
+    if isinstance(scene, str | os.PathLike):
+        where, scene = f"{scene}: ", Scene.from_toml(scene)
+    else:
+        where = ""
+    try:
+        disk = pressed_disk(scene, edges=edges)
+        text = deck_text(disk, program)
+    except InputError as error:
+        raise InputError(f"{where}{error}") from None
+    write_text(text, Path(path))
+    return disk

@@ -1,9 +1,9 @@
 """A run as a contact history, and the one way from a history to transition loads."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from ridgebayes.fea.rim import Rim
 from ridgebayes.fea.transitions import transitions_of
 from ridgebayes.table.table import ContactTable
 
-LOADS = ("force", "line", "p_over_E")
 _AT = 1e-5  # of R: a rigid node so near to a corner is at it
 _REST = 3e-6  # of R: how well the height of a rim at rest on a ridge is known
 _INSIDE = (0.1, 0.9)  # of a ridge's width: away from its corners, where meshes sink in
@@ -145,86 +144,37 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
         If the surface is not round, corners cannot be placed, none is reached, or a load is beyond
         what can be computed with.
     """
-    if history.Q is not None and history.closed is not None:
-        if body.R is None and history.load_is != "p_over_E":
-            raise InputError(f"{history.where}: expected --R, the body's radius")
-        gaps = np.where(history.closed, -np.inf, np.inf)
-        return _table(history, gaps, replace(body, R=body.R or 1.0), history.Q, [], brackets)
-    R, where = body.R or history.R, history.where
-    assert history.x is not None
-    if history.undeformed is None:
-        rim = Rim.deformed(history.x[0], where, R=R, symmetry=body.symmetry)
-    else:
-        rim = Rim.of(history.undeformed, where, R=R, symmetry=body.symmetry)
-    body, n = replace(body, R=rim.R), history.x.shape[1]
-    said = [f"surface: {n} nodes on a circle of R = {rim.R:.6g}"]
-    if history.closed is not None:
-        gaps = _of_closed(history, body, rim)
-        Q = 4 + 2 * np.arange(gaps.shape[1])
-        return _table(history, gaps, body, Q, said, brackets)
-    assert history.height is not None
-    digits = history.digits
-    position = np.stack([history.x, history.height], axis=-1)
-    if body.top is None and history.rigid is None:
-        position, body = _at_rest(position, body, rim, where), replace(body, top=0.0)
-        digits = math.hypot(digits, _REST * rim.R)
-        said.append("tops: where the body rests on the first ridge, step by step")
-    corners, radius, how = _corners(history, body, rim)
-    if body.symmetry == "half" and (beyond := n - len(rim.sides[0][0])):
-        # A few nodes beyond a half mesh's axis are no second side: see Rim.of.
-        said.insert(0, f"{beyond} surface nodes ignored: beyond the axis of a half mesh")
-    gaps = np.array([rim.gaps(one, corners, radius) for one in position])
-    # Over round corners a surface below the tops is no overlap: flats tell it.
-    flat, width = corners + np.array([radius, 0.0]), body.a_over_R * rim.R - 2 * radius
-    depth = np.array([rim.overlap(one, flat, width) for one in position])
-    return _table(
-        history,
-        gaps[:, 1:] / rim.R,
-        body,
-        2 + 2 * np.arange(1, gaps.shape[1]),
-        [*said, how],
-        brackets,
-        np.hypot(depth[:, None], digits) / rim.R,
-        # A height is a sum of two printed numbers: a coordinate and a displacement.
-        2 * history.digits / rim.R,
-    )
-
-
-def _table(
-    history: ContactHistory,
-    gaps: FloatArray,
-    body: RunBody,
-    Q: IntArray,
-    said: Sequence[str],
-    brackets: bool,
-    gap_error: FloatArray | float = 0.0,
-    digits: float = 0.0,
-) -> Imported:
-    """Return the transitions of gaps over R at corners, shape (n_step, n_corner)."""
     where, load = history.where, np.abs(history.load)
-    assert body.R is not None
-    half = 2 if history.load_is == "force" and body.symmetry == "half" else 1
-    thickness = body.thickness if history.load_is == "force" else 1.0
-    over = 1.0 if history.load_is == "p_over_E" else 2 * body.R * body.E
+    said: list[str] = []
+    errors: dict[str, Any] = {}
+    if history.Q is None or history.closed is None:
+        body, gaps, errors = _on_rim(history, body, said)
+        Q = 4 + 2 * np.arange(gaps.shape[1])
+    elif body.R is None and history.load_is != "p_over_E":
+        raise InputError(f"{where}: expected --R, the body's radius")
+    else:
+        gaps, Q = np.where(history.closed, -np.inf, np.inf), history.Q
+    is_force, over = history.load_is == "force", 2 * (body.R or 1.0) * body.E
+    half = 2 if is_force and body.symmetry == "half" else 1
+    how = f"{' times 2' if half == 2 else ''} over 2 R E, E = {body.E:g}"
+    if history.load_is == "p_over_E":
+        over, how = 1.0, ""
     with np.errstate(over="ignore"):
-        p_over_E = load * half / thickness / over
+        p_over_E = load * half / (body.thickness if is_force else 1.0) / over
     if (bad := p_over_E > HUGE).any():  # NaN passes: transitions_of ignores those increments
         raise InputError(
             f"{where}: force {load[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}; expected p/E at "
             f"most {HUGE:g}"
         )
     try:
-        frame, odd = transitions_of(
-            p_over_E, gaps, Q, brackets=brackets, gap_error=gap_error, digits=digits
-        )
+        frame, odd = transitions_of(p_over_E, gaps, Q, brackets=brackets, **errors)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     frame.insert(0, "a_over_R", body.a_over_R)
     frame.insert(1, "b_over_R", body.b_over_R)
     frame = frame.assign(nu=body.nu, solver=history.solver, source=history.source)
     n_bracket = int(frame["p_over_E_lower"].notna().sum())
-    name = {"force": "force", "line": "line load", "p_over_E": "p/E"}[history.load_is]
-    how = "" if over == 1.0 else f"{' times 2' if half == 2 else ''} over 2 R E, E = {body.E:g}"
+    name = {"line": "line load", "p_over_E": "p/E"}.get(history.load_is, "force")
     messages = (
         *history.messages,
         *said,
@@ -235,6 +185,40 @@ def _table(
         f"{'all' if n_bracket == len(frame) else n_bracket} as brackets",
     )
     return Imported(ContactTable.from_frame(frame, where=where), messages)
+
+
+def _on_rim(
+    history: ContactHistory, body: RunBody, said: list[str]
+) -> tuple[RunBody, FloatArray, dict[str, Any]]:
+    """Return the body with its R, gaps over R at corners, shape (n_step, n_corner), and errors."""
+    assert history.x is not None
+    R, where, n = body.R or history.R, history.where, history.x.shape[1]
+    if history.undeformed is None:
+        rim = Rim.deformed(history.x[0], where, R=R, symmetry=body.symmetry)
+    else:
+        rim = Rim.of(history.undeformed, where, R=R, symmetry=body.symmetry)
+    body = replace(body, R=rim.R)
+    said.append(f"surface: {n} nodes on a circle of R = {rim.R:.6g}")
+    if history.height is None:
+        return body, _of_closed(history, body, rim), {}
+    digits = history.digits
+    position = np.stack([history.x, history.height], axis=-1)
+    if body.top is None and history.rigid is None:
+        position, body = _at_rest(position, body, rim, where), replace(body, top=0.0)
+        digits = math.hypot(digits, _REST * rim.R)
+        said.append("tops: where the body rests on the first ridge, step by step")
+    corners, radius, how = _corners(history, body, rim)
+    if body.symmetry == "half" and (beyond := n - len(rim.sides[0][0])):
+        # A few nodes beyond a half mesh's axis are no second side: see Rim.of.
+        said.append(f"{beyond} surface nodes ignored: beyond the axis of a half mesh")
+    said.append(how)
+    gaps = np.array([rim.gaps(at, corners, radius)[1:] for at in position]) / rim.R
+    # Over round corners a surface below the tops is no overlap: flats tell it.
+    flat, width = corners + np.array([radius, 0.0]), body.a_over_R * rim.R - 2 * radius
+    depth = np.array([rim.overlap(at, flat, width) for at in position])
+    error = np.hypot(depth[:, None], digits) / rim.R
+    # A height is a sum of two printed numbers: a coordinate and a displacement.
+    return body, gaps, {"gap_error": error, "digits": 2 * history.digits / rim.R}
 
 
 def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArray, float, str]:
@@ -255,7 +239,7 @@ def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArr
     if radius is None:
         radius = _radius(away, rigid[:, 1], b / 2, body.a_over_R * R, R)
     # Rigid nodes stand at the ends of the flats: the highest of those at each distance.
-    here = (rigid[np.abs(away - one) < _AT * R, 1] for one in far + radius * R)
+    here = (rigid[np.abs(away - end) < _AT * R, 1] for end in far + radius * R)
     heights = [float(some.max()) for some in takewhile(len, here)]
     if len(heights) < 2:
         raise InputError(

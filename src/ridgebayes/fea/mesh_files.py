@@ -27,8 +27,8 @@ from ridgebayes.runtime.reading import (
     read_text,
     refusing,
 )
+from ridgebayes.runtime.text import clipped
 
-_SHOWN = 80  # characters of a word in a file that messages show
 _MOST_NAMES = 10  # of fields that messages show
 _ENCODING = re.compile(r"<\?xml[^>]*encoding\s*=\s*[\"']([^\"']*)")
 State = tuple[FloatArray, FloatArray]  # points, and their displacements
@@ -49,7 +49,7 @@ def parse_xml(path: Path) -> ET.Element:
             raise InputError(f"{path}, line {line}: {word}; expected XML without it")
     encoding = _ENCODING.match(text)
     if encoding and encoding[1].upper() not in ("UTF-8", "UTF8", "ASCII", "US-ASCII"):
-        raise InputError(f"{path}, line 1: encoding {short(encoding[1])}; expected UTF-8")
+        raise InputError(f"{path}, line 1: encoding {clipped(encoding[1])}; expected UTF-8")
     try:
         return ET.fromstring(text)
     except ET.ParseError as error:
@@ -60,28 +60,25 @@ def read_xdmf(path: Path, field: str) -> tuple[FloatArray, list[FloatArray], lis
     """Read points, displacements and the text of the time of each state of a series."""
     root = parse_xml(path)
     _check_items(path, root)
-    if len({_shown_item(one) for one in root.iter("Geometry")}) > 1:
+    if len({ET.tostring(grid).strip() for grid in root.iter("Geometry")}) > 1:
         raise InputError(f"{path}: several geometries; expected one, undeformed")
     with _of_meshio(str(path), "an XDMF time series of one mesh"):
         from meshio.xdmf import TimeSeriesReader  # slow to load, and other formats need none
 
         with TimeSeriesReader(path) as reader:
-            points, _ = reader.read_points_cells()
+            points = _checked_points(str(path), reader.read_points_cells()[0])
             moved, times = [], []
             for k, state in enumerate(reader.collection):
                 here = f"{path}, state {k + 1}"
-                named = [one for one in state.findall("Attribute") if one.get("Name") == field]
-                names = [one.get("Name") for one in state.findall("Attribute")]
-                for one in state.findall("Attribute"):
-                    if one not in named:
-                        state.remove(one)
-                times.append([one.get("Value", "") for one in state.findall("Time")])
-                _check_once(here, field, named, names)
+                attributes = state.findall("Attribute")
+                _check_once(here, field, attributes)
+                for other in (item for item in attributes if item.get("Name") != field):
+                    state.remove(other)
+                times.append([time.get("Value", "") for time in state.findall("Time")])
                 if len(times[-1]) != 1:
                     raise InputError(f"{here}: {len(times[-1])} times; expected one")
-                _, data, _ = reader.read_data(k)
-                moved.append(_displacements(here, field, data, points))
-    return _checked_points(path, points), moved, [one[0] for one in times]
+                moved.append(_displacements(here, field, reader.read_data(k)[1], points))
+    return points, moved, [time for (time,) in times]
 
 
 def read_vtu(path: Path, field: str) -> State:
@@ -89,10 +86,10 @@ def read_vtu(path: Path, field: str) -> State:
     root = parse_xml(path)
     compressor = root.get("compressor")
     if compressor not in (None, "vtkZLibDataCompressor"):
-        raise InputError(f"{path}: compressor {short(compressor)}; expected vtkZLibDataCompressor")
-    data = root.findall("*/Piece/PointData/DataArray")
-    names = [one.get("Name") for one in data]
-    _check_once(str(path), field, [one for one in data if one.get("Name") == field], names)
+        raise InputError(
+            f"{path}: compressor {clipped(str(compressor))}; expected vtkZLibDataCompressor"
+        )
+    _check_once(str(path), field, root.findall("*/Piece/PointData/DataArray"))
     with _of_meshio(str(path), "a VTU file of an unstructured grid"):
         for item in root.iter("DataArray"):
             if item.get("format") != "ascii":
@@ -100,7 +97,7 @@ def read_vtu(path: Path, field: str) -> State:
         from meshio.vtu import read  # slow to load, and other formats need none
 
         mesh = read(path)
-        points = _checked_points(path, mesh.points)
+        points = _checked_points(str(path), mesh.points)
         return points, _displacements(str(path), field, mesh.point_data, points)
 
 
@@ -122,7 +119,7 @@ def _check_items(path: Path, root: ET.Element) -> None:
             raise InputError(f"{path}: a <DataItem> of others; expected one plain <DataItem>")
         if not re.fullmatch(r"\s*[0-9]{1,15}(\s+[0-9]{1,15})?\s*", dimensions):
             raise InputError(
-                f"{path}: Dimensions {short(dimensions)}; expected whole numbers, of points and "
+                f"{path}: Dimensions {clipped(dimensions)}; expected whole numbers, of points and "
                 "components"
             )
         shape = tuple(map(int, dimensions.split()))
@@ -135,9 +132,9 @@ def _check_items(path: Path, root: ET.Element) -> None:
         if item.get("Format") == "HDF":
             _check_dataset(path, text, shape)
         elif item.get("Format") != "XML":
-            raise InputError(f"{path}: Format {short(item.get('Format'))}; expected XML or HDF")
+            raise InputError(f"{path}: Format {item.get('Format')!r:.80}; expected XML or HDF")
         elif not re.fullmatch(r"[-+.\dEe\s]*", text, re.A):
-            raise InputError(f"{path}: {short(text)}; expected numbers between blanks")
+            raise InputError(f"{path}: {clipped(text)}; expected numbers between blanks")
 
 
 def _check_dataset(path: Path, text: str, shape: tuple[int, ...]) -> None:
@@ -146,30 +143,29 @@ def _check_dataset(path: Path, text: str, shape: tuple[int, ...]) -> None:
 
     name, _, inner = text.rpartition(":")
     target = path.parent.resolve() / name
-    here = f"{target}: {short(inner)}"
+    here = f"{target}: {clipped(inner)}"
     # TypeError: a type of HDF5 that NumPy has not.
     kinds = (OSError, RuntimeError, KeyError, ValueError, TypeError)
-    with refusing(f"{path}: numbers in {short(text)}: cannot be read", *kinds):
-        if not re.fullmatch("(/[^/]+)+", inner):
-            raise InputError(f"{path}: numbers in {short(text)}; expected FILE.h5:/PATH")
-        if not name or not is_beside(path, name):
+    with refusing(f"{path}: numbers in {clipped(text)}: cannot be read", *kinds):
+        if not re.fullmatch("(/[^/]+)+", inner) or not name or not is_beside(path, name):
             raise InputError(
-                f"{path}: numbers in {short(text)}; expected a file in the same folder"
+                f"{path}: numbers in {clipped(text)}; expected FILE.h5:/PATH in the same folder"
             )
         if not target.is_file():
-            raise InputError(f"{path}: numbers in {short(name)}: no such file; move both together")
-        with h5py.File(target, "r") as file:
-            data = file
+            raise InputError(
+                f"{path}: numbers in {clipped(name)}: no such file; move both together"
+            )
+        with h5py.File(target, "r") as data:
+            item = data
             for key in inner[1:].split("/"):
-                if not isinstance(data, h5py.Group) or key not in data:
-                    raise InputError(f"{target}: no {short(inner)}")
-                if not isinstance(data.get(key, getlink=True), h5py.HardLink):
-                    raise InputError(f"{here} is a link; expected a dataset")
-                data = data[key]
-            check_inside(data, here)
-            if data.shape != shape:
-                raise InputError(f"{here} is {data.shape}; expected {shape}, as in {path}")
-            check_stored(data, here)
+                is_group = isinstance(item, h5py.Group)
+                if not (is_group and isinstance(item.get(key, getlink=True), h5py.HardLink)):
+                    raise InputError(f"{here} is no dataset, or is behind a link")
+                item = item[key]
+            check_inside(item, here)
+            if item.shape != shape:
+                raise InputError(f"{here} is {item.shape}; expected {shape}, as in {path}")
+            check_stored(item, here)
 
 
 def _check_binary(path: Path, root: ET.Element, item: ET.Element) -> None:
@@ -179,29 +175,25 @@ def _check_binary(path: Path, root: ET.Element, item: ET.Element) -> None:
         appended = (root.findtext("AppendedData") or "").strip()
         text = appended[1 + int(item.get("offset", "0")) :]
     if not re.fullmatch(r"[A-Za-z0-9+/=]*", text):
-        raise InputError(f"{path}: {short(text)}; expected base64")
+        raise InputError(f"{path}: {clipped(text)}; expected base64")
     if root.get("compressor") is None:
         return
     order = ">" if root.get("byte_order") == "BigEndian" else "<"
     head = np.dtype(f"{order}u{8 if root.get('header_type') == 'UInt64' else 4}")
-    n_block, block, _ = _head(text, head, 3)
+
+    def numbers(n: int) -> list[int]:
+        content = base64.b64decode(text[: _encoded(n * head.itemsize)])
+        return [int(number) for number in np.frombuffer(content, head, n)]
+
+    n_block, block, _ = numbers(3)
     if n_block > len(text) or n_block * block > LARGEST:
         raise InputError(f"{path}: {n_block} blocks of {block} bytes; expected {LARGEST} in all")
+    packed = numbers(3 + n_block)[3:]
     at = _encoded((3 + n_block) * head.itemsize)
-    packed = _head(text, head, 3 + n_block)[3:]
     content = base64.b64decode(text[at : at + _encoded(sum(packed))])
-    ends = np.cumsum([0, *packed]).tolist()
-    for start, end in pairwise(ends):
+    for start, end in pairwise(np.cumsum([0, *packed]).tolist()):
         if len(zlib.decompressobj().decompress(content[start:end], block + 1)) > block:
             raise InputError(f"{path}: a block of over {block} bytes; expected as stated")
-
-
-def _head(text: str, head: np.dtype, n: int) -> list[int]:
-    content = base64.b64decode(text[: _encoded(n * head.itemsize)])[: n * head.itemsize]
-    numbers: list[int] = np.frombuffer(content, dtype=head).astype(object).tolist()
-    if len(numbers) < n:
-        raise ValueError(f"a header of {len(numbers)} numbers; expected {n}")
-    return numbers
 
 
 def _encoded(n: int) -> int:
@@ -217,30 +209,20 @@ def is_beside(path: Path, name: str) -> bool:
     return not is_away and (folder / name).resolve().is_relative_to(folder)
 
 
-def short(word: str | None) -> str:
-    """Return a word of a file as messages show it: in quotes, and no more than its beginning."""
-    return repr(word if word is None else word[:_SHOWN])
-
-
-def _shown_item(geometry: ET.Element) -> str:
-    return " ".join(f"{sorted(one.items())} {one.text}" for one in geometry.iter())
-
-
-def _check_once(
-    here: str, field: str, named: Sequence[ET.Element], names: Sequence[str | None]
-) -> None:
+def _check_once(here: str, field: str, arrays: Sequence[ET.Element]) -> None:
     """Refuse point data that are not there once, or are data of cells."""
-    if not named or named[0].get("Center", "Node") != "Node":
-        shown = ", ".join(sorted(set(map(short, names)))[:_MOST_NAMES])
-        raise InputError(f"{here}: no point data {field!r}; the fields are {shown or 'none'}")
-    if len(named) > 1:
-        raise InputError(f"{here}: {len(named)} point data {field!r}; expected one with that name")
+    names = [array.get("Name") for array in arrays if array.get("Center", "Node") == "Node"]
+    if (n := names.count(field)) != 1:
+        shown = ", ".join(sorted(set(map(clipped, map(str, names))))[:_MOST_NAMES])
+        raise InputError(
+            f"{here}: {n} point data {field!r}; expected one; the fields are {shown or 'none'}"
+        )
 
 
-def _checked_points(path: Path, points: FloatArray) -> FloatArray:
+def _checked_points(where: str, points: FloatArray) -> FloatArray:
     if points.ndim != 2 or points.shape[1] not in (2, 3) or not np.isfinite(points).all():
         raise InputError(
-            f"{path}: points of shape {points.shape}, or not all finite; expected (n, 2 or 3)"
+            f"{where}: points of shape {points.shape}, or not all finite; expected (n, 2 or 3)"
         )
     return points
 
@@ -250,11 +232,7 @@ def _displacements(
 ) -> FloatArray:
     """Return displacements, two or three a point and finite; single precision where they were."""
     values = data[field]
-    if values.ndim != 2 or len(values) != len(points) or values.shape[1] not in (2, 3):
-        raise InputError(
-            f"{where}: {field!r} of shape {values.shape}; expected ({len(points)}, 2 or 3)"
-        )
-    if not np.isfinite(values).all():
-        raise InputError(f"{where}: {field!r} are not all finite; expected finite numbers")
+    if values.ndim != 2 or len(values) != len(points):
+        raise InputError(f"{where}: {field!r} of shape {values.shape}; expected {points.shape}")
     kind = np.float32 if values.dtype.kind == "f" and values.dtype.itemsize <= 4 else np.float64
-    return np.asarray(values[:, :2], dtype=kind)
+    return np.asarray(_checked_points(f"{where}: {field!r}", values)[:, :2], dtype=kind)

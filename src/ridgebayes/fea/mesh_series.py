@@ -5,19 +5,19 @@ meshio reads them, after `ridgebayes.fea.mesh_files` has checked links, sizes an
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.mesh_files import is_beside, parse_xml, read_vtu, read_xdmf
 from ridgebayes.fea.record import FARTHEST, HUGE, provenance
+from ridgebayes.runtime.text import clipped
 
-_ROUND = 5e-6  # of R: nodes so near to the circle are on it
 _MOST_NAMED = 5  # files that a source names beside the first
+_ROUND = 5e-6  # of R: nodes so near to the circle are on it
 
 
 def read_series(
@@ -59,43 +59,46 @@ def read_series(
     field = field or "displacement"
     if time not in (None, "p_over_E", "line"):
         raise InputError(f"--time {time}: expected p_over_E or line")
-    if not paths:
-        raise InputError("no files; expected one .xdmf or .pvd, or several .vtu")
     where, first = str(paths[0]), paths[0]
-    suffixes = {one.suffix.lower() for one in paths}
-    is_single = len(paths) == 1 and suffixes <= {".xdmf", ".xmf", ".pvd"}
-    if is_single and loads and suffixes != {".pvd"}:
-        raise InputError(f"{where}: loads of a series; expected its times")
-    if suffixes == {".pvd"} and is_single:
+    kinds = {path.suffix.lower() for path in paths}
+    words: Sequence[object] = loads or []
+    if kinds == {".pvd"} and len(paths) == 1:
         paths, times = _of_pvd(first)
-        loads = loads or times
-        states = _of_vtus(paths, field, loads)
-    elif is_single:
-        states = _of_xdmf(first, field)
-    elif suffixes == {".vtu"}:
-        states = _of_vtus(paths, field, loads)
-    else:
-        raise InputError(f"{where}: expected one .xdmf or .pvd, or several .vtu")
-    points, moved = (np.asarray(one, dtype=float) for one in (states.points, states.moved))
+        words = words or times
+    elif kinds <= {".xdmf", ".xmf"} and len(paths) == 1 and not loads:
+        points, moved, words = read_xdmf(first, field)
+        places = [f"{where}, state {k}" for k in range(1, len(moved) + 1)]
+    elif kinds != {".vtu"}:
+        raise InputError(f"{where}: expected one .xdmf with its times, one .pvd, or several .vtu")
+    if not kinds <= {".xdmf", ".xmf"}:
+        if not 2 <= len(paths) == len(words):
+            raise InputError(
+                f"{where}: {len(paths)} .vtu with {len(words)} loads; expected two or more .vtu "
+                "files with one load each"
+            )
+        points, moved = _of_vtus(paths, field)
+        places = [str(path) for path in paths]
+    load = _loads(words, places)
     nodes, R = _rim(points, R, where)
-    most = np.abs(moved).max(axis=(1, 2))
+    most = np.array([np.abs(state).max() for state in moved], dtype=float)
     if not most.max() <= FARTHEST * R:
         raise InputError(
-            f"{states.places[most.argmax()]}: {field!r} up to {most.max():.3g}; expected within "
+            f"{places[most.argmax()]}: {field!r} up to {most.max():.3g}; expected within "
             f"{FARTHEST:g} R"
         )
-    at = points[nodes, :2] + moved[:, nodes, :2]
-    named = [one.name for one in paths if one != first][:_MOST_NAMED]
+    undeformed = np.asarray(points, dtype=float)[nodes, :2]
+    x, height = np.moveaxis(undeformed + np.array(moved, dtype=float)[:, nodes], -1, 0)
+    named = [path.name for path in paths if path != first][:_MOST_NAMED]
     return ContactHistory(
-        states.loads,
+        load,
         where,
         provenance(first, "series", f"field={field}", *named),
         "series",
-        at[..., 0],
-        at[..., 1],
-        undeformed=points[nodes, :2],
+        x,
+        height,
+        undeformed=undeformed,
         R=R,
-        digits=float(np.finfo(states.moved.dtype).eps * most.max()),
+        digits=float(np.finfo(np.result_type(*moved)).eps * most.max()),
         load_is=time or "p_over_E",
         messages=(
             f"{where}: {len(moved)} states, {len(nodes)} of {len(points)} nodes are the rim",
@@ -103,98 +106,49 @@ def read_series(
     )
 
 
-def _of_pvd(path: Path) -> tuple[list[Path], list[float]]:
+def _loads(words: Sequence[object], places: Sequence[str]) -> FloatArray:
+    """Return the load of each state."""
+    loads = np.array([parse_number(str(word).strip()) for word in words])
+    for k in np.flatnonzero(~((loads >= 0) & (loads <= HUGE)))[:1]:
+        shown = clipped(str(words[k]))
+        raise InputError(f"{places[k]}: load {shown}; expected a number from 0 to {HUGE:g}")
+    return loads
+
+
+def _of_pvd(path: Path) -> tuple[list[Path], list[str]]:
     """Return the files that a collection lists, in its folder, and their times."""
-    found: dict[float, Path] = {}
     listed = parse_xml(path).findall("Collection/DataSet")
-    for one in listed:
-        name, word = one.get("file", ""), one.get("timestep", "")
-        time, target = parse_number(word.strip()), path.parent / name
-        if not (name and is_beside(path, name) and target.suffix.lower() == ".vtu"):
-            raise InputError(f"{path}: file {name[:80]!r}; expected a .vtu in the same folder")
-        if not 0 <= time <= HUGE:
-            raise InputError(f"{path}: timestep {word[:40]!r} of {name[:80]!r}; expected a load")
-        if time in found:
-            raise InputError(
-                f"{path}: timestep {word[:40]!r} twice; expected one file a step, of one part"
-            )
-        found[time] = target
-    if len(found) < 2:
-        raise InputError(f"{path}: {len(found)} files; expected a collection of two or more .vtu")
-    return list(found.values()), list(found)
+    names = [item.get("file", "") for item in listed]
+    times = [item.get("timestep", "") for item in listed]
+    for name in names:
+        if not (name.lower().endswith(".vtu") and is_beside(path, name)):
+            raise InputError(f"{path}: file {clipped(name)}; expected a .vtu in the same folder")
+    if len(set(times)) < len(times):
+        raise InputError(f"{path}: a timestep twice; expected one file a step, of one part")
+    return [path.parent / name for name in names], times
 
 
-class _States(NamedTuple):
-    """States in the files of a series.
-
-    Parameters
-    ----------
-    points : ndarray of float, shape (n_point, 2 or 3), length
-        Undeformed.
-    moved : ndarray of float, shape (n_state, n_point, 2), length
-        Displacements.
-    loads : ndarray of float, shape (n_state,)
-        Time of each state.
-    places : list of str
-        Where each state stands, for messages.
-    """
-
-    points: FloatArray
-    moved: FloatArray
-    loads: FloatArray
-    places: list[str]
-
-
-def _of_xdmf(path: Path, field: str) -> _States:
-    """Read a time series of one mesh."""
-    points, moved, words = read_xdmf(path, field)
-    times = [parse_number(word.strip()) for word in words]
-    for k, (word, time) in enumerate(zip(words, times, strict=True), start=1):
-        if not 0 <= time <= HUGE:
-            raise InputError(
-                f"{path}, state {k}: time {word[:40]!r}; expected a load, from 0 to {HUGE:g}"
-            )
-    places = [f"{path}, state {k}" for k in range(1, len(moved) + 1)]
-    return _States(points, np.array(moved), np.array(times), places)
-
-
-def _of_vtus(paths: Sequence[Path], field: str, loads: Sequence[float] | None) -> _States:
+def _of_vtus(paths: Sequence[Path], field: str) -> tuple[FloatArray, list[FloatArray]]:
     """Read VTU files of one mesh."""
-    if len(paths) < 2 or loads is None or len(loads) != len(paths):
-        given = "no" if loads is None else f"{len(loads)}"
-        raise InputError(
-            f"{paths[0]}: {len(paths)} .vtu with {given} loads; expected two or more .vtu "
-            "files with one load each, or one .xdmf series"
-        )
-    for path, load in zip(paths, loads, strict=True):
-        if not 0 <= load <= HUGE:
-            raise InputError(f"{path}: loads of {load:g}; expected finite numbers, 0 to {HUGE:g}")
     states = [read_vtu(path, field) for path in paths]
     points = states[0][0]
-    for path, (here, _) in zip(paths, states, strict=True):
-        if not np.array_equal(here, points):
+    for path, (others, _) in zip(paths, states, strict=True):
+        if not np.array_equal(others, points):
             raise InputError(f"{path}: points are not those of {paths[0]}; expected one mesh")
-    moved = np.array([one for _, one in states])
-    return _States(points, moved, np.array(loads, dtype=float), [str(path) for path in paths])
+    return points, [moved for _, moved in states]
 
 
-def _rim(points: FloatArray, R: float | None, where: str) -> tuple[np.ndarray, float]:
+def _rim(points: FloatArray, R: float | None, where: str) -> tuple[IntArray, float]:
     """Return the nodes of the lower rim, and R."""
-    if not len(points) or points.shape[1] not in (2, 3):
-        raise InputError(
-            f"{where}: points of shape {points.shape}; expected (n, 2 or 3), n above 0"
-        )
-    if not (most := float(np.abs(points).max())) <= HUGE:
+    if not (most := float(np.abs(points).max(initial=0.0))) <= HUGE:
         raise InputError(f"{where}: a point {most:.3g} away; expected coordinates within {HUGE:g}")
-    if points.shape[1] == 3 and np.ptp(points[:, 2]) > 0:
-        raise InputError(f"{where}: z from {points[:, 2].min():g}; expected a plane mesh")
+    if not len(points) or (points[:, 2:] != points[0, 2:]).any():
+        raise InputError(f"{where}: no points, or of several z; expected a plane mesh")
     lowest = points[np.argmin(points[:, 1])]
     R = R if R is not None else float(np.abs(points[:, 0] - lowest[0]).max())
-    if not R >= 1 / HUGE:
-        raise InputError(f"{where}: points within {R:.3g}; expected a disk, or --R")
     centre = lowest[:2] + np.array([0.0, R])
     away = np.hypot(*(points[:, :2] - centre).T)
-    if not away.max() <= R * (1 + _ROUND):
+    if not (R >= 1 / HUGE and away.max() <= R * (1 + _ROUND)):
         raise InputError(
             f"{where}: a node {away.max():.6g} from ({centre[0]:.4g}, {centre[1]:.4g}), and "
             f"R = {R:.6g}; expected a disk, undeformed, its lowest node below its centre; or --R"

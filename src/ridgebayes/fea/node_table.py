@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import FloatArray
 from ridgebayes.fea.columns import open_table
 from ridgebayes.fea.given import Given
 from ridgebayes.fea.history import ContactHistory
@@ -15,6 +14,7 @@ from ridgebayes.fea.transitions import last_digit
 from ridgebayes.fea.words import OF_NODES, STATUS_RULE, plain, split_header, touching
 from ridgebayes.table.rules import as_text
 
+_MOST = 50  # columns that a message shows
 _CONTACT = ("gap", "pressure", "status")
 _NEEDED = {"load": "the load of the step, the same in its rows", "x": "where the node is"}
 
@@ -83,13 +83,7 @@ def read_node_table(path: Path, mapping: Mapping[str, str], how: Given) -> Conta
     wide = frame.pivot_table(index="step", columns="node", values=["x", "value"])
     if wide.isna().to_numpy().any():
         raise problems.error("steps of other nodes: expected the same nodes in all steps")
-    load = frame.groupby("step")["load"].first().to_numpy()
-    return _history(path, load, wide["x"].to_numpy(), wide["value"].to_numpy(), kind, problems)
-
-
-def _history(
-    path: Path, load: FloatArray, x: FloatArray, values: FloatArray, kind: str, problems: FileError
-) -> ContactHistory:
+    load, x, values = (np.asarray(part) for part in (loads.first(), wide["x"], wide["value"]))
     is_gap = kind == "gap"
     return ContactHistory(
         load,
@@ -108,23 +102,21 @@ def _columns(
     headers: tuple[str, ...], mapping: Mapping[str, str], problems: FileError
 ) -> dict[str, str]:
     """Return headers by what they are."""
-    found = {}
+    columns = dict(mapping)
     for key, header in mapping.items():
         if key not in OF_NODES or header not in headers:
-            there = ", ".join(map(repr, headers[:50]))
+            there = ", ".join(map(repr, headers[:_MOST]))
             raise problems.error(
                 f"--map {key}={header}: expected one of {', '.join(OF_NODES)}, and one of the "
                 f"columns {there}"
             )
-        found[key] = header
     for key, words in OF_NODES.items():
-        some = [one for one in headers if plain(split_header(one)[0]) in words]
-        if key in found or not some:
-            continue
-        if len(some) > 1:
-            told = ", ".join(map(repr, some))
+        likely = [header for header in headers if plain(split_header(header)[0]) in words]
+        if len(likely) > 1 and key not in mapping:
+            shown = ", ".join(map(repr, likely))
             problems.need(
-                f"columns {told} could each be {key}: name one with --map", {key: some[0]}
+                f"columns {shown} could each be {key}: name one with --map", {key: likely[0]}
             )
-        found[key] = some[0]
-    return found
+        if likely:
+            columns.setdefault(key, likely[0])
+    return columns

@@ -125,7 +125,7 @@ class FileError(InputError):
 
     def _of_cells(self, source: TableFile) -> list[str]:
         """Return a line for each complaint about cells, in the order of the file."""
-        found = []
+        texts = []
         for (header, rule), rows in self._cells.items():
             first = heapq.nsmallest(SHOWN, rows)
             spots = [source.spot(row, header) for row in first]
@@ -136,8 +136,8 @@ class FileError(InputError):
                 pairs = [f"{spot} = {cell}" for spot, cell in zip(spots, cells, strict=True)]
                 shown = some_of(pairs, SHOWN, len(rows))
                 text = f"column {header!r}, {len(rows)} cells: {rule}: {shown}"
-            found.append((first[0], text))
-        return [text for _, text in sorted(found, key=lambda one: one[0])]
+            texts.append((first[0], text))
+        return [text for _, text in sorted(texts, key=lambda item: item[0])]
 
 
 FIRST = 4  # Q of the first load that a run can tell
@@ -181,7 +181,7 @@ class Imported:
         )
         smooth = load_of_half_width(corner, nu=frame["nu"])
         far = f"p/E is over {_FAR:g} times that of a smooth body whose contact reaches this corner"
-        found = {
+        doubtful = {
             f"{far}; check the units of loads, widths, R and E": frame[
                 frame["p_over_E"] > _FAR * smooth
             ],
@@ -192,7 +192,7 @@ class Imported:
         }
         return [
             f"{count(len(rows), 'row')}, {some_of(map(_shown, rows.itertuples()), 3)}: {what}"
-            for what, rows in found.items()
+            for what, rows in doubtful.items()
             if len(rows)
         ]
 

@@ -12,7 +12,7 @@ from ridgebayes.fea.record import FARTHEST, HUGE
 
 _ROUND = 2e-3  # of R: how far surface nodes may lie off a circle
 _LEAST_NODES = 5
-_TINY = 1e-9  # radians: nodes so near to the axis are on both sides
+_TINY = 1e-9  # of R: nodes so near to the axis are on both sides
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Rim:
 
     R: float
     centre: FloatArray
-    sides: tuple[tuple[IntArray, float], ...] = field(repr=False)  # node numbers, sign of x
+    sides: tuple[tuple[IntArray, float], ...] = field(repr=False)
 
     @classmethod
     def of(cls, undeformed: FloatArray, where: str, *, R: float | None, symmetry: str) -> "Rim":
@@ -53,25 +53,17 @@ class Rim:
             # The axis is where the mesh ends: nodes on it tell it better than a circle does.
             x = at[np.argmin(np.abs(at[:, 0] - x)), 0]
         centre = np.array([x, y])
-        found = math.sqrt(max(c + x * x + y * y, 0.0))
-        R = found if R is None else R
+        fitted = math.sqrt(max(c + x * x + y * y, 0.0))
+        R = fitted if R is None else R
         off = np.abs(np.hypot(*(at - centre).T) - R)
         if not off.max() <= _ROUND * R:
             raise InputError(
                 f"{where}: surface nodes lie up to {off.max():.3g} off a circle of R = {R:.6g} "
                 f"about ({x:.4g}, {y:.4g}); expected the undeformed surface of a cylinder, within "
-                f"{_ROUND:g} R (the circle through them has R = {found:.6g})"
+                f"{_ROUND:g} R (the circle through them has R = {fitted:.6g})"
             )
         angle = np.arctan2(at[:, 0] - x, y - at[:, 1])
-        outwards = {sign: np.argsort(sign * angle) for sign in (1.0, -1.0)}
-        halves = [(some[sign * angle[some] >= -_TINY], sign) for sign, some in outwards.items()]
-        sides = tuple(half for half in halves if len(half[0]) >= _LEAST_NODES)
-        if len(sides) != (1 if symmetry == "half" else 2):
-            there, use = ("one side of the axis only", "half")
-            if len(sides) > 1:
-                there, use = "both sides of the axis", "full"
-            raise InputError(f"{where}: surface nodes on {there}; use --symmetry {use}")
-        return cls(float(R), centre, sides)
+        return cls(float(R), centre, _sides(angle, where, symmetry))
 
     @classmethod
     def deformed(cls, x: FloatArray, where: str, *, R: float | None, symmetry: str) -> "Rim":
@@ -84,20 +76,7 @@ class Rim:
         """
         if R is None:
             raise InputError(f"{where}: no undeformed surface: expected --R, the body's radius")
-        signs = (1.0,) if symmetry == "half" else (1.0, -1.0)
-        if symmetry == "half" and np.median(x) < 0:
-            signs = (-1.0,)
-        order = [np.argsort(sign * x, kind="stable") for sign in signs]
-        sides = tuple(
-            (some[sign * x[some] >= -_TINY * R], sign)
-            for some, sign in zip(order, signs, strict=True)
-        )
-        if any(len(side) < _LEAST_NODES for side, _ in sides):
-            raise InputError(
-                f"{where}: {len(x)} surface nodes; expected at least {_LEAST_NODES} on each side "
-                "of x = 0 that --symmetry says"
-            )
-        return cls(R, np.array([0.0, R]), sides)
+        return cls(R, np.array([0.0, R]), _sides(x / R, where, symmetry))
 
     def check_reach(self, what: str, distance: float, where: str) -> None:
         """Refuse what is so far from the axis as no body is.
@@ -136,8 +115,20 @@ class Rim:
             on = (corners[:, :1] <= x) & (x <= corners[:, :1] + width)
             inside = corners[:, 1:] - y
             deep.append(inside[on & (inside > 0)])
-        found = np.concatenate(deep)
-        return float(found.mean()) if found.size else 0.0
+        depths = np.concatenate(deep)
+        return float(depths.mean()) if depths.size else 0.0
+
+
+def _sides(along: FloatArray, where: str, symmetry: str) -> tuple[tuple[IntArray, float], ...]:
+    """Return the nodes of each side of the axis, from places along the rim, and its sign."""
+    outwards = {sign: np.argsort(sign * along, kind="stable") for sign in (1.0, -1.0)}
+    halves = [(nodes[sign * along[nodes] >= -_TINY], sign) for sign, nodes in outwards.items()]
+    sides = tuple(half for half in halves if len(half[0]) >= _LEAST_NODES)
+    if len(sides) != (1 if symmetry == "half" else 2):
+        there = ("no side of the axis", "one side of the axis only", "both sides of the axis")
+        use = ("finer meshes", "--symmetry half", "--symmetry full")
+        raise InputError(f"{where}: surface nodes on {there[len(sides)]}; use {use[len(sides)]}")
+    return sides
 
 
 def _height(x: FloatArray, y: FloatArray, at: float) -> float:

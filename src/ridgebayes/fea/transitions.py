@@ -10,6 +10,7 @@ from scipy.interpolate import krogh_interpolate
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
+from ridgebayes.fea.record import SHOWN
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.rules import row_codes
 
@@ -18,7 +19,6 @@ _MOST_Q = 10_000  # of counts: a column of memory for each even one
 _MOST_REMARKS = 20  # on single histories that messages show
 _TOUCHING = 1e-12  # of R: a body that lies on a corner is off it by rounding
 _MOST_DISTINCT = 1000  # numbers whose digits are looked at
-_MOST_LOADS = 5  # that a message shows
 
 
 def transitions_of(
@@ -89,23 +89,23 @@ def transitions_of(
     rows: list[dict[str, Any]] = []
     ahead: list[int] = []
     for j in np.argsort(Q):
-        known = ~np.isnan(gap[:, j])
-        touched = known & (gap[:, j] <= touching)
+        is_known = ~np.isnan(gap[:, j])
+        touched = is_known & (gap[:, j] <= touching)
         if not touched.any():
             ahead.append(int(Q[j]))
             continue
         first = int(np.argmax(touched))
-        lost = load[first:][known[first:] & (gap[first:, j] > touching)]
+        lost = load[first:][gap[first:, j] > touching]
         if lost.size:
-            at = some_of([f"{one:.5g}" for one in lost], _MOST_LOADS)
+            at = some_of([f"{at:.5g}" for at in lost], SHOWN)
             messages.append(f"Q = {Q[j]}: contact is lost again at p/E = {at}")
-        before = np.flatnonzero(known[:first])
+        before = np.flatnonzero(is_known[:first])
         lower = float(load[before[-1]]) if before.size else 0.0
         upper, rel_se = float(load[first]), 0.0
         if not brackets:
-            found = _extrapolated(load, gap[:, j], error[:, j], before, upper)
-            if found is not None:
-                (upper, rel_se), lower = found, math.nan
+            zero = _extrapolated(load, gap[:, j], error[:, j], before, upper)
+            if zero is not None:
+                (upper, rel_se), lower = zero, math.nan
             elif np.isfinite(gap[before, j]).any():
                 messages.append(
                     f"Q = {Q[j]}: the gap before contact is not smooth enough: bracketed"
@@ -116,8 +116,7 @@ def transitions_of(
                 f"Q = {Q[j]} ignored: reached in the same increment as Q = {rows[-1]['Q']}"
             )
             continue
-        row = {"Q": int(Q[j]), "p_over_E": upper, "p_over_E_lower": lower, "rel_se": rel_se}
-        rows.append(row)
+        rows.append({"Q": int(Q[j]), "p_over_E": upper, "p_over_E_lower": lower, "rel_se": rel_se})
     if ahead:
         to = f" to {ahead[-1]}" if len(ahead) > 1 else ""
         messages.append(f"Q = {ahead[0]}{to}: not reached")
@@ -159,8 +158,8 @@ def _extrapolated(
     # A load whose error is not known is not given.
     if not (is_inside and abs(curved - straight) < upper - p[2] and math.isfinite(doubt)):
         return None
-    found = min(straight, upper)
-    return found, max(doubt / found, 1e-12)
+    zero = min(straight, upper)
+    return zero, max(doubt / zero, 1e-12)
 
 
 def last_digit(values: FloatArray) -> float:
@@ -172,7 +171,7 @@ def last_digit(values: FloatArray) -> float:
     (0.001, 0.0)
     """
     distinct = np.unique(values[np.isfinite(values) & (values != 0)])[:_MOST_DISTINCT]
-    places = [int(Decimal(repr(float(one))).as_tuple().exponent) for one in distinct]
+    places = [int(Decimal(repr(number)).as_tuple().exponent) for number in distinct.tolist()]
     return 10.0 ** min(places) if places else 0.0
 
 
@@ -222,8 +221,8 @@ def transitions_of_runs(
     frames, messages, failed = [], [], []
     order = np.argsort(run, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(run[order])) + 1):
-        one = curve.iloc[int(rows[0])]
-        name = "" if n_run == 1 else f"{_label(one)}: "
+        constants = curve.iloc[int(rows[0])]
+        name = "" if n_run == 1 else f"{_label(constants)}: "
         try:
             # Absurd numbers overflow where loads are extrapolated, and then are not used.
             with np.errstate(all="ignore"):
@@ -235,7 +234,7 @@ def transitions_of_runs(
             failed.append(f"{name}{error}")
             continue
         messages += [f"{name}{text}" for text in odd]
-        frames.append(frame.assign(**{str(key): one[str(key)] for key in curve}))
+        frames.append(frame.assign(**{str(key): constants[str(key)] for key in curve}))
     if not frames:
         raise InputError(failed[0])
     messages += [f"run ignored: {text}" for text in failed]
@@ -287,7 +286,6 @@ def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray, digits: float) 
         )
 
 
-def _label(one: "pd.Series[str]") -> str:
-    texture = str(one.get("texture", "")) or f"a/R = {one['a_over_R']:g}, b/R = {one['b_over_R']:g}"
-    series = str(one.get("series", ""))
-    return f"{texture}, {series}" if series else texture
+def _label(run: "pd.Series[Any]") -> str:
+    texture = run.get("texture", "") or f"a/R = {run['a_over_R']:g}, b/R = {run['b_over_R']:g}"
+    return ", ".join(filter(None, [texture, run.get("series", "")]))
