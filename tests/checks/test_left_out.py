@@ -275,7 +275,7 @@ class PerTexture(Modified):
 
 def test_left_out__of_a_form_with_a_coefficient_a_texture_is_by_evidences(data, monkeypatch):
     rows = Observations.from_table(table_of(data))
-    monkeypatch.setattr(left_out, "_MAX_PARETO_K", np.inf)  # other parameters alone decide
+    monkeypatch.setattr(left_out, "MAX_FINITE_VARIANCE_K", np.inf)  # other parameters alone decide
     monkeypatch.setattr(left_out, "_MIN_EFFECTIVE_SHARE", 0)
     monkeypatch.setattr(left_out, "_MIN_EFFECTIVE_DRAWS", 0)
     names = [f"c{a:g}" for a, _ in rows.textures]
