@@ -21,7 +21,7 @@ NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is c
 LARGEST_Q = 20_000
 _SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1
 _N_NODE = 256  # of a table: its error is a tenth of that of the number of draws at most
-_COUNTS_AT_ONCE = 8
+COUNTS_AT_ONCE = 8
 _N_PART = 8  # of draws, by their sd
 _NUMBERS_AT_ONCE = 2**20  # draws times loads, which bounds memory
 _PRECISION = 1e-10  # of the log of a quantile
@@ -156,8 +156,8 @@ class LoadDraws:
             If counts pass 20,000.
         """
         shares = [np.ones(len(y))]
-        for first in range(4, last + 2, 2 * _COUNTS_AT_ONCE):
-            counts = np.arange(first, min(first + 2 * _COUNTS_AT_ONCE, last + 2), 2)
+        for first in range(4, last + 2, 2 * COUNTS_AT_ONCE):
+            counts = np.arange(first, min(first + 2 * COUNTS_AT_ONCE, last + 2), 2)
             mean, sd = self.columns(counts // 2 - 2)
             for j in range(len(counts)):
                 # One noise draw cannot reach a further ridge before a nearer one.

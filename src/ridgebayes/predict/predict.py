@@ -8,8 +8,9 @@ imply; the unknown offsets of others widen the distribution.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +29,7 @@ from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 from ridgebayes.scene.scene import Scene
 
 KINDS = ("curve", "simulation")
+_T = TypeVar("_T")
 _STORED = 2**19  # draws times places up to which a load distribution keeps them: 8 MB
 
 
@@ -116,11 +118,8 @@ class Predictive(ABC):
             return q_of_scene(self.averaged, a_over_R, load=load, p_over_E=p_over_E, kind=kind)
         if load is not None or b_over_R is None or p_over_E is None:
             raise InputError("predict: expected a_over_R, b_over_R and p_over_E, or a Scene")
-        parts, weights = zip(*self.averaged, strict=True)
-        each = zip(parts, shares(weights).tolist(), strict=True)
-        predicted = partial(predict_q, nu=nu, kind=kind)
-        found = (predicted(one, a_over_R, b_over_R, p_over_E, share=w) for one, w in each)
-        return mix_q(found, weights)
+        where = a_over_R, b_over_R, p_over_E
+        return mix_q(*self._parts(partial(predict_q, nu=nu, kind=kind), *where))
 
     def predict_load(
         self,
@@ -180,11 +179,16 @@ class Predictive(ABC):
             return load_of_scene(self.averaged, a_over_R, Q, kind=kind)
         if isinstance(a_over_R, Scene) or b_over_R is None or Q is None:
             raise InputError("predict_load: expected a_over_R, b_over_R and Q, or a Scene and Q")
-        parts, weights = zip(*self.averaged, strict=True)
-        each = zip(parts, shares(weights).tolist(), strict=True)
-        predicted = partial(predict_load, nu=nu, kind=kind)
-        found = (predicted(one, a_over_R, b_over_R, Q, share=w) for one, w in each)
-        return mix_loads(found, weights)
+        where = a_over_R, b_over_R, Q
+        return mix_loads(*self._parts(partial(predict_load, nu=nu, kind=kind), *where))
+
+    def _parts(
+        self, predicted: Callable[..., _T], *where: ArrayLike
+    ) -> tuple[Iterator[_T], list[float]]:
+        """Yield the predictions of the posteriors, beside their weights."""
+        posteriors, weights = zip(*self.averaged, strict=True)
+        pairs = zip(posteriors, shares(weights).tolist(), strict=True)
+        return (predicted(fit, *where, share=share) for fit, share in pairs), list(weights)
 
 
 def predict_q(
@@ -298,8 +302,8 @@ def _reaching(loads: PosteriorLoads, a: float, b: float, y: FloatArray) -> Float
     def columns(ids: IntArray) -> tuple[FloatArray, FloatArray]:
         counts = 4 + 2 * ids
         if loads.is_curve:
-            own = loads.load((a, b), counts)
-            return own, np.zeros(own.shape)
+            load = loads.load((a, b), counts)
+            return load, np.zeros(load.shape)
         return loads.at((a, b), counts)
 
     last = LARGEST_Q
