@@ -1,6 +1,7 @@
 """Bands on Q and on loads as tables: what `bands.csv` and `loads.csv` hold."""
 
 import itertools
+import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from copy import copy
@@ -29,7 +30,7 @@ from ridgebayes.table.table import ContactTable
 AVERAGE = "average"
 _KEPT = 100_000  # bands of each posterior up to which all are kept; of more, some are made twice
 _N_LOAD, _FEWEST = 200, 10  # loads of a texture: fewer where bands would be more than are kept
-_DECIMALS = 6  # of probabilities, those of NEGLIGIBLE; their Monte Carlo error is 0.005
+_DECIMALS = round(-math.log10(NEGLIGIBLE))  # of probabilities
 _DRAWN = 2**24  # draws times rows of a form's loads, beyond which there are fewer draws
 
 
@@ -271,14 +272,9 @@ def _of_form(name: str, parts: _Mixture, rows: pd.DataFrame) -> pd.DataFrame:
 
 def _joined(blocks: list[pd.DataFrame]) -> pd.DataFrame:
     """Join forms, zeros for the tails that others have, up to the first negligible column."""
-    highest: dict[str, float] = {}
-    for block in blocks:
-        for name, value in block.filter(regex="^p_q_ge_").max().items():
-            highest[str(name)] = max(float(value), highest.get(str(name), 0.0))
-    tail = sorted(highest, key=lambda name: int(name.removeprefix("p_q_ge_")))
-    kept = next((i for i, c in enumerate(tail) if highest[c] < NEGLIGIBLE), len(tail) - 1)
-    names = [name for name in blocks[0] if name not in highest] + tail[: kept + 1]
-    for i, block in enumerate(blocks):
-        digits = dict.fromkeys(["q_mean", *tail[: kept + 1]], _DECIMALS)
-        blocks[i] = block.reindex(columns=names, fill_value=0.0).round(digits)
-    return pd.concat(blocks, ignore_index=True)
+    frame = pd.concat(blocks, ignore_index=True)
+    tail = frame.filter(regex="^p_q_ge_").columns
+    n_kept = int((frame[tail].max() >= NEGLIGIBLE).sum()) + 1
+    frame, kept = frame.drop(columns=tail[n_kept:]), list(map(str, tail[:n_kept]))
+    frame[kept] = frame[kept].fillna(0.0)
+    return frame.round(dict.fromkeys(["q_mean", *kept], _DECIMALS))

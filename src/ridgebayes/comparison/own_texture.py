@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import compress
 
 import numpy as np
+from scipy.constants import golden
 from scipy.special import ndtr, ndtri
 
 from ridgebayes._types import FloatArray, Json
@@ -25,6 +26,7 @@ _PROB = ndtr(ndtri(0.05) * np.arange(-8, 9)[::-1] / 4)  # at even steps of the n
 _LEAST_RATIO = 0.04  # of a/pitch; and as far from 1
 _N_RATIO = 10  # numbers of a/pitch below, within and above the calibrated
 _MOST_Q = 40  # the last count, unless more were calibrated
+_N_SAMPLE = 2**14  # loads of each place
 _UNIT = 1e-5  # of ln load, far below what Monte Carlo error leaves
 
 
@@ -64,8 +66,8 @@ def own_texture(comparison: Comparison) -> OwnTexture:
 
     Notes
     -----
-    *Accuracy.* 0.1 % in the load from 2.5 to 97.5 %, beside the Monte Carlo error of
-    `predict_load`; a few per cent beyond, where forms of little weight have other loads.
+    *Accuracy.* 0.1 % in the load from 5 to 95 %, beside the Monte Carlo error of `predict_load`;
+    beyond some tenths of a per cent, of Student errors a few per cent.
     """
     if not comparison.probabilities:
         return OwnTexture(None, "no form has an evidence that can be used")
@@ -80,7 +82,7 @@ def own_texture(comparison: Comparison) -> OwnTexture:
     power_law = any(isinstance(posterior.form, PowerLaw) for posterior in heavy)
     ratio, Q = _nodes(calibrated.ratio), np.arange(4, max(_MOST_Q, 2 * calibrated.Q_max) + 1, 2)
     prob = _PROB.round(12)
-    g = np.round(np.moveaxis(_log_quantiles(comparison, ratio, Q, prob), 0, -1).ravel() / _UNIT)
+    g = np.round(_log_quantiles(comparison, ratio, Q, prob).ravel() / _UNIT)
     reached = {key: value for key, value in calibrated.to_dict().items() if key != "textures"}
     return OwnTexture(
         {
@@ -109,12 +111,20 @@ def _nodes(calibrated: tuple[float, float]) -> FloatArray:
 def _log_quantiles(
     model: Predictive, ratio: FloatArray, Q: np.ndarray, prob: FloatArray
 ) -> FloatArray:
-    """Return quantiles of ln(p/E) at a pitch of R, shape (n_prob, n_ratio, n_Q).
+    """Return quantiles of ln(p/E) at a pitch of R, shape (n_ratio, n_Q, n_prob).
 
-    Each draw of the posteriors has one error; errors lie evenly in probability.
+    Each draw has some errors: steps of the golden ratio, over draws in the order of their loads,
+    leave no gap in probability.
     """
     load = model.predict_load(ratio[:, None], 1 - ratio[:, None], Q)
-    n = len(load.weight)
-    score = ndtri((np.random.default_rng(0).permutation(n) + 0.5) / n)
-    y = load.log_mean + load.sd * score[:, None, None]
-    return np.quantile(y, prob, axis=0, weights=load.weight, method="inverted_cdf")
+    n = -(-_N_SAMPLE // len(load.weight)), len(load.weight), 1
+    score = ndtri((np.arange(math.prod(n)) + 0.5) / golden % 1).reshape(n)
+    value = np.empty((*load.shape, len(prob)))
+    log_mean, log_sd = load.log_mean, load.sd
+    for i in range(len(ratio)):
+        order = np.argsort(log_mean[:, i], axis=0)
+        mean, sd = (np.take_along_axis(x[:, i], order, axis=0) for x in (log_mean, log_sd))
+        weights = np.tile(load.weight[order], (n[0], 1))
+        y = (mean + sd * score).reshape(-1, len(Q))
+        value[i] = np.quantile(y, prob, axis=0, weights=weights, method="inverted_cdf").T
+    return value

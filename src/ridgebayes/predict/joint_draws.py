@@ -14,12 +14,11 @@ from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.extrapolation import CalibratedRange, Flags
-from ridgebayes.predict.load_draws import COUNTS_AT_ONCE, Columns
+from ridgebayes.predict.load_draws import COUNTS_AT_ONCE, LARGEST_Q, Columns
 from ridgebayes.predict.posterior_loads import PosteriorLoads, widest_count
 
 MOST_TEXTURES = 16
 _N_RATIO = 13  # from a/pitch 0.05 to 0.95: loads within 0.03 %
-_LARGEST_Q = 2_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +66,7 @@ class _KeptLoads:
 class RatioLoads:
     """Log loads of a posterior's draws at new textures of pitch R, by a spline over logit(a/pitch).
 
-    What is interpolated is ``load^(-1/2)``, which is 0 where a draw's rate reaches no ridge.
+    The spline is one of ``load^(-1/2)``, which is 0 where a draw's rate reaches no ridge.
 
     Parameters
     ----------
@@ -174,7 +173,7 @@ class PredictiveSampler:
         with np.errstate(divide="ignore"):
             y = np.log(p)
         Q, alive = np.full(p.shape, 2), np.ones(p.shape, dtype=bool)
-        for first in range(0, _LARGEST_Q // 2, COUNTS_AT_ONCE):
+        for first in range(0, LARGEST_Q // 2, COUNTS_AT_ONCE):
             ids = np.arange(first, first + COUNTS_AT_ONCE)
             location, sd = self.log_loads(textures, nu, which, ids)
             for load in (location + sd * score[:, None]).T:
@@ -185,7 +184,7 @@ class PredictiveSampler:
                 flags = self._range.load_flags(p, nu[:, None]) | self._range.count_flags(Q)
                 flags |= self._range.texture_flags(*textures[:, :2].T)[:, None]
                 return PredictiveDraws(Q, which * self.loads.stride, flags)
-        raise InputError(f"loads: expected counts up to {_LARGEST_Q}, got more")
+        raise InputError(f"loads: expected counts up to {LARGEST_Q}, got more")
 
     def log_loads(
         self, textures: FloatArray, nu: FloatArray, which: IntArray, ids: IntArray

@@ -23,7 +23,7 @@ _SATURATED = 8.3  # standard deviations beyond which a normal distribution funct
 _N_NODE = 256  # of a table: its error is a tenth of that of the number of draws at most
 COUNTS_AT_ONCE = 8
 _N_PART = 8  # of draws, by their sd
-_NUMBERS_AT_ONCE = 2**20  # draws times loads, which bounds memory
+NUMBERS_AT_ONCE = 2**19  # draws times loads or places, which bounds memory: 4 MB
 _PRECISION = 1e-10  # of the log of a quantile
 
 Columns = tuple[FloatArray, FloatArray]
@@ -139,7 +139,7 @@ class LoadDraws:
         Parameters
         ----------
         y : ndarray of float, shape (n,)
-            Log loads; or the loads themselves, where columns are points at these.
+            Log loads.
         last : int, optional
             Last count that a body can have.
         where : str, optional
@@ -198,7 +198,7 @@ def _averages(y: FloatArray, mean: FloatArray, sd: FloatArray, weight: FloatArra
     Draws are in the order of their sd, so that most loads lie beyond the reach of most parts.
     """
     value = np.zeros(len(y))
-    n_part = max(-(-len(y) * len(mean) // _NUMBERS_AT_ONCE), _N_PART)
+    n_part = max(-(-len(y) * len(mean) // NUMBERS_AT_ONCE), _N_PART)
     for part in np.array_split(np.arange(len(mean)), min(n_part, len(mean))):
         m, s, w = mean[part], sd[part], weight[part]
         low, high = (m - _SATURATED * s).min(), (m + _SATURATED * s).max()
