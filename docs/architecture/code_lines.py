@@ -26,7 +26,7 @@ BUDGETS = {
     "fea": 4_694,
     "model": 1_606,
     "inference": 2_569,
-    "predict": 1_194,  # loads over a/pitch, which designs share; names of DataArrays
+    "predict": 1_202,  # loads over a/pitch, which designs share; names of DataArrays
     "evidence": 604,
     "comparison": 916,
     "checks": 792,

@@ -139,7 +139,7 @@ class LoadDraws:
         Parameters
         ----------
         y : ndarray of float, shape (n,)
-            Log loads.
+            Log loads; or the loads themselves, where columns are points at these.
         last : int, optional
             Last count that a body can have.
         where : str, optional

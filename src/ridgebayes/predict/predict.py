@@ -228,8 +228,10 @@ def predict_q(
     a, b, poisson, p = places.values()
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.load_flags(p, poisson) | calibrated.texture_flags(a, b)
-    with np.errstate(divide="ignore"):
-        y = np.log(reduced_load(p, poisson).ravel())
+    y = reduced_load(p, poisson).ravel()
+    if kind != "curve":  # its draws count at their own loads, which a logarithm would round
+        with np.errstate(divide="ignore"):
+            y = np.log(y)
     first, place = distinct(a, b)
     textures = list(zip(a.ravel()[first].tolist(), b.ravel()[first].tolist(), strict=True))
     groups = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place))[:-1])
@@ -302,10 +304,18 @@ def _at_places(
 
 def _reaching(loads: PosteriorLoads, a: float, b: float, y: FloatArray) -> FloatArray:
     """Return P(Q >= 2), P(Q >= 4), ... at log loads at nu = 0.5 of one texture, (n, n_step)."""
+
+    def columns(ids: IntArray) -> tuple[FloatArray, FloatArray]:
+        counts = 4 + 2 * ids
+        if loads.is_curve:
+            load = loads.load((a, b), counts)
+            return load, np.zeros(load.shape)
+        return loads.at((a, b), counts)
+
     last = LARGEST_Q
     if not loads.has_mean:
         last = min(last, int(widest_count(np.array(a), np.array(b))))
-    draws = LoadDraws.alike(len(loads), lambda ids: loads.at((a, b), 4 + 2 * ids), loads.has_mean)
+    draws = LoadDraws.alike(len(loads), columns, loads.has_mean)
     return draws.reaching(y, last, f" at a/R, b/R = {(a, b)}")
 
 
