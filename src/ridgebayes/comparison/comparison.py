@@ -201,7 +201,7 @@ class Comparison(Predictive, Tabular):
             self.evidence,
             self.prior_sensitivity,
             self.noise,
-            lambda one, other: same_loads(self.fits[one], self.fits[other]),
+            lambda form, other: same_loads(self.fits[form], self.fits[other]),
             self.failures,
             series_are_textures=data.one_texture_per_series,
         )

@@ -125,8 +125,8 @@ def plot_posterior_checks(
         observed, replicated, p_value = values
         first, third = np.quantile(replicated, [0.25, 0.75])
         near = np.abs(replicated - (first + third) / 2) <= _REACH * (third - first)
-        both = np.concatenate([replicated[near], np.quantile(observed, [0.05, 0.95])])
-        low, high = both.min(), both.max()
+        shown = np.concatenate([replicated[near], np.quantile(observed, [0.05, 0.95])])
+        low, high = shown.min(), shown.max()
         edges = np.linspace(low, high if high > low else low + 1, _N_BIN + 1).tolist()
         axes.hist(
             replicated, edges, density=True, color=colour_of(form), alpha=0.5, label="replicated"
