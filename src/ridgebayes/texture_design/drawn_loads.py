@@ -9,7 +9,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy import special
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
@@ -58,15 +57,6 @@ class DrawnLoads:
     def n_draw(self) -> int:
         """Draws."""
         return len(self._loads)
-
-    def score(self, z: FloatArray, which: IntArray) -> FloatArray:
-        """Return errors of draws, in scales, at standard normal scores."""
-        return z
-
-    def cdf(self, t: FloatArray, which: IntArray) -> FloatArray:
-        """Return the share of errors up to t, in scales."""
-        value: FloatArray = special.ndtr(t)
-        return value
 
     def series(self, count: int) -> tuple[Series, Series]:
         """Return the series in a/pitch of location and scale at a pitch of 1."""
