@@ -13,7 +13,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.contact.intervals import Intervals, PressureSolution
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
-_SHRINK = 0.1  # a contact keeps at least this share of its width in one step
+SHRINK = 0.1  # a contact keeps at least this share of its width in one step
 TENSION = 0.1  # times the root of the tolerance, of the mean pressure: free ends err by as much
 BEGUN, _ROUNDING = 1e-6, 1e-9  # of the load
 _STEP = 1e-13  # of a contact's width: shorter steps are rounding
@@ -108,7 +108,7 @@ class ContactSet:
         stuck = [place == at for place, at in zip(self._ends[segment], limits, strict=True)]
         if stuck[side] and strength >= -self._tol * mean:  # (5)
             return end
-        most = (1 - _SHRINK) * width * (1.0 if sum(stuck) == 1 else 0.5)  # (9)
+        most = (1 - SHRINK) * width * (1.0 if sum(stuck) == 1 else 0.5)  # (9)
         step = float(np.nan_to_num(pressing.outward[side][i], nan=0.0))  # (7)
         if strength > 0 and step <= 0:  # no zero of pressure ahead (8)
             step = width

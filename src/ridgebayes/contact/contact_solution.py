@@ -24,6 +24,7 @@ from ridgebayes.errors import InputError
 _MAX_ITERATIONS = 200  # ends take steps in turn, more of them where few coefficients are used
 _N_LOOK, _LOOKS = 17, 5  # places in a groove; each look is at an eighth of the one before
 MOST_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
+DEFAULT_REL_TOL = 1e-8  # of loads and of contact ends
 
 
 def load_factor(nu: float) -> float:
@@ -145,7 +146,7 @@ def solve_contact(
     profile: Profile,
     W: float,
     *,
-    rel_tol: float = 1e-8,
+    rel_tol: float = DEFAULT_REL_TOL,
     n_coefficients: int | None = None,
     start: ContactSolution | None = None,
     ridges: range | None = None,
@@ -308,7 +309,7 @@ def smallest_pressure(pressing: PressureSolution) -> float:
 
 
 def solve_many_contacts(
-    profile: Profile, W: Sequence[float] | FloatArray, *, rel_tol: float = 1e-8
+    profile: Profile, W: Sequence[float] | FloatArray, *, rel_tol: float = DEFAULT_REL_TOL
 ) -> list[ContactSolution]:
     """Press by each of several loads; each begins where the next lower one ended."""
     solutions: dict[int, ContactSolution] = {}

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import NEO_HOOKEAN, Json
+from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
@@ -27,8 +28,6 @@ class LoadPreset:
 
     Parameters
     ----------
-    name : str
-        ``quick``, ``standard`` or ``reference``.
     load_error : float
         Promised relative error of a load by the half-plane.
     meshes : tuple of int
@@ -36,29 +35,15 @@ class LoadPreset:
         goes on.
     """
 
-    name: str
     load_error: float
-    meshes: tuple[int, ...] = (24, 10)
-
-    @classmethod
-    def named(cls, name: str) -> "LoadPreset":
-        """Return one by its name.
-
-        Raises
-        ------
-        InputError
-            If there is none.
-        """
-        if name not in LOAD_PRESETS:
-            raise InputError(f"accuracy: expected one of {', '.join(LOAD_PRESETS)}, got {name!r}")
-        return LOAD_PRESETS[name]
+    meshes: tuple[int, ...]
 
 
 _IF_ANY = ("rel_se", "offset_over_R", "edges")  # columns that only some solvers fill
 LOAD_PRESETS = {
-    "quick": LoadPreset("quick", 1e-4, (10,)),
-    "standard": LoadPreset("standard", 1e-8),
-    "reference": LoadPreset("reference", 1e-10, (48, 24, 10)),
+    "quick": LoadPreset(1e-4, tuple(solvers.ELEMENTS_SE)[2:]),
+    "standard": LoadPreset(DEFAULT_REL_TOL, tuple(solvers.ELEMENTS_SE)[1:]),
+    "reference": LoadPreset(1e-10, tuple(solvers.ELEMENTS_SE)),
 }
 
 
@@ -150,7 +135,9 @@ def generate(
     """
     if solver not in solvers.SOLVERS:
         raise InputError(f"solver = {solver!r}: must be one of {', '.join(solvers.SOLVERS)}")
-    scene, wanted = as_scene(scene), LoadPreset.named(accuracy)
+    if accuracy not in LOAD_PRESETS:
+        raise InputError(f"accuracy: expected one of {', '.join(LOAD_PRESETS)}, got {accuracy!r}")
+    scene, wanted = as_scene(scene), LOAD_PRESETS[accuracy]
     if pressed is not None and (executor is not None or journal is not None):
         raise InputError("pressed: cannot be combined with executor or journal")
     if rel_tol is None:

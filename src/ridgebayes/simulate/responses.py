@@ -23,6 +23,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.scene.effects import HIGHEST_LOAD, full_profile
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, as_scene
+from ridgebayes.simulate.solvers import offsets_between
 from ridgebayes.table.columns import LARGEST_LOAD
 from ridgebayes.table.rules import texture_label
 
@@ -32,8 +33,7 @@ RESPONSE_COLUMNS += _LAST
 FORCE_COLUMNS = [*_FIRST, "land", "ridge", "left_over_R", "right_over_R", "share"]
 FORCE_COLUMNS += ["mean_pressure_over_E", *_LAST]
 EDGE_COLUMNS = [*_FIRST, "land", "ridge", "side", "x_over_R", "K", "G", "lateral_force", "status"]
-# In pitches, where the body's centre may lie from a groove's: the other half is the mirror image.
-_OFFSETS = [(2 * i + 1) / 128 for i in range(32)]
+_N_OFFSET = 32  # of a uniform one, whose means are told
 
 
 def contact_at_loads(
@@ -288,7 +288,7 @@ def _solved(
         solvers = ["two-scale" if high else planned.solver for planned in plans]
     for texture, profile, chosen in zip(scene.textures, profiles, solvers, strict=True):
         label = texture_label(texture.a_over_R, texture.b_over_R)
-        offsets = _OFFSETS if texture.offset == "uniform" else [profile.offset]
+        offsets = offsets_between(_N_OFFSET) if texture.offset == "uniform" else [profile.offset]
         places = [replace(profile, offset=offset) for offset in offsets]
         by_body = np.ones_like(loads)
         if solver == "auto" and scene.nu < two_scale.LEAST_NU:

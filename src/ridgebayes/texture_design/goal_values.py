@@ -17,11 +17,10 @@ from ridgebayes.errors import InputError
 from ridgebayes.predict.posterior_loads import widest_count
 from ridgebayes.texture_design.bodies import Bodies
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
-from ridgebayes.texture_design.goals import Case, Goal, Load
+from ridgebayes.texture_design.goals import MOST_COUNT, Case, Goal, Load
 
 _LEAST_DRAWS = 512
 _NEGLIGIBLE = 1e-7
-_LARGEST_Q = 2_000
 Corner = tuple[float, float]
 
 
@@ -128,16 +127,16 @@ class PlacedDraws:
         low, high = self.window(case)
         upper = 1.0 if high is None else special.ndtr(high)
         lower = 0.0 if low is None else special.ndtr(low)
-        return np.maximum(upper - lower, 0.0)
+        return np.asarray(np.maximum(upper - lower, 0.0))
 
     def reached(self, load: Load) -> Iterator[tuple[int, FloatArray]]:
         """Yield counts from 4 on, and the probability of each draw to reach them."""
-        for count in range(4, _LARGEST_Q + 2, 2):
+        for count in range(4, MOST_COUNT + 2, 2):
             share: FloatArray = special.ndtr(self.threshold(count, load))
             if share.mean() < _NEGLIGIBLE:
                 return
             yield count, share
-        raise InputError(f"load: expected counts up to {_LARGEST_Q}, got more")
+        raise InputError(f"load: expected counts up to {MOST_COUNT}, got more")
 
 
 class GoalValues:
