@@ -301,7 +301,7 @@ class _Mixing:
             self._moved = [*self._moved, at - self._last[0]][-_HISTORY:]
             self._changed = [*self._changed, change - self._last[1]][-_HISTORY:]
         self._last = at, change
-        found = at + change
+        moments = at + change
         if self._moved:
             changed = np.stack(self._changed)
             gram = np.einsum("anmk,bnmk->kab", changed, changed)
@@ -309,9 +309,9 @@ class _Mixing:
             least = 1e-13 * np.trace(gram, axis1=1, axis2=2) + 1e-300
             gram += least[:, None, None] * np.eye(len(changed))
             share = np.linalg.solve(gram, along[..., None])[..., 0]
-            found -= np.einsum("anmk,ka->nmk", np.stack(self._moved) + changed, share)
-        found[:, 0] = np.maximum(found[:, 0], _KEPT * at[:, 0])
-        return found
+            moments -= np.einsum("anmk,ka->nmk", np.stack(self._moved) + changed, share)
+        moments[:, 0] = np.maximum(moments[:, 0], _KEPT * at[:, 0])
+        return moments
 
     def keep(self, n: int, still: BoolArray) -> None:
         """Go on with some events on the first n ridges."""

@@ -30,7 +30,7 @@ from ridgebayes.errors import ComputationError, InputError
 
 _N_PLACE, _N_BISECTION = 25, 10
 _INSIDE = 1e-5  # of an interval: at its very ends a contact is only rounding
-# Of an interval, by which loads stay away from its ends; and of the load of the first change of the
+# Share of an interval by which loads keep off its ends; and of the load of the first change of the
 # count, where the table begins.
 CLOSEST = 1e-4
 _CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets

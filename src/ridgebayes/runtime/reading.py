@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import h5py
 
 LARGEST = 2**31  # bytes of a file: more is not read into memory
-# Bytes of TOML or JSON: more takes a parser minutes. And of a chunk of HDF5: a whole one is unpacked
+# Bytes of TOML or JSON: more takes a parser minutes. And of a chunk of HDF5: all of it is unpacked
 # for a part of it.
 LARGEST_TEXT = LARGEST_CHUNK = 2**26
 _MOST_OBJECTS = 10_000  # groups and datasets; a posterior has thirty

@@ -159,7 +159,7 @@ def generate(
     curves = [curve for some in results if not isinstance(some, str) for curve in some]
     frame = pd.DataFrame(
         {
-            name: np.concatenate([np.broadcast_to(one[name], len(one["Q"])) for one in curves])
+            name: np.concatenate([np.broadcast_to(c[name], len(c["Q"])) for c in curves])
             for name in curves[0]
         }
     )
@@ -216,12 +216,12 @@ def _solved(task: TextureTask, *, pressed: "CylinderVisitor | None" = None) -> l
             f"a worker has ridgebayes {here}, this process {task.version}; expected the same on all"
         )
     if task.planned:
-        (one,) = plan(task.scene)
+        (effects,) = plan(task.scene)
     else:
-        one = Plan(task.texture, (), full_profile(task.texture))
-    if refused := solvers.friction_refused(task.scene, one, task.solver):
+        effects = Plan(task.texture, (), full_profile(task.texture))
+    if refused := solvers.friction_refused(task.scene, effects, task.solver):
         raise InputError(f"scene: {refused}")
     try:
-        return list(solvers.transition_curves(task, one, pressed))
+        return list(solvers.transition_curves(task, effects, pressed))
     except InputError as error:
         return f"{task.where}: {error}"

@@ -33,7 +33,7 @@ RESPONSE_COLUMNS += _LAST
 FORCE_COLUMNS = [*_FIRST, "land", "ridge", "left_over_R", "right_over_R", "share"]
 FORCE_COLUMNS += ["mean_pressure_over_E", *_LAST]
 EDGE_COLUMNS = [*_FIRST, "land", "ridge", "side", "x_over_R", "K", "G", "lateral_force", "status"]
-_N_OFFSET = 32  # of a uniform one, whose means are told
+_N_OFFSET = 32  # of a uniform one: means over these are returned
 
 
 def contact_at_loads(
@@ -237,15 +237,15 @@ def edge_forces(
             continue
         edges = edges_of(solution, scene.nu)
         kinds = np.where(edges.is_floor, "floor", "ridge")
-        each = (kinds, edges.ridge, edges.side, edges.x, edges.K, edges.G)
-        for row in zip(*(column.tolist() for column in each), strict=True):
+        columns = (kinds, edges.ridge, edges.side, edges.x, edges.K, edges.G)
+        for row in zip(*(column.tolist() for column in columns), strict=True):
             rows.append([label, load, *row, edges.lateral, solution.status])
     return pd.DataFrame(rows, columns=EDGE_COLUMNS)
 
 
-def _of_known_offset(given: Scene | str | os.PathLike[str]) -> Scene:
+def _of_known_offset(source: Scene | str | os.PathLike[str]) -> Scene:
     """Return a scene, or raise InputError where a texture's offset is uniform."""
-    scene = as_scene(given)
+    scene = as_scene(source)
     if any(texture.offset == "uniform" for texture in scene.textures):
         raise InputError("offset: expected a number, got 'uniform' (forces depend on the offset)")
     return scene

@@ -71,7 +71,7 @@ class DrawnLoads:
     ) -> tuple[FloatArray, FloatArray]:
         """Return location and scale of draws at a pitch of 1, each at its own a/pitch, (n,)."""
         x = (ratio - self._middle) / self._half
-        location, scale = (_evaluate(one[:, which], x) for one in self.series(count))
+        location, scale = (_evaluate(terms[:, which], x) for terms in self.series(count))
         return np.nan_to_num(location, nan=np.inf), np.maximum(scale, _LEAST_SCALE)
 
     def mean_log_load(self, texture: Texture, count: int) -> float:
