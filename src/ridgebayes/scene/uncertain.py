@@ -204,8 +204,7 @@ class Uncertain:
         seen = [name for entry in joints for name in entry.of]
         if len(set(seen)) < len(seen):
             raise InputError(f"joint: expected each place once, got {', '.join(seen)}")
-        drawn = [name for entry in joints if entry.draws is not None for name in entry.of]
-        texts |= dict.fromkeys(drawn, "joint draws")
+        texts |= {name: "joint draws" for j in joints if j.draws is not None for name in j.of}
         return cls(sources, texts, partial(_derived, certain, has_units), joints)
 
     def of_texture(self, number: int) -> "Uncertain":

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
 from ridgebayes._types import NEO_HOOKEAN, Json
@@ -157,12 +156,7 @@ def generate(
     if problems := [text for text in results if isinstance(text, str)]:
         raise InputError("\n".join(problems))
     curves = [curve for some in results if not isinstance(some, str) for curve in some]
-    frame = pd.DataFrame(
-        {
-            name: np.concatenate([np.broadcast_to(c[name], len(c["Q"])) for c in curves])
-            for name in curves[0]
-        }
-    )
+    frame = pd.concat([pd.DataFrame(curve) for curve in curves], ignore_index=True)
     frame = frame.drop(columns=[name for name in _IF_ANY if not frame[name].any()])
     if scene.uncertain_names:
         frame["source"] += f" medians={'+'.join(scene.uncertain_names)}"
