@@ -184,18 +184,11 @@ class _Rounds:
 
     def _holds(self, contacts: RidgeContacts, event: IntArray, arrived: BoolArray) -> BoolArray:
         """Return whether pressures of arrived events are resolved, and none is a tension."""
-        some = arrived[event]
-        ends = contacts.ends[:, some]
-        here = RidgeContacts(
-            contacts.field[:, some], contacts.force[some], ends, self._radius, self._flat
-        )
-        holds = (here.tail**2 <= self._tol) & (
-            here.smallest_pressure >= -max(TENSION * math.sqrt(self._tol), 1e-6)
-        )
-        count, event = len(arrived), event[some]
-        sound: BoolArray = np.bincount(event, ~holds, minlength=count) == 0
+        n, least = len(arrived), -max(TENSION * math.sqrt(self._tol), 1e-6)
+        holds = (contacts.tail**2 <= self._tol) & (contacts.smallest_pressure >= least)
+        sound: BoolArray = np.bincount(event, ~holds, minlength=n) == 0
         if self._cut:
-            inside = np.bincount(event, (ends >= 1.0).any(axis=0), minlength=count) == 0
+            inside = np.bincount(event, (contacts.ends >= 1.0).any(axis=0), minlength=n) == 0
             inside &= self._nearest > -1.0
             self.cut_off |= bool((arrived & ~inside).any())
             sound &= inside

@@ -17,7 +17,6 @@ from ridgebayes.predict.posterior_loads import PosteriorLoads
 from ridgebayes.predict.q_distribution import shares
 
 _N_NODE = 11
-_LEAST_TERM = 1e-5  # of log loads: what is left out of a series
 _LEAST_SCALE = 1e-12
 Series = FloatArray  # shape (n_term, n_draw)
 
@@ -63,7 +62,9 @@ class DrawnLoads:
         if count not in self._series:
             at_nodes = [self._loads.at_ratio(x, np.array([count])) for x in self._nodes.tolist()]
             nodes = zip(*at_nodes, strict=True)
-            self._series[count] = self._fitted(*(np.stack(x)[:, :, 0] for x in nodes))
+            with np.errstate(invalid="ignore"):
+                location, scale = (self._to_series @ np.stack(x)[:, :, 0] for x in nodes)
+            self._series[count] = location, scale
         return self._series[count]
 
     def at(
@@ -71,7 +72,10 @@ class DrawnLoads:
     ) -> tuple[FloatArray, FloatArray]:
         """Return location and scale of draws at a pitch of 1, each at its own a/pitch, (n,)."""
         x = (ratio - self._middle) / self._half
-        location, scale = (_evaluate(terms[:, which], x) for terms in self.series(count))
+        with np.errstate(invalid="ignore"):
+            location, scale = (
+                chebyshev.chebval(x, terms[:, which], tensor=False) for terms in self.series(count)
+            )
         return np.nan_to_num(location, nan=np.inf), np.maximum(scale, _LEAST_SCALE)
 
     def mean_log_load(self, texture: Texture, count: int) -> float:
@@ -88,15 +92,6 @@ class DrawnLoads:
         location, scale = self._loads.at(texture, np.array([count]))
         return location[:, 0], np.array(scale[:, 0])
 
-    def _fitted(self, location: FloatArray, scale: FloatArray) -> tuple[Series, Series]:
-        series_pair = []
-        for values in (location, scale):
-            with np.errstate(invalid="ignore"):
-                series = self._to_series @ values
-                left = np.cumsum(np.abs(series[::-1]).max(axis=1))[::-1]  # of each term and further
-            series_pair.append(series[: max(int(np.sum(~(left < _LEAST_TERM))), 1)])
-        return series_pair[0], series_pair[1]
-
 
 def drawn_loads(
     averaged: Sequence[tuple[Posterior, float]], ratios: tuple[float, float]
@@ -107,9 +102,3 @@ def drawn_loads(
         (DrawnLoads(fit, *ratios), weight)
         for (fit, _), weight in zip(averaged, weights, strict=True)
     ]
-
-
-def _evaluate(series: Series, x: FloatArray) -> FloatArray:
-    """Return Chebyshev series of draws, each at its own x, shape (n,)."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray(chebyshev.chebval(x, series, tensor=False))
