@@ -142,7 +142,12 @@ class ContactSet:
         others = [segment for segment in self._segments if segment not in self._ends]
         if not others:
             return False
-        for segment, x, gap in zip(others, *nearest_gaps(pressing, others), strict=True):
+        _, gaps, slack = nearest_gaps(pressing, others, looks=1)
+        others = [others[i] for i in np.flatnonzero(gaps <= slack)]
+        if not others:
+            return False
+        x, gaps, _ = nearest_gaps(pressing, others)
+        for segment, at, gap in zip(others, x.tolist(), gaps.tolist(), strict=True):
             # On a sloping surface a contact that is too narrow to be kept penetrates by this much.
             start, stop = segment.start, segment.stop
             if gap >= -max(scale, 100 * _NOTHING * (stop - start) * max(-start, stop)):
@@ -151,23 +156,27 @@ class ContactSet:
                 self._ends[segment] = self._first(segment, pressing.load)
             else:
                 half = math.sqrt(-segment.corner * gap) or 0.02 * (stop - start)
-                self._ends[segment] = self._within(segment, x - half, x + half)
+                self._ends[segment] = self._within(segment, at - half, at + half)
         return len(self._ends) > before
 
 
 def nearest_gaps(
-    pressing: PressureSolution, segments: Sequence[RigidSegment]
-) -> tuple[FloatArray, FloatArray]:
-    """Return where the gap to each of some segments that are not touched is least, and the gap."""
+    pressing: PressureSolution, segments: Sequence[RigidSegment], looks: int = _LOOKS
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return where the gap to each of some segments that are not touched is least, and the gap.
+
+    The last is by how much less it may be between the places that were looked at.
+    """
     rows = np.arange(len(segments))
-    start, stop = np.array([(segment.start, segment.stop) for segment in segments]).T
+    start, stop = np.array([(s.start, s.stop) for s in segments]).T
     x = np.linspace(start, stop, _N_LOOK, axis=1)
     # Where no pressure acts the surface is convex, as ridges are: one minimum.
-    for _ in range(_LOOKS):
+    for _ in range(looks):
         heights = [segment.height(at) for segment, at in zip(segments, x, strict=True)]
         gap = pressing.surface(x) + heights
         lowest = np.argmin(gap, axis=1)
         nearest, least = x[rows, lowest], gap[rows, lowest]
         i = np.clip(lowest, 1, _N_LOOK - 2)
+        slack = np.ptp(gap[rows, [i - 1, i, i + 1]], axis=0)
         x = np.linspace(x[rows, i - 1], x[rows, i + 1], _N_LOOK, axis=1)
-    return nearest, least
+    return nearest, least, slack

@@ -99,7 +99,7 @@ class ContactSolution:
 
         Shape (n_segment,), over R.
         """
-        return nearest_gaps(self.pressing, segments)
+        return nearest_gaps(self.pressing, segments)[:2]
 
     def rise_to_touch(self, segments: Sequence[RigidSegment]) -> float:
         """Return by how much more load the first of some segments is touched: Newton's step."""
