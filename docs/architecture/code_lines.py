@@ -22,7 +22,7 @@ BUDGETS = {
     "contact": 3_368,
     "table": 637,  # pandas reads plain CSV: a million rows in two thirds of the time and memory
     "scene": 1_323,
-    "simulate": 507,
+    "simulate": 505,
     "fea": 4_429,
     "model": 1_606,
     "inference": 2_569,

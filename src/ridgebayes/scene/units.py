@@ -92,7 +92,7 @@ def load_to_si(text: str) -> tuple[Fraction, Dimension]:
         except InputError as error:
             if "decimal comma" in str(error):
                 raise
-    examples = ", ".join(repr(EXAMPLES[one]) for one in _LOADS)
+    examples = ", ".join(repr(EXAMPLES[name]) for name in _LOADS)
     raise InputError(f"{text!r}: expected a number and a unit of a load, such as {examples}")
 
 

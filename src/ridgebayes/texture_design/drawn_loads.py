@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import special
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
@@ -45,15 +44,6 @@ class DrawnLoads:
     def n_draw(self) -> int:
         """Draws."""
         return len(self._loads)
-
-    def score(self, z: FloatArray, which: IntArray) -> FloatArray:
-        """Return errors of draws, in scales, at standard normal scores."""
-        return z
-
-    def cdf(self, t: FloatArray, which: IntArray) -> FloatArray:
-        """Return the share of errors up to t, in scales."""
-        value: FloatArray = special.ndtr(t)
-        return value
 
     def at(
         self, count: int, which: IntArray | slice, ratio: FloatArray
