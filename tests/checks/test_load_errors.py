@@ -32,15 +32,15 @@ def test_shown_textures_of_another_table_are_its_extremes(comparison):
 
 def test_percent_errors_by_hand(comparison):
     errors = percent_errors(comparison, [(0.032, 0.01)])
-    row = errors.query("form == 'modified' and coefficients == 'printed' and Q == 4").iloc[0]
+    row = errors.query("form == 'modified' and coefficients == 'published' and Q == 4").iloc[0]
     assert row["percent"] == pytest.approx(100 * ((0.042 / 1.38) ** 2 / row["p_over_E"] - 1))
-    assert not len(errors.query("form == 'power-law' and coefficients == 'printed'"))
+    assert not len(errors.query("form == 'power-law' and coefficients == 'published'"))
 
 
 def test_percent_errors_use_the_reduced_load(reference):
     # Algebra: nu = 0.49 in the rows, so p_form = s^2 0.75/(1 - 0.49^2).
     errors = percent_errors(reference, [(0.022, 0.02)])
-    row = errors.query("form == 'modified' and coefficients == 'printed' and Q == 6").iloc[0]
+    row = errors.query("form == 'modified' and coefficients == 'published' and Q == 6").iloc[0]
     load = (2 * 0.042 / 1.38) ** 2 * 0.75 / (1 - 0.49**2)
     assert row["percent"] == pytest.approx(100 * (load / row["p_over_E"] - 1))
 

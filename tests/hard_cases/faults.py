@@ -51,7 +51,7 @@ def job(**options):
 RUN = """
 import sys
 command.command = lambda asked: job({options}) or Answer()
-sys.argv = ["ridgebayes", "compare", "few.csv", "-o", "out"]
+sys.argv = ["ridgebayes", "run", "--table", "few.csv", "--workers", "1", "-o", "out"]
 cli.main()
 """
 

@@ -301,6 +301,8 @@ def _write(
     """Write a comparison and its predictions; return its figures, whose drawing has started."""
     data, begun = submit_or_defer(executor, _shown, comparison), None
     loads = [submit_or_defer(executor, loads_table, comparison, kinds=[kind]) for kind in KINDS]
+    with progress.stage("files of posteriors"):  # first: they stay if the disk is full
+        write_comparison(comparison, folder, executor)
     with progress.stage("bands"):
         bands = bands_table(comparison, executor=executor)
         write_csv(bands, folder / "bands.csv", executor)
@@ -308,8 +310,6 @@ def _write(
     with progress.stage("what the report shows"):
         if drawing is not None:  # else it is computed when it is drawn
             begun = Gallery(replace(data(), comparison=comparison), drawing)
-    with progress.stage("files of posteriors"):
-        write_comparison(comparison, folder, executor)
     return begun
 
 

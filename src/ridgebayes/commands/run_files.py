@@ -20,6 +20,7 @@ from ridgebayes.comparison.citations import citations
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.errors import InputError
+from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, error_model_weights, used_evidence
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
@@ -34,7 +35,7 @@ from ridgebayes.runtime.text import clipped, versions
 from ridgebayes.table.table import ContactTable, read_table
 
 EMBEDDED, REFERENCE = "embedded sweep", "reference-fe"
-OTHERS = "posteriors"  # folder of the fits under error models that are not printed
+OTHERS = "posteriors"  # folder of the fits under error models that are not selected
 # Tables of a comparison beside its evidences, by attribute: file and columns.
 _TABLES = {
     "bayes_factors": ("bayes_factors.csv", BAYES_FACTOR_COLUMNS),
@@ -77,10 +78,10 @@ def write_fits(comparison: Comparison, folder: Path, executor: Executor | None =
         for noise, posterior in fit.others.items():
             (folder / OTHERS).mkdir(exist_ok=True)
             tasks.append((posterior, folder / other_file(name, noise), False))
-    for _ in map_ordered(_write_posterior, tasks, executor, name=lambda task: task[1].name):
-        pass
     write_csv(summary_table(comparison.fits.values()), folder / "summary.csv")
     write_csv(comparison.evidence, folder / "evidence.csv")
+    for _ in map_ordered(_write_posterior, tasks, executor, name=lambda task: task[1].name):
+        pass
 
 
 def _write_posterior(task: tuple[Posterior, Path, bool]) -> None:
@@ -105,7 +106,7 @@ def write_comparison(
 
 
 def other_file(form: str, noise: str) -> str:
-    """Return the file of a posterior under an error model that is not printed."""
+    """Return the file of a posterior under an error model that is not selected."""
     return f"{OTHERS}/{form}--{noise.replace(':', '-')}.nc"
 
 
@@ -181,11 +182,22 @@ def fits_list(comparison: Comparison) -> list[dict[str, Any]]:
             "weight": float(used.get((form, noise), 0.0)),
             "sampler": posterior.sampler,
             "converged": posterior.converged,
-            "why": "; ".join(posterior.convergence_failures),
+            "why": "; ".join(posterior.convergence_failures + _why_short(comparison, posterior)),
         }
         for form, fit in comparison.fits.items()
         for noise, posterior in fit.posteriors.items()
     ]
+
+
+def _why_short(comparison: Comparison, posterior: Posterior) -> tuple[str, ...]:
+    """Say why a posterior that has not converged got no more draws, where nothing rests on it."""
+    share = comparison.probabilities.get(posterior.form.name, 1.0)
+    if posterior.converged or share >= MIN_FORM_PROBABILITY:
+        return ()
+    return (
+        f"no more draws were taken: the form's probability is below {MIN_FORM_PROBABILITY:g}, and "
+        "nothing rests on it",
+    )
 
 
 def _state(comparison: Comparison) -> dict[str, Any]:
@@ -281,13 +293,13 @@ def read_command(folder: Path) -> tuple[str, dict[str, Any], int]:
 def _read_fit(
     folder: Path, form: str, noise: str, listed: Sequence[dict[str, Any]], evidence: pd.DataFrame
 ) -> Fit:
-    """Read the posterior of a form's printed error model, and of the others that carry weight."""
-    printed = _read_posterior(folder / f"posterior-{form}.nc", form, noise)
-    drawn = {noise: printed}
+    """Read the posterior of a form's selected error model, and of the others that carry weight."""
+    selected = _read_posterior(folder / f"posterior-{form}.nc", form, noise)
+    drawn = {noise: selected}
     for other in (one["noise"] for one in listed if one["form"] == form):
         if other not in drawn:
             drawn[other] = _read_posterior(folder / other_file(form, other), form, other)
-    return Fit.of(printed, error_model_weights(evidence, form), drawn)
+    return Fit.of(selected, error_model_weights(evidence, form), drawn)
 
 
 def _read_posterior(path: Path, form: str, noise: str) -> Posterior:

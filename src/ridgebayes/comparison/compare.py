@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from ridgebayes._types import Rng
-from ridgebayes.cautions import warn_of
+from ridgebayes.cautions import cautions, warn_of
 from ridgebayes.comparison.bayes_factors import bayes_factor_table, summed_bayes_factors
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
@@ -143,10 +143,15 @@ def compared(request: Request) -> Comparison:
         posteriors[name][selected.name] = posterior
         evidences[name, selected.name].append(bridge)
     evidence = evidence_table(evidences, request.prior_odds)
+    shown = {name: posteriors[name][selected.name] for name in names if name not in failures}
+    told = cautions(request.table, [noise.name for noise in request.noises], selected, shown)
     fits = {
-        name: Fit.of(of_form[selected.name], error_model_weights(evidence, name), of_form)
-        for name, of_form in posteriors.items()
-        if name not in failures
+        name: Fit.of(
+            replace(posterior, cautions=told[name]),
+            error_model_weights(evidence, name),
+            posteriors[name],
+        )
+        for name, posterior in shown.items()
     }
     factors = bayes_factor_table(evidence, list(fits), selected)
     summed = summed_bayes_factors(evidence)

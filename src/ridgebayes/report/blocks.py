@@ -48,7 +48,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Folded:
-    """Details that open on demand; `short` ones are printed."""
+    """Details that open on demand; `short` ones are on paper, too."""
 
     title: str
     blocks: Sequence["Block"]

@@ -63,7 +63,7 @@ def _coefficients_table(data: ReportData, names: list[str]) -> Table:
 
 def _coefficients(data: ReportData, name: str) -> list[list[str]]:
     fit, squares = data.comparison.fits[name], data.least_squares.get(name)
-    printed = dict(zip(fit.form.parameter_names, fit.form.printed or (), strict=False))
+    published = dict(zip(fit.form.parameter_names, fit.form.published or (), strict=False))
     summary, rows = fit.summary.to_dict("records"), []
     for row in [*summary[: MOST_ROWS - 1], *summary[MOST_ROWS - 1 :][-1:]]:
         parameter, own = row["parameter"], ABSENT
@@ -78,7 +78,7 @@ def _coefficients(data: ReportData, name: str) -> list[list[str]]:
                 f"< {TINY:g}" if tiny else with_error(row["mean"], row["sd"], 6),
                 ABSENT if tiny else interval(row["eti_lower"], row["eti_upper"], row["sd"]),
                 own,
-                f"{printed[parameter]:g}" if parameter in printed else ABSENT,
+                f"{published[parameter]:g}" if parameter in published else ABSENT,
             ]
         )
     return rows
@@ -171,9 +171,9 @@ def corner_section(data: ReportData) -> list[Block]:
         model = data.comparison.fits[name].model
         n = model.n_parameter
         some = f" {MOST_PARAMETERS} of {n} parameters." if n > MOST_PARAMETERS else ""
-        is_published = data.is_paper_sweep and model.form.printed is not None
-        printed = " Solid lines: published coefficients." if is_published else ""
-        caption = say("corner_caption", form=form_name(name), lines=printed, some=some)
+        is_published = data.is_paper_sweep and model.form.published is not None
+        lines = " Solid lines: published coefficients." if is_published else ""
+        caption = say("corner_caption", form=form_name(name), lines=lines, some=some)
         pictures.append(Picture(f"corner-{name}", caption, narrow=n < 6))
     return pictures
 

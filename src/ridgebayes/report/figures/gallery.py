@@ -224,11 +224,12 @@ def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False)
     matplotlib.figure.Figure
     """
     names, shown = fit.model.parameter_names, shown_parameters(fit, most)
-    printed = dict(zip(names, (published and fit.form.printed) or (), strict=False))
+    marked = fit.form.published if published else None
+    values = dict(zip(names, marked or (), strict=False))
     draws = fit.draws[:, shown]
     chosen = [names[i] for i in shown]
     return drawing.posterior.plot_corner(
-        fit.form.name, chosen, draws, printed, n_parameter=len(names)
+        fit.form.name, chosen, draws, values, n_parameter=len(names)
     )
 
 
