@@ -88,8 +88,8 @@ class Predicting:
 def predicting(comparison: Comparison) -> Predicting | None:
     """Return how well the best form and its smooth offset predict textures left out.
 
-    None where the selected error model has no smooth offset, Classic was not compared or is the best
-    form, or textures were not left out.
+    None where the selected error model has no smooth offset, Classic was not compared or is the
+    best form, or textures were not left out.
     """
     scores, widths, best = comparison.left_out, comparison.coverage, best_form(comparison) or ""
     if SMOOTH not in comparison.noise.factors or best in ("", _PLAINEST):

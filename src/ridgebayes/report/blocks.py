@@ -1,8 +1,10 @@
 """Blocks of a report: sections of paragraphs, tables, figures. The templates only lay them out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
+
+import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,23 @@ class Table:
     strong: Sequence[int] = ()
     badge: int | None = None
     kind: ClassVar[str] = "table"
+
+    @classmethod
+    def of(
+        cls,
+        records: pd.DataFrame | Iterable[Any],
+        columns: Mapping[str, Callable[[Any], str]],
+        caption: str = "",
+        **look: Any,
+    ) -> "Table":
+        """Return a table with a row for each record, a frame's row or another.
+
+        A column's function makes a record's cell.
+        """
+        if isinstance(records, pd.DataFrame):
+            records = records.to_dict("records")
+        rows = [[cell(record) for cell in columns.values()] for record in records]
+        return cls([*columns], rows, caption, **look)
 
 
 @dataclass(frozen=True)

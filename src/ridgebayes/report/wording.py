@@ -49,6 +49,7 @@ def _sentences() -> Any:
         "number": number,
         "decimals": decimals,
         "probability": probability,
+        "percent": percent,
         "count": count,
     }
     return environment.get_template(name).module
@@ -89,6 +90,11 @@ def parameter_name(name: str) -> str:
     return drawing.style.SYMBOLS.get(name, (name,))[0]
 
 
+def prior_name(name: str) -> str:
+    """Return the parameter whose prior is scaled, as `prior_sensitivity.csv` names it."""
+    return "c and c₁" if name == "c" else parameter_name(name)
+
+
 def noise_name(name: str) -> str:
     """Return an error model in words.
 
@@ -123,20 +129,6 @@ def change_text(change: str) -> str:
     if found := re.fullmatch(r"error model (\S+) alone", change):
         return f'the error model "{noise_name(found[1])}"'
     return change
-
-
-def reading_text(reading: str) -> str:
-    """Return a reading of a Bayes factor, without its caution, with the form named for a reader.
-
-    Examples
-    --------
-    >>> reading_text("strong for power-law (Kass & Raftery); rows are not independent")
-    'strong for Power law (Kass & Raftery)'
-    """
-    words = f"{reading.partition(';')[0]} "
-    for name, title in drawing.style.TITLES.items():
-        words = words.replace(f" for {name} ", f" for {title} ")
-    return words.strip()
 
 
 def listed(words: Sequence[str]) -> str:
@@ -206,7 +198,7 @@ def with_error(value: float, error: float, most: int = 4) -> str:
     return f"{decimals(value, places)} ± {error:.{places}f}"
 
 
-def probability(p: float) -> str:
+def probability(p: float | None) -> str:
     """Return a probability; never 1 or 0 by rounding.
 
     Examples
