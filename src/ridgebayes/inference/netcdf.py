@@ -219,8 +219,7 @@ def _fit_of(stored: Stored) -> Posterior:
     if sampler not in SAMPLERS:
         raise ValueError(f"sampler {sampler!r}")
     seed = int(stored.attrs["seed"])
-    about = {"sampler": sampler, "cautions": cautions}
-    return Posterior(model, chains, summary, convergence_failures, seed, **about)
+    return Posterior(model, chains, summary, convergence_failures, seed, sampler, cautions=cautions)
 
 
 def chains_of(stored: Stored, n_coordinate: int = -1) -> Chains:

@@ -98,8 +98,8 @@ class TextureFields:
     ridge: str
     groove: str
     load: str
-    radius: str = "8"
-    modulus: str = "60"
+    radius: str
+    modulus: str
     kind: ClassVar[str] = "texture"
 
 

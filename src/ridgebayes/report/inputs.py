@@ -3,6 +3,7 @@
 
 from collections import Counter
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -25,26 +26,6 @@ _FORMULAS = {
     "hybrid": ("h / (c₁/L + c₂ R/a)", "c₁, c₂"),
     "half-plane": ("s of the half-plane equation, without a fit, / c", "c (theory: 1)"),
 }
-GLOSSARY = (
-    ("a/R, b/R, pitch L", "Ridge width, groove width and their sum, over the body's radius R."),
-    ("p/E", "Load per projected area over Young's modulus. The line load is 2 R p."),
-    ("s", "√(p/E) at Poisson's ratio 0.5. Other ratios enter by the load (p/E)(1 − ν²)/0.75."),
-    ("Q", "Proximal ridge edges in contact: 2 at first touch, then 4, 6, ..."),
-    ("K", "dQ′/ds, the rate at which the count grows."),
-    ("ln BF", "Natural logarithm of the ratio of evidences. Above 0 it favours the first form."),
-    ("Reading", "2 ln BF of 2, 6, 10 begin positive, strong, very strong (Kass & Raftery 1995)."),
-    ("Load error", "100 (p form / p data − 1). Above 0 the form predicts too high a load."),
-    ("Curve band", "Uncertainty of the form's coefficients only."),
-    (
-        "Simulation band",
-        "That and the error model: where a further simulation or measurement would lie.",
-    ),
-    (
-        "Extrapolation",
-        "A count, load, a/pitch, a/R or b/R beyond the calibrated range. The band does not include "
-        "how the form fails there.",
-    ),
-)
 
 
 def data_section(data: ReportData) -> list[Block]:
@@ -127,9 +108,15 @@ def cost_section(data: ReportData) -> list[Block]:
     return [words, *([Table.of(costs, columns, text=(0, 1, 2, 5))] if len(costs) else [])]
 
 
+def glossary() -> list[list[str]]:
+    """Return units, signs and words, each with its meaning."""
+    text = files("ridgebayes.report").joinpath("templates/glossary.txt").read_text("utf-8")
+    return [line.split(": ", maxsplit=1) for line in text.splitlines()]
+
+
 def glossary_section(_: ReportData) -> list[Block]:
-    """Return units, signs and words."""
-    return [Table(["Word", "Meaning"], GLOSSARY, text=(0, 1))]
+    """Return the glossary as a table."""
+    return [Table(["Word", "Meaning"], glossary(), text=(0, 1))]
 
 
 def versions_section(_: ReportData) -> list[Block]:
