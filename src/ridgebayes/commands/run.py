@@ -18,8 +18,8 @@ from ridgebayes.checks.left_out import left_out_scores
 from ridgebayes.checks.report_data import ReportData, report_data
 from ridgebayes.commands import BEGAN, options
 from ridgebayes.commands.answers import comparison_answer, fit_answer
-from ridgebayes.commands.pages import command_line, write_pages
 from ridgebayes.commands.parsing import parse_form, parse_forms, parse_odds
+from ridgebayes.commands.report import command_line, write_pages
 from ridgebayes.commands.run_files import (
     EMBEDDED,
     REFERENCE,
@@ -280,12 +280,17 @@ def _thinned(comparison: Comparison) -> Comparison:
     n_kept, fits = Preset.named(comparison.accuracy).n_kept, {}
     for name, fit in comparison.fits.items():
         posteriors = fit.posteriors.values()
-        n = min(n_kept, N_SHARED) if any(one.noise.factors for one in posteriors) else n_kept
+        n = (
+            min(n_kept, N_SHARED)
+            if any(posterior.noise.factors for posterior in posteriors)
+            else n_kept
+        )
         if comparison.probabilities.get(name, 1.0) < MIN_FORM_PROBABILITY:
             n //= 4
-        share = n / sum(len(one.draws) for one in posteriors)
+        share = n / sum(len(posterior.draws) for posterior in posteriors)
         others = {
-            noise: one.thinned(round(share * len(one.draws))) for noise, one in fit.others.items()
+            noise: other.thinned(round(share * len(other.draws)))
+            for noise, other in fit.others.items()
         }
         fits[name] = replace(fit.thinned(round(share * len(fit.draws))), others=others)
     return replace(comparison, fits=fits)
