@@ -370,9 +370,9 @@ def calibrate(  # noqa: PLR0913  (each names a part of the question, and has a d
         walked, _ = walk_pair(pair, drawn, settings, progress=progress, checkpoint=file)
         posterior = walked_posterior(posterior.model, walked, pair.own_seed, drawn.evidence)
     noises = [noise.name for noise in request.noises]
-    told = cautions(request.table, noises, selected, {name: posterior})[name]
-    warn_of(told)
-    return Fit.of(replace(posterior, cautions=told), weighed.weights(name), posteriors)
+    sentences = cautions(request.table, noises, selected, {name: posterior})[name]
+    warn_of(sentences)
+    return Fit.of(replace(posterior, cautions=sentences), weighed.weights(name), posteriors)
 
 
 def chain_checkpoint(

@@ -79,8 +79,8 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     start = form.published
     if start is None or len(frame) < len(start):
         raise InputError(
-            f"{form.name}: expected a form with published coefficients and at least as many rows as "
-            f"coefficients, got {len(frame)} rows"
+            f"{form.name}: expected a form with published coefficients and at least as many rows "
+            f"as coefficients, got {len(frame)} rows"
         )
     p, a, b, nu = (frame[c].to_numpy() for c in ("p_over_E", "a_over_R", "b_over_R", "nu"))
     q = frame["Q"].to_numpy(float)

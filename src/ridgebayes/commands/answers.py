@@ -26,8 +26,8 @@ def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
         words = import_module("ridgebayes.report.first_screen")
         why = f" Why: {words.why(verdict)}." if verdict.grade == "undecided" else ""
         grade = f"Grade: {verdict.grade}.{why}"
-        told = words.headline(verdict, done.probabilities_at_equal_odds)
-        parts.append(f"{told} {words.lead(verdict)} {grade}")
+        sentence = words.headline(verdict, done.probabilities_at_equal_odds)
+        parts.append(f"{sentence} {words.lead(verdict)} {grade}")
         if (prior := words.prior_words(done)) != words.EQUAL:
             parts.append(f"Probabilities are {prior}.")
     ranked = [done.fits[name] for name in forms_by_probability(done)]

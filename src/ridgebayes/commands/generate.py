@@ -70,7 +70,7 @@ def command(asked: options.Generate) -> Answer:
         (summary, *medians_taken(wanted.uncertain_names), *left_out),
         {"rows": len(table), "textures": len(table.textures), "not_ok": failed},
         [asked.out, *(files_in(asked.fields) if asked.fields else ())],
-        told=warned,
+        early=warned,
         problem=f"{failed} rows are not ok, see column status of {asked.out}" if failed else "",
     )
 

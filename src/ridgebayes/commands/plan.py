@@ -54,7 +54,13 @@ def command(asked: options.PlanOptions) -> Answer:
             named = isinstance(error, RidgebayesError)  # which says the file itself
             problem = str(error) if named else f"{error.filename}: {error.strerror}"
     return Answer(
-        parts, plan_table(plans), files, (reasons,), warnings=failed, told=warned, problem=problem
+        parts,
+        plan_table(plans),
+        files,
+        (reasons,),
+        warnings=failed,
+        early=warned,
+        problem=problem,
     )
 
 
@@ -66,8 +72,8 @@ def _new_scene(asked: options.PlanOptions) -> Answer:
     refuse_suffix(path, (".toml",))
     refuse_existing(path, asked.force)
     write_text(data_path("scenes/template.toml").read_text(encoding="utf-8"), path)
-    told = f"{path}: a scene to start from. Change its values, then: ridgebayes plan {path}"
-    return Answer((told,), files=[path])
+    summary = f"{path}: a scene to start from. Change its values, then: ridgebayes plan {path}"
+    return Answer((summary,), files=[path])
 
 
 def _draw(scene: Scene, plans: Sequence[Plan], folder: Path) -> list[str]:

@@ -280,11 +280,8 @@ def _thinned(comparison: Comparison) -> Comparison:
     n_kept, fits = Preset.named(comparison.accuracy).n_kept, {}
     for name, fit in comparison.fits.items():
         posteriors = fit.posteriors.values()
-        n = (
-            min(n_kept, N_SHARED)
-            if any(posterior.noise.factors for posterior in posteriors)
-            else n_kept
-        )
+        share_offsets = any(posterior.noise.factors for posterior in posteriors)
+        n = min(n_kept, N_SHARED) if share_offsets else n_kept
         if comparison.probabilities.get(name, 1.0) < MIN_FORM_PROBABILITY:
             n //= 4
         share = n / sum(len(posterior.draws) for posterior in posteriors)

@@ -296,7 +296,7 @@ def _read_fit(
     """Read the posterior of a form's selected error model, and of the others that carry weight."""
     selected = _read_posterior(folder / f"posterior-{form}.nc", form, noise)
     drawn = {noise: selected}
-    for other in (one["noise"] for one in listed if one["form"] == form):
+    for other in (entry["noise"] for entry in listed if entry["form"] == form):
         if other not in drawn:
             drawn[other] = _read_posterior(folder / other_file(form, other), form, other)
     return Fit.of(selected, error_model_weights(evidence, form), drawn)
@@ -322,14 +322,14 @@ def _read_about(folder: Path) -> dict[str, Any]:
     try:
         named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
         named += [about["verdicts"]["failures"], about.setdefault("nugget", NUGGET)]
-        fits = [(one["form"], one["noise"]) for one in about["fits"]]
+        fits = [(entry["form"], entry["noise"]) for entry in about["fits"]]
     except KeyError as error:
         raise InputError(f"{path}: damaged, key {error} is missing; run again") from None
     except TypeError:
         raise _foreign(path) from None
     failures = about["verdicts"]["failures"]
     if not all(map(isinstance, named, (list, str, str, str, dict, float))) or not all(
-        isinstance(one, str) for one in (*about["forms"], *failures, *failures.values())
+        isinstance(text, str) for text in (*about["forms"], *failures, *failures.values())
     ):
         raise _foreign(path)
     # Parts of files' names below, which must not lead elsewhere.

@@ -153,10 +153,10 @@ def compared(request: Request) -> Comparison:
         evidences[name, selected.name].append(bridge)
     evidence = evidence_table(evidences, request.prior_odds)
     shown = {name: posteriors[name][selected.name] for name in names if name not in failures}
-    told = cautions(request.table, [noise.name for noise in request.noises], selected, shown)
+    sentences = cautions(request.table, [noise.name for noise in request.noises], selected, shown)
     fits = {
         name: Fit.of(
-            replace(posterior, cautions=told[name]),
+            replace(posterior, cautions=sentences[name]),
             error_model_weights(evidence, name),
             posteriors[name],
         )

@@ -121,13 +121,13 @@ def change_text(change: str) -> str:
     >>> change_text("hybrid's c prior's scale times 10"), change_text("error model iid alone")
     ("Hybrid's prior of c₁ 10 times as wide", 'the error model "independent rows, normal errors"')
     """
-    if found := re.fullmatch(r"(?:(\S+)'s )?(\S+) prior's scale times (\S+)", change):
-        form, parameter, factor = found.groups()
+    if match := re.fullmatch(r"(?:(\S+)'s )?(\S+) prior's scale times (\S+)", change):
+        form, parameter, factor = match.groups()
         owner = f"{form_name(form)}'s" if form else "the"
         parameter = "c1" if (form, parameter) == ("hybrid", "c") else parameter
         return f"{owner} prior of {parameter_name(parameter)} {factor} times as wide"
-    if found := re.fullmatch(r"error model (\S+) alone", change):
-        return f'the error model "{noise_name(found[1])}"'
+    if match := re.fullmatch(r"error model (\S+) alone", change):
+        return f'the error model "{noise_name(match[1])}"'
     return change
 
 

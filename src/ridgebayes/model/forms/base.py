@@ -22,7 +22,8 @@ class Form(ABC):
     Arrays: `Q`, `a_over_R`, `b_over_R`, `p_over_E` and `nu` broadcast as in NumPy, to `shape`; the
     leading axes of `theta`, such as draws, come before them: results have shape
     ``theta.shape[:-1] + shape``. A grid of draws x textures x loads is thus one call with
-    ``a_over_R[:, None]`` and ``p_over_E[None, :]``. Without `theta` the published coefficients serve.
+    ``a_over_R[:, None]`` and ``p_over_E[None, :]``. Without `theta` the published
+    coefficients serve.
 
     Examples
     --------

@@ -177,13 +177,13 @@ def _bands(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     """Return how to draw Q against load: of few textures first; of all unless in a hurry."""
     n_texture, n_first = len(data.comparison.table.textures), len(data.textures)
     draw = partial(drawing.predictions.plot_bands, table=data.transitions, form=data.shown)
-    found: dict[str, Callable[[], Figure]] = {}
+    recipes: dict[str, Callable[[], Figure]] = {}
     if n_texture > n_first > 0:
         first = _of(data.bands, data.textures)
-        found["bands-first"] = partial(draw, first, untitled=True)
-    if data.preset.extras or not found:
-        found["bands"] = partial(draw, data.bands, n_texture=n_texture)
-    return found
+        recipes["bands-first"] = partial(draw, first, untitled=True)
+    if data.preset.extras or not recipes:
+        recipes["bands"] = partial(draw, data.bands, n_texture=n_texture)
+    return recipes
 
 
 def _of(bands: pd.DataFrame, textures: Sequence[Texture]) -> pd.DataFrame:
