@@ -8,14 +8,11 @@ from pathlib import Path
 import pandas as pd
 
 from ridgebayes.commands.run_files import summary_table, verdicts
-from ridgebayes.commands.terminal import Answer, files_in
+from ridgebayes.commands.terminal import MOST_SHOWN, Answer, files_in
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import forms_by_probability
 from ridgebayes.results import Fit
 from ridgebayes.runtime.text import count, short_label
-
-_MOST_NOISES = 3  # error models of one form, on one line
-_MOST_ROWS = 4  # of one form's parameters: a power law has one a texture
 
 
 def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
@@ -81,7 +78,7 @@ def _coefficients(fits: Sequence[Fit]) -> list[str | pd.DataFrame]:
     more: list[str | pd.DataFrame] = []
     for fit in fits:
         coefficients = fit.summary[fit.summary["parameter"].isin(fit.form.parameter_names)]
-        if len(coefficients) > _MOST_ROWS:
+        if len(coefficients) > MOST_SHOWN:
             more.append(f"{fit.form.name}: {len(coefficients)} coefficients, see summary.csv")
         else:
             rows += [{"form": fit.form.name} | row for row in _rows(fit, coefficients)]
@@ -112,7 +109,7 @@ def _rows(fit: Fit, summary: pd.DataFrame) -> list[dict[str, str]]:
 def _heaviest(weights: Mapping[str, float]) -> str:
     """Return the error models of most weight; all are in run.json."""
     ranked = sorted(weights.items(), key=lambda item: -item[1])
-    shown = [f"{noise} {weight:.2g}" for noise, weight in ranked[:_MOST_NOISES]]
+    shown = [f"{noise} {weight:.2g}" for noise, weight in ranked[:MOST_SHOWN]]
     more = [f"{len(ranked) - len(shown)} more"] if len(ranked) > len(shown) else []
     return ", ".join([*shown, *more])
 

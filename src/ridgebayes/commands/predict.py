@@ -18,7 +18,7 @@ from ridgebayes.commands.parsing import (
     refuse_suffix,
 )
 from ridgebayes.commands.run_files import read_run
-from ridgebayes.commands.terminal import Answer
+from ridgebayes.commands.terminal import MOST_SHOWN, Answer
 from ridgebayes.comparison.bands import bands_table, scene_bands
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact import scaling
@@ -43,7 +43,6 @@ from ridgebayes.table.files import check_name, write_frame
 
 _MOST_DRAWN = 200  # the count up to which transitions are drawn where they are
 _BESIDE = 1e-9  # of a load: next to it, and further than rounding
-_MOST_LOADS = 5  # of each texture on the terminal
 _ERROR = "0.005 (from the number of draws)"
 
 
@@ -300,5 +299,5 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] 
 
 def _thinned(part: pd.DataFrame) -> pd.DataFrame:
     """Return the first load, the last and some between."""
-    places = np.unique(np.linspace(0, len(part) - 1, min(len(part), _MOST_LOADS)).astype(int))
+    places = np.unique(np.linspace(0, len(part) - 1, min(len(part), MOST_SHOWN)).astype(int))
     return part.iloc[places]

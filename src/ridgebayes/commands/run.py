@@ -50,9 +50,12 @@ from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.datafiles import paper_sweep, reference_fe
 
 EMBEDDED_FE = "finite-element reference rows"
-# Stages of each command, beside walks: evidences, posteriors; prior sensitivity, leave-one-out;
-# bands, what the report shows, files, figures and report.
-_FILES = {"fit": 2, "compare": 4, "run": 8}
+# Stages of each command, beside walks; a run with extras has others, too.
+_FIT = ("evidences", "posteriors")
+_COMPARE = (*_FIT, "prior sensitivity", "leave-one-out")
+_RUN = (*_COMPARE, "files of posteriors", "bands", "what the report shows", "figures and report")
+_STAGES = {"fit": _FIT, "compare": _COMPARE, "run": _RUN}
+_EXTRAS = ("textures and steps left out", "coverage of the bands", "what accuracy costs")
 
 
 def command(asked: options.Run | options.Compare | options.FitOne) -> Answer:
@@ -145,8 +148,8 @@ def run(
     >>> again.best == done.best == "hybrid", again.evidence.equals(done.evidence)
     (True, True)
     """
-    if command not in _FILES:
-        raise InputError(f"command: expected one of {', '.join(_FILES)}, got {command!r}")
+    if command not in _STAGES:
+        raise InputError(f"command: expected one of {', '.join(_STAGES)}, got {command!r}")
     preset, seed = Preset.named(accuracy), seed_of(rng)
     if time_limit is not None and (settings or preset.walks):
         settings = replace(settings or preset.settings, time_limit=time_limit)
@@ -174,8 +177,8 @@ def run(
     }
     if command == "fit":
         typed["form"] = ",".join(typed.pop("forms"))
-    # Start and second comparison, if any; walks, and what each command adds.
-    n_stage = _FILES[command] + 3 * extras + len(request.walked) + bool(began) + bool(second)
+    stages = [*_STAGES[command], *(_EXTRAS if extras else ()), *request.walked]
+    n_stage = len(stages) + bool(began) + bool(second)  # the start, and the second comparison
     if command == "run" and scheduler is None:
         workers = workers or n_cpu()
     with (

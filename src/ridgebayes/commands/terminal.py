@@ -15,6 +15,7 @@ from ridgebayes._types import __version__
 from ridgebayes.commands.shared_options import Output
 from ridgebayes.runtime.progress import VERBOSITY
 
+MOST_SHOWN = 5  # loads of a texture; coefficients, or error models, of a form
 _MOST_NAMES = 16  # files and folders that one line lists
 
 

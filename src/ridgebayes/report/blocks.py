@@ -6,6 +6,8 @@ from typing import Any, ClassVar, TypeAlias
 
 import pandas as pd
 
+MOST_ROWS = 40  # of one table; the run folder's CSV files hold them all
+
 
 @dataclass(frozen=True)
 class Text:

@@ -15,7 +15,6 @@ from ridgebayes.report.wording import change_text, form_name, listed, percent, s
 from ridgebayes.runtime.text import count
 
 EQUAL = "at equal prior odds"
-_ALIKE = 1e-9  # of prior probabilities that are equal but for rounding
 
 
 @dataclass(frozen=True)
@@ -126,7 +125,7 @@ def _compared(data: ReportData) -> str:
 def prior_words(comparison: Comparison) -> str:
     """Return the prior probabilities of the forms in words, where they are not all alike."""
     prior = comparison.prior_probabilities
-    if max(prior.values()) - min(prior.values()) < _ALIKE:
+    if math.isclose(max(prior.values()), min(prior.values())):  # equal but for rounding
         return EQUAL
     return say("prior_odds", prior=prior)
 

@@ -9,11 +9,10 @@ from typing import Any
 
 from ridgebayes import drawing
 from ridgebayes.checks.report_data import ReportData
-from ridgebayes.report.blocks import Block, Table, Text
+from ridgebayes.report.blocks import MOST_ROWS, Block, Table, Text
 from ridgebayes.report.wording import form_name, number, say
 from ridgebayes.runtime.text import count, short_label, versions
 
-MOST_TEXTURES = 40
 _ERRORS = {
     "loads": "of a load, relative",
     "posterior": "of a mean, sd or quantile, in posterior sds",
@@ -49,7 +48,7 @@ def data_section(data: ReportData) -> list[Block]:
     if (frame["solver"] != "").any():
         columns["Solver"] = lambda row: ", ".join(dict.fromkeys(row[1]["solver"].astype(str)))
     texts = [0, *(i for i, name in enumerate(columns) if name in ("Role", "Solver"))]
-    n, shown = len(table.textures), parts[:MOST_TEXTURES]
+    n, shown = len(table.textures), parts[:MOST_ROWS]
     more = f"{len(shown)} of {n:,} textures shown; all are in table.csv."
     warning = f"Left out because their status is not ok: {left_out}."
     return [

@@ -9,7 +9,7 @@ from ridgebayes.checks.power_scaling import THRESHOLD
 from ridgebayes.checks.repeat import OUTER
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.inference.pareto_smoothing import MAX_PARETO_K
-from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
+from ridgebayes.report.blocks import MOST_ROWS, Block, Folded, Picture, Table, Text
 from ridgebayes.report.figures.gallery import MOST_PARAMETERS
 from ridgebayes.report.wording import (
     ABSENT,
@@ -24,7 +24,6 @@ from ridgebayes.report.wording import (
 )
 
 TINY = 1e-4  # of sigma: a hundredth of a per cent of the load
-MOST_ROWS = 40  # of one table; the run folder's CSV files hold them all
 
 
 def coefficients_section(data: ReportData) -> list[Block]:

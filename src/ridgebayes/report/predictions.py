@@ -8,7 +8,7 @@ import pandas as pd
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bands import AVERAGE
-from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
+from ridgebayes.report.blocks import MOST_ROWS, Block, Folded, Picture, Table, Text
 from ridgebayes.report.wording import (
     ABSENT,
     decimals,
@@ -20,7 +20,6 @@ from ridgebayes.report.wording import (
 )
 from ridgebayes.table.table import ContactTable
 
-MOST_ROWS = 30
 _NEW = {
     "row": "one more row of a known texture",
     "texture": "a new texture",

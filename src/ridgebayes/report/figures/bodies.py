@@ -26,11 +26,10 @@ _RIDGE, _RIDGE_LINE = "#B8B8B8", "#555555"
 # The highest von Mises stress that has a colour of its own, over the mean contact pressure: more
 # than there is under a smooth contact, less than near sharp corners.
 _COLOURED = 0.8
-_SIDES = [[0, 4, 1], [1, 5, 2], [2, 6, 3], [3, 7, 0]]  # of an element: end, middle, end
-_AROUND = [0, 4, 1, 5, 2, 6, 3, 7]  # its nodes but the centre: eight triangles
+_SIDES = [[k, k + 4, (k + 1) % 4] for k in range(4)]  # of an element: end, middle, end
+_AROUND = [node for start, middle, _ in _SIDES for node in (start, middle)]  # eight triangles
 _MARGIN, _HEIGHT = 1.2, 0.68  # of the close-up: half its width, over the contact's; height over it
 _BELOW = 0.1  # of that height under the body
-_ACROSS = 7.3  # inches of panels: the width less labels and colours
 _ARC = np.linspace(0.0, 0.5 * math.pi, 13)
 _HIGHEST = 3.0  # of the mean contact pressure: sharp corners stand out of any axis
 
@@ -135,7 +134,7 @@ def plot_deformed(cylinder: Cylinder, state: State) -> Figure:
     bottom = float(low[1]) - _BELOW * _HEIGHT * half
     # The close-up has room to spare in height, lest it be narrower than the pressure below it.
     tall = high[1] - low[1] + 0.1
-    rows = [_ACROSS * 0.5 * tall / wide, _ACROSS * 0.5 * _HEIGHT + 0.1, 1.7]
+    rows = [WIDTH * 0.5 * tall / wide, WIDTH * 0.5 * _HEIGHT + 0.1, 1.7]
     figure = new_figure(WIDTH, sum(rows) + 1.3)
     whole, near, below = figure.subplots(3, 1, gridspec_kw={"height_ratios": rows})
     whole.set(xlim=(-wide, wide), ylim=(low[1] - 0.07, high[1] + 0.03))
