@@ -77,9 +77,7 @@ def cautions(
             f"median of the rows). {_CHECK}."
         )
         return dict.fromkeys(posteriors, tuple(sentences))
-    return {
-        form: (*sentences, *_contradicted(posterior)) for form, posterior in posteriors.items()
-    }
+    return {form: (*sentences, *_contradicted(posterior)) for form, posterior in posteriors.items()}
 
 
 def warn_of(sentences: Collection[str]) -> None:

@@ -16,7 +16,6 @@ import xarray as xr
 
 import ridgebayes as rb
 from ridgebayes import drawing
-from ridgebayes.commands.parsing import parse_loads
 from ridgebayes.commands.predict import with_transitions
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.comparison.bands import bands_table
@@ -96,7 +95,7 @@ def run(finished, tmp_path):
 
 # --- bad tables -----------------------------------------------------------------------------------
 
-BAD_TABLES = {
+BAD_TABLES = {  # of each kind of refusal; `tests/table` has the others
     "missing column": (
         "a_over_R,b_over_R,Q\n0.01,0.02,4\n",
         ["header", "missing column p_over_E", "'a_over_R', 'b_over_R', 'Q'"],
@@ -105,46 +104,11 @@ BAD_TABLES = {
         HEADER + "0.01,0.02,4,0.001\n0.01,wide,6,0.004\n",
         ["row 2", "(line 3)", "b_over_R = 'wide'", "must be a number"],
     ),
-    "comma for a point": (HEADER + '"0,01",0.02,4,0.001\n', ["row 1", "a_over_R = '0,01'"]),
-    "NaN": (HEADER + "0.01,0.02,4,NaN\n", ["row 1", "p_over_E = 'NaN'", "must be finite and > 0"]),
-    "infinity": (HEADER + "0.01,0.02,4,inf\n", ["row 1", "p_over_E = 'inf'", "must be finite"]),
-    "negative ridge": (HEADER + "-0.01,0.02,4,0.001\n", ["row 1", "a_over_R = '-0.01'", "> 0"]),
-    "negative groove": (HEADER + "0.01,-0.02,4,0.001\n", ["row 1", "b_over_R = '-0.02'", "> 0"]),
-    "zero load": (HEADER + "0.01,0.02,4,0\n", ["row 1", "p_over_E = '0'", "> 0"]),
-    "odd Q": (HEADER + "0.01,0.02,5,0.001\n", ["row 1", "Q = '5'", "must be even"]),
-    "Q = 2": (HEADER + "0.01,0.02,2,0.001\n", ["row 1", "Q = '2'", "must be at least 4"]),
-    "falling loads": (
-        HEADER + "0.01,0.02,4,0.002\n0.01,0.02,6,0.001\n",
-        ["row 2", "p_over_E = '0.001'", "must rise with Q", "row 1"],
-    ),
-    "identical row": (
-        HEADER + "0.01,0.02,4,0.001\n0.01,0.02,6,0.004\n0.01,0.02,4,0.001\n",
-        ["row 3", "Q = '4'", "identical row of one curve twice", "row 1"],
-    ),
-    "empty file": ("", ["the file is empty"]),
-    "header alone": (HEADER, ["no rows below the header"]),
-    "wrong encoding": (
-        (HEADER[:-1] + ",note\n0.01,0.02,4,0.001,é\n").encode("latin-1"),
-        ["line 2", "0xe9", "not UTF-8"],
-    ),
     "another encoding": ((HEADER + "0.01,0.02,4,0.001\n").encode("utf-16"), ["not UTF-8"]),
-    "semicolons": (HEADER.replace(",", ";") + "0.01;0.02;4;0.001\n", ["separated by commas"]),
     "a lateral offset": (
         HEADER[:-1] + ",offset_over_R\n0.01,0.02,4,0.001,0.002\n",
         ["row 1: offset_over_R: expected 0, got 0.002", "this version fits only centred bodies"],
     ),
-    "bracket upside down": (
-        HEADER[:-1] + ",p_over_E_lower\n0.01,0.02,4,0.001,0.002\n",
-        ["row 1", "p_over_E_lower = '0.002'"],
-    ),
-    "negative error": (HEADER[:-1] + ",rel_se\n0.01,0.02,4,0.001,-1\n", ["rel_se = '-1'", ">= 0"]),
-    "unknown kind": (HEADER[:-1] + ",kind\n0.01,0.02,4,0.001,guess\n", ["kind = 'guess'"]),
-    "unknown role": (HEADER[:-1] + ",role\n0.01,0.02,4,0.001,test\n", ["role = 'test'"]),
-    "nu over a half": (HEADER[:-1] + ",nu\n0.01,0.02,4,0.001,0.6\n", ["nu = '0.6'", "0.5"]),
-    "a column twice": (HEADER[:-1] + ",Q\n0.01,0.02,4,0.001,4\n", ["header", "Q"]),
-    "a cell too many": (HEADER + "0.01,0.02,4,0.001,7\n", ["line 2"]),
-    "zero byte": (HEADER + "0.01,0.02,4,0.0\x0001\n", ["line 2", "zero byte"]),
-    "a huge count": (HEADER + "0.01,0.02,1e30,0.001\n", ["Q = '1e30'"]),
     "nothing to fit": (
         HEADER[:-1] + ",role\n0.01,0.02,4,0.001,held-out\n",
         ["expected a row with role calibration and status ok, got none"],
@@ -166,12 +130,6 @@ def test_table__every_bad_one_is_refused(refused, words, name):
     content, expected = BAD_TABLES[name]
     Path("mine.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
     refused(words, "mine.csv", *expected)
-
-
-def test_table__every_bad_cell_is_in_the_one_message(refused):
-    Path("mine.csv").write_text(HEADER + "0.01,0.02,5,0.001\nx,0.02,4,inf\n")
-    err = refused(["compare", "mine.csv"], "3 values in 2 rows", "Q = '5'", "p_over_E = 'inf'")
-    assert "a_over_R = 'x'" in err
 
 
 @pytest.mark.parametrize(("name", "said"), [("no.csv", "no such file"), ("a.txt", ".csv or")])
@@ -246,16 +204,9 @@ def test_options__bad_ones_are_refused(refused, words, expected):
     [
         ("[hybrid", "not TOML"),
         ("[cubic]", "expected one of classic, hybrid, modified, noise, power-law, got 'cubic'"),
-        ("c = 'normal(1, 1)'", "expected one of"),
         ("[hybrid]\nc3 = 'normal(0, 1)'", "[hybrid]: expected one of c1, c2, got 'c3'"),
-        ("[hybrid]\nc1 = 1.4", "[hybrid] c1: expected one of normal(mean, sd), "),
-        ("[hybrid]\nc1 = 'normal(1, 1)'", "[hybrid] c1: expected a distribution above 0"),
         ("[hybrid]\nc1 = 'lognormal(1.4, -1)'", "expected finite and > 0, got log_sd = -1.0"),
-        ("[hybrid]\nc2 = 'uniform(1, 0)'", "expected finite bounds, low < high"),
         ("[noise]\ntau_step = 'halfnormal(1)'", "[noise]: expected one of sigma, got 'tau_step'"),
-        ("[power-law]\nK = 'empirical(no.csv, K)'", "no.csv: no such file"),
-        ("[classic]\nc = 'truncated(halfnormal(1), -2, -1)'", "expected low < high"),
-        ("[classic]\nc = 'empirical(rows.csv, a)'", "a of rows.csv: expected 10 finite values"),
         ("[classic]\nc = 'empirical(rows.csv, b)'", "row 3, b: expected a finite number, got 'x'"),
     ],
 )
@@ -278,28 +229,11 @@ def test_texture__typed_wrongly_is_refused(refused, run, text):
     refused(["predict", run, "--texture", text, *OVER, "-o", "b.csv"], *told)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "0.001:0.02",
-        "",
-        "0",
-        "inf",
-        "log:0.001",
-        "a:b:c",
-        "0:0.02:5",
-        "-0.001:0.02:5",
-        "0.02:0.001:5",
-        "0.001:0.02:0",
-        "0.001:0.02:2.5",
-        "0.001:0.02:5:6",
-        "0.001:inf:5",
-        "nan:0.02:5",
-        "log:0:0.02:5",
-        "log:0.001:0.02",
-        "ln:0.001:0.02:5",
-    ],
-)
+LOADS = ["", "0", "inf", "a:b:c", "0.001:0.02", "0:0.02:5", "0.02:0.001:5", "0.001:0.02:0"]
+LOADS += ["0.001:0.02:2.5", "0.001:0.02:5:6", "0.001:inf:5", "nan:0.02:5", "log:0.001:0.02"]
+
+
+@pytest.mark.parametrize("text", LOADS)
 def test_loads__typed_wrongly_are_refused(refused, run, text):
     words = ["predict", run, *AT, "--p-over-E", text, "-o", "b.csv"]
     refused(words, f"--p-over-E {text!r}", "expected one load, LO:HI:N or log:LO:HI:N", "0.0")
@@ -378,15 +312,9 @@ def test_run_folder__what_is_none_is_refused(refused, name, why):
 @pytest.mark.parametrize(
     ("file", "content", "expected"),
     [
-        ("posterior-classic.nc", b"", ["posterior-classic.nc", "not a readable NetCDF file"]),
         ("posterior-classic.nc", 3000, ["posterior-classic.nc", "not a readable NetCDF file"]),
-        ("posterior-modified.nc", None, ["posterior-modified.nc", "no such file"]),
         ("evidence.csv", None, ["evidence.csv: missing; run again"]),
-        ("table.csv", None, ["table.csv", "no such file"]),
-        ("table.csv", b"", ["table.csv", "empty"]),
         ("run.json", 100, ["run.json: damaged"]),
-        ("run.json", b"{}", ["run.json: damaged"]),
-        ("run.json", b"\xff\xfe", ["run.json: damaged"]),
     ],
 )
 def test_run_folder__a_damaged_one_is_refused(refused, run, file, content, expected):
@@ -408,17 +336,8 @@ SCENE = "[texture]\nridge_width = 0.02\ngroove_width = 0.02\n"
     ("text", "expected"),
     [
         (SCENE + 'colour = "red"\n', ["texture.colour = 'red'"]),
-        (SCENE + "[body]\nyoung = 3\n", ["body.young = 3"]),
-        ("[texture]\nridge_width = 0.02\n", ["texture.groove_width"]),
-        (SCENE.replace("0.02", "-0.02", 1), ["texture.ridge_width = -0.02", "must be > 0"]),
         (SCENE + '[body]\nradius = "8 mm"\n', ["body.radius = '8 mm'", "everywhere or nowhere"]),
         ("[texture\n", ["not a TOML file", "line 1"]),
-        ("", ["texture"]),
-        (SCENE + "corner_radius = 0.011\n", ["corner_radius_over_R = 0.011", "at most half"]),
-        (
-            SCENE + "[load]\nfriction = -0.2\n",
-            ["load.friction = -0.2"],
-        ),
     ],
 )
 def test_generate__a_bad_scene_is_refused(refused, text, expected):
@@ -469,26 +388,6 @@ def test_generate__textures_and_options_reach_the_solver(command):
     assert set(frame["nu"]) == {0.3}
     assert set(frame["solver"]) == {"hertz"}
     assert 0.005 < frame["p_over_E"].max() <= 0.01
-
-
-def test_generate__tolerance_is_noted_in_the_source(command):
-    words = ("--texture", "0.02,0.02", "--tol", "1e-6")
-    assert command("generate", *words, "-o", "t.csv").code == 0
-    assert rb.read_table("t.csv").frame["source"].str.endswith("rel_tol=1e-06").all()
-
-
-def test_generate__a_scene_file_is_read(command):
-    Path("my.toml").write_text(SCENE + "[load]\np_over_E = 0.005\n")
-    assert command("generate", "my.toml", "-o", "t.csv").code == 0
-    assert rb.read_table("t.csv").textures == ((0.02, 0.02),)
-    assert rb.read_table("t.csv").frame["p_over_E"].max() <= 0.005
-
-
-def test_generate__force_replaces_a_file(command):
-    Path("t.csv").write_text("old")
-    said = command("generate", "--texture", "0.02,0.02", "--force", "-o", "t.csv")
-    assert said.code == 0
-    assert len(rb.read_table("t.csv")) == 4
 
 
 def test_generate__rows_that_failed_are_written_and_exit_1(command, paper, monkeypatch):
@@ -568,12 +467,6 @@ def test_fit__unconverged_writes_its_files_and_exits_1(command, quick):
     assert not again.fits["modified"].converged
     for reason in again.fits["modified"].convergence_failures:
         assert reason in last
-
-
-def test_fit__unconverged_can_be_predicted_from(command, quick):
-    assert command(*FIT, "modified", "-o", "out").code == 1
-    words = ("predict", "out", *AT, *OVER, "-o", "b.csv")
-    assert command(*words).code == 0
 
 
 def test_compare__done_is_exit_0_and_prints_verdict_and_coefficients(command):
@@ -766,23 +659,17 @@ def test_predict__is_the_table_of_the_library(command, run):
     )
 
 
-def test_predict__defaults_are_the_average_at_one_half_and_90_percent(command, run):
-    assert command("predict", run, *AT, *OVER, "-o", "b.csv").code == 0
-    frame = pd.read_csv("b.csv")
-    assert set(frame["form"]) == {"average"}
-    assert set(frame["nu"]) == {0.5}
-    assert set(frame["prob"]) == {0.9}
-    assert frame["kind_of_band"].tolist() == ["simulation"] * 5
-
-
 @pytest.mark.parametrize(
     ("kind", "kinds"),
-    [("curve", ["curve"]), ("simulation", ["simulation"]), ("both", ["curve", "simulation"])],
+    [("curve", ["curve"]), (None, ["simulation"]), ("both", ["curve", "simulation"])],
 )
 def test_predict__writes_a_row_a_texture_and_load_of_each_kind(command, run, kind, kinds):
-    words = ("predict", run, *AT, "--p-over-E", "0.01", "--kind", kind, "-o", "b.csv")
-    assert command(*words).code == 0
-    assert pd.read_csv("b.csv")["kind_of_band"].tolist() == kinds
+    words = ("predict", run, *AT, "--p-over-E", "0.01", "-o", "b.csv")
+    assert command(*words, *(("--kind", kind) if kind else ())).code == 0
+    rows = pd.read_csv("b.csv")
+    assert rows["kind_of_band"].tolist() == kinds
+    defaults = rows[["form", "nu", "prob"]].drop_duplicates().to_numpy().tolist()
+    assert defaults == [["average", 0.5, 0.9]]
 
 
 def test_predict__takes_units_of_a_body_or_of_a_scene(command, run):
@@ -1002,43 +889,6 @@ def test_predict__json_has_every_row(command, run):
     assert "beyond the calibrated range" in json.loads(said.out)["messages"][-1]
 
 
-@pytest.mark.parametrize(
-    ("text", "loads"),
-    [
-        ("0.01:0.03:3", [0.01, 0.02, 0.03]),
-        ("log:0.0001:0.01:3", [0.0001, 0.001, 0.01]),
-        ("0.01:0.01:1", [0.01]),
-        ("0.01", [0.01]),
-        ("0.01:0.03:1", [0.01]),
-        ("1e-3:2e-3:2", [0.001, 0.002]),
-    ],
-)
-def test_loads__as_typed(text, loads):
-    found = parse_loads(text)
-    # Algebra: logarithmic grids round, their ends do not.
-    np.testing.assert_allclose(found, loads, rtol=1e-14)
-    assert (found[0], found[-1]) == (loads[0], loads[-1])
-
-
-def test_predict__the_same_words_give_the_same_bytes(command, run):
-    for name in ("one.csv", "two.csv"):
-        assert command("predict", run, *AT, *OVER, "-o", name).code == 0
-    assert Path("one.csv").read_bytes() == Path("two.csv").read_bytes()
-
-
-def test_predict__leaves_the_run_folder_alone(command, run):
-    before = everything(run)
-    assert command("predict", run, *AT, *OVER, "-o", "b.csv").code == 0
-    assert everything(run) == before
-    assert {path.name for path in Path().iterdir()} == {"run", "b.csv"}
-
-
-def test_predict__force_replaces_a_file(command, run):
-    Path("b.csv").write_text("old")
-    assert command("predict", run, *AT, *OVER, "--force", "-o", "b.csv").code == 0
-    assert len(pd.read_csv("b.csv")) == 5
-
-
 # --- friction -------------------------------------------------------------------------------------
 
 FINGER = """
@@ -1198,14 +1048,6 @@ def test_generate_and_plan__take_medians_and_say_so(command, finger):
 # --- the program itself ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "name", ["run", "generate", "fit", "compare", "predict", "report", "coverage"], ids=str
-)
-def test_help__names_every_command_and_its_options(command, name):
-    assert re.search(rf"\b{name}\b", command("--help").out)
-    assert command(name, "--help").code == 0
-
-
 def test_interrupted__is_not_a_traceback(command, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
@@ -1232,16 +1074,7 @@ def test_interrupted__what_has_no_resume_advises_none_and_leaves_nothing(
     assert everything() == {}
 
 
-def test_interrupted__fit_leaves_what_it_continues_with(command, monkeypatch):
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("ridgebayes.commands.run.compared", interrupted)
-    assert "continue fit with --resume" in command(*FIT, "hybrid").err
-    assert Path(".ridgebayes-out.partial").is_dir()
-
-
-@pytest.mark.parametrize("form", ["Hybrid", "HYBRID", "Power law", "power-law"])
+@pytest.mark.parametrize("form", ["HYBRID", "Power law"])
 def test_form__is_known_as_pages_write_it(command, form):
     said = command(*FIT, form, "--accuracy", "quick", "-o", "out")
     assert said.code == 0
@@ -1300,13 +1133,6 @@ def test_program__bad_input_in_its_own_process(tmp_path):
     assert done.stdout == ""
     assert done.stderr.startswith("ridgebayes: mine.csv: 1 value in 1 row")
     assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
-
-
-def test_program__usage_error_in_its_own_process(tmp_path):
-    done = program("fit", "--seed", "-1", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "Traceback" not in done.stderr
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_program__work_in_its_own_process(tmp_path):

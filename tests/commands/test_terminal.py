@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import ridgebayes as rb
-from ridgebayes.commands.answers import _rows
+from ridgebayes.commands.answers import _rounded
 from ridgebayes.commands.cli import app
 from ridgebayes.commands.shared_options import Output
 from ridgebayes.commands.terminal import Answer, tell, to_plain
@@ -178,5 +178,5 @@ def test_failure__of_a_computation_keeps_exit_1(command, monkeypatch):
 def test_coefficients__of_textures_have_short_labels():
     row = {"parameter": "K[a0.027777777777777776_b0.022222222222222223]", "mean": 56.4, "sd": 0.5}
     summary = pd.DataFrame([row | {"eti_lower": 55.6, "eti_upper": 57.2, "prob": 0.9}])
-    (shown,) = _rows(None, summary)
-    assert list(shown.values()) == ["K[a0.027778_b0.022222]", "56.40", "0.50", "55.60 to 57.20"]
+    (shown,) = _rounded(summary).to_numpy().tolist()
+    assert shown == ["K[a0.027778_b0.022222]", "56.40", "0.50", "55.60 to 57.20"]
