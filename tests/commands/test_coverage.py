@@ -53,19 +53,8 @@ def canned(monkeypatch):
 
 
 def test_coverage__computes_and_writes_everything(command):
-    said = command(
-        "table.csv",
-        "-o",
-        "out",
-        "--forms",
-        "modified",
-        "--noise",
-        "iid",
-        "--workers",
-        1,
-        "--seed",
-        3,
-    )
+    words = ("table.csv", "-o", "out", "--forms", "modified", "--noise", "iid")
+    said = command(*words, "--workers", 1, "--seed", 3)
     assert (said.code, said.err.count("\n")) == (0, 2)
     assert re.search(r"^modified, iid: [0-9.]+ s$", said.err, re.MULTILINE)
     assert {path.name for path in Path("out").iterdir()} == FILES
