@@ -17,9 +17,7 @@ import xarray as xr
 import ridgebayes as rb
 from ridgebayes import drawing
 from ridgebayes.commands.predict import with_transitions
-from ridgebayes.commands.run_files import read_run
 from ridgebayes.comparison.bands import bands_table
-from ridgebayes.errors import ComputationError
 from ridgebayes.friction.files import write_inputs
 from ridgebayes.table.datafiles import PAPER_SWEEP, data_path
 
@@ -463,7 +461,7 @@ def test_fit__unconverged_writes_its_files_and_exits_1(command, quick):
     last = said.err.splitlines()[-1]
     assert last.startswith("ridgebayes: modified did not converge: walk: c: tau was checked")
     assert "NOT converged" in said.out
-    again = read_run(Path("ridgebayes-out"))  # the default folder
+    again = rb.read_run(Path("ridgebayes-out"))  # the default folder
     assert not again.fits["modified"].converged
     for reason in again.fits["modified"].convergence_failures:
         assert reason in last
@@ -496,7 +494,7 @@ def test_compare__prior_odds_are_in_words_in_run_json_and_in_the_tables(command)
     assert content["verdict"]["form"] == "hybrid"
     prior = content["verdicts"]["prior_probabilities"]
     assert prior == pytest.approx({"modified": 200 / 202, "hybrid": 2 / 202}, rel=1e-14)
-    again = read_run(Path("out"))
+    again = rb.read_run(Path("out"))
     assert again.prior_probabilities == pytest.approx(prior, rel=1e-14)
     assert again.probabilities == pytest.approx(content["verdicts"]["probabilities"], rel=1e-14)
 
@@ -568,7 +566,7 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
 
     def run(**wanted):
         asked.update(wanted)
-        return read_run(finished)
+        return rb.read_run(finished)
 
     monkeypatch.setattr("ridgebayes.commands.run.run", run)
     words = ("--table", "t.csv", "--forms", "classic,hybrid", "--noise", "iid", "--seed", "7")
@@ -599,7 +597,7 @@ def test_run__nothing_named_is_the_embedded_sweep_with_seed_0(command, monkeypat
 
     def run(**wanted):
         asked.update(wanted)
-        raise ComputationError("enough")
+        raise rb.ComputationError("enough")
 
     monkeypatch.setattr("ridgebayes.commands.run.run", run)
     said = command("run")
@@ -631,7 +629,7 @@ def test_predict__is_the_table_of_the_library(command, run):
     said = command("predict", run, *words, *OVER, "--form", "classic", "-o", "b.csv")
     assert said.code == 0
     expected = bands_table(
-        read_run(run),
+        rb.read_run(run),
         textures=[(0.022, 0.02), (0.012, 0.09)],
         loads=np.linspace(0.001, 0.02, 5),
         nu=0.4,
@@ -821,7 +819,7 @@ def test_predict__writes_parquet_too(command, run):
 
 
 def test_predict__figures_show_transitions_where_they_are(command, run):
-    compared, textures = read_run(run), [(0.022, 0.02), (0.03, 0.01)]
+    compared, textures = rb.read_run(run), [(0.022, 0.02), (0.03, 0.01)]
     loads = np.linspace(1e-3, 0.02, 5)
     bands = bands_table(compared, textures=textures, loads=loads, forms=["average"])
     drawn = with_transitions(compared, "average", bands, textures)
@@ -914,7 +912,7 @@ def test_friction__is_what_the_library_draws(command, run, finger):
     words = ("friction", run, finger, "--n", 20, "--loads", 2, "--edges", "--seed", 5)
     said = command(*words, "-o", "x.nc", "--json")
     assert said.code == 0
-    expected = rb.friction_inputs(read_run(run), finger, 2, n=20, rng=5, edges=True)
+    expected = rb.friction_inputs(rb.read_run(run), finger, 2, n=20, rng=5, edges=True)
     with xr.open_dataset("x.nc", engine="h5netcdf") as found:
         xr.testing.assert_equal(found, expected)
         assert "lognormal(60 kPa, 20 %)" in found.attrs["scene_distributions"]
@@ -931,7 +929,7 @@ def test_friction__with_the_model_writes_bands_and_shares(command, refused, run,
     words = ("friction", run, finger, "--n", 20, "--loads", 2, "--seed", 5, "--model")
     said = command(*words, "-o", "x.nc", "--json")
     assert said.code == 0
-    drawn = rb.friction_inputs(read_run(run), finger, 2, n=20, rng=5, edges=True)
+    drawn = rb.friction_inputs(rb.read_run(run), finger, 2, n=20, rng=5, edges=True)
     expected = rb.FrictionModel().predict(drawn, rng=5)
     told = json.loads(said.out)
     assert told["files"] == ["x.nc", "x-mu.csv", "x-mu-shares.csv"]
@@ -949,7 +947,7 @@ def test_friction__of_round_corners_leaves_interlocking_out_and_says_so(command,
     said = command(*words)
     assert said.code == 0
     assert "bands without interlocking (kappa = 0): it needs sharp corners" in said.err
-    drawn = rb.friction_inputs(read_run(run), finger, 2, n=20, rng=0)
+    drawn = rb.friction_inputs(rb.read_run(run), finger, 2, n=20, rng=0)
     expected = rb.FrictionModel(kappa=0).predict(drawn, rng=0)
     pd.testing.assert_frame_equal(pd.read_csv("x-mu.csv"), expected.bands)
     assert "interlocking" not in set(pd.read_csv("x-mu-shares.csv")["name"])
@@ -980,7 +978,7 @@ def test_design__is_what_the_library_finds(command, run, finger):
     said = command(*words, "-o", "d", "--json")
     assert said.code == 0
     expected = rb.design(
-        read_run(run),
+        rb.read_run(run),
         finger,
         GOAL,
         sizes={"a": (0.015, 0.035), "b": (0.01, 0.03), "step": 0.005},

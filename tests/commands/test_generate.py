@@ -12,17 +12,16 @@ from pathlib import Path
 
 import pytest
 
+import ridgebayes as rb
 from ridgebayes.commands.generate import journal_of, sweep_job
-from ridgebayes.errors import ComputationError, InputError, OutputError
+from ridgebayes.errors import OutputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import workers
-from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.scene.scene import Texture
 from ridgebayes.simulate import generation
-from ridgebayes.simulate.generation import generate
-from ridgebayes.table.table import ContactTable
 
 N = 12
-SCENE = Scene(
+SCENE = rb.Scene(
     textures=(
         *(Texture(a_over_R=0.012 + 0.002 * i, b_over_R=0.03 - 0.001 * i) for i in range(N - 2)),
         Texture(a_over_R=0.03, b_over_R=0.01, corner_radius_over_R=2e-3, max_p_over_E=2e-3),
@@ -36,7 +35,7 @@ SCENE = Scene(
 def undisturbed(tmp_path_factory):
     """The bytes of the table that one process writes in one go."""
     out = tmp_path_factory.mktemp("undisturbed") / "t.csv"
-    generate(SCENE, rel_tol=1e-6).write(out)
+    rb.generate(SCENE, rel_tol=1e-6).write(out)
     return out.read_bytes()
 
 
@@ -108,10 +107,10 @@ def test_sweep__a_texture_that_kills_every_worker_is_named(tmp_path, killing):
 
 
 def test_sweep__refusals_are_those_of_one_process(tmp_path):
-    small = Scene.of([(0.012, 0.01), (0.012, 0.09), (0.032, 0.03)], p_over_E=5e-4)
+    small = rb.Scene.of([(0.012, 0.01), (0.012, 0.09), (0.032, 0.03)], p_over_E=5e-4)
     said = []
     for n_worker in (None, 2):
-        with pytest.raises(InputError) as raised:
+        with pytest.raises(rb.InputError) as raised:
             sweep_job(tmp_path / "t.csv", small, workers=n_worker)
         said.append(str(raised.value))
     assert said[0] == said[1]
@@ -125,18 +124,20 @@ def test_sweep__refusals_are_those_of_one_process(tmp_path):
 def test_sweep__workers_of_another_version_are_refused(monkeypatch):
     task = generation._tasks(SCENE, "auto", 1e-6, (24, 10))[0]
     monkeypatch.setattr(generation, "versions", lambda: {"ridgebayes": "0.0.9"})
-    with pytest.raises(InputError, match=r"a worker has ridgebayes 0\.0\.9, this process \d.*same"):
+    with pytest.raises(
+        rb.InputError, match=r"a worker has ridgebayes 0\.0\.9, this process \d.*same"
+    ):
         generation._solved(task)
 
 
 def test_generate__fields_come_from_one_process_alone(tmp_path):
     with (
         workers(2) as pool,
-        pytest.raises(InputError, match="pressed: cannot be combined with executor"),
+        pytest.raises(rb.InputError, match="pressed: cannot be combined with executor"),
     ):
-        generate(SCENE, pressed=print, executor=pool)
-    with pytest.raises(InputError, match="combined with executor or journal"):
-        generate(SCENE, pressed=print, journal=Journal(tmp_path / "j"))
+        rb.generate(SCENE, pressed=print, executor=pool)
+    with pytest.raises(rb.InputError, match="combined with executor or journal"):
+        rb.generate(SCENE, pressed=print, journal=Journal(tmp_path / "j"))
 
 
 # --- killed and resumed ---------------------------------------------------------------------------
@@ -239,7 +240,7 @@ def test_sweep__what_an_earlier_one_left_needs_a_word(tmp_path, monkeypatch, und
     out = tmp_path / "t.csv"
     cut_off(out, monkeypatch, 4)
     before = entries(out)
-    with pytest.raises(InputError, match=r"\.t\.csv\.journal: .*use --resume to .*, or --force"):
+    with pytest.raises(rb.InputError, match=r"\.t\.csv\.journal: .*use --resume to .*, or --force"):
         sweep(out)
     assert entries(out) == before
     counted.n = 0
@@ -284,7 +285,7 @@ def test_sweep__takes_what_fits_of_a_scene_with_other_textures(tmp_path, monkeyp
     fewer = SCENE.model_copy(update={"textures": SCENE.textures[2:]})
     sweep_job(out, fewer, rel_tol=1e-6, resume=True)
     assert counted.n == N - 2 - 2
-    fresh = generate(fewer, rel_tol=1e-6)
+    fresh = rb.generate(fewer, rel_tol=1e-6)
     fresh.write(tmp_path / "fresh.csv")
     assert out.read_bytes() == (tmp_path / "fresh.csv").read_bytes()
 
@@ -309,15 +310,15 @@ def test_sweep__a_damaged_texture_is_computed_again_and_counted(
 def test_sweep__bad_input_leaves_nothing_unless_it_was_to_go_on(tmp_path, monkeypatch):
     out = tmp_path / "t.csv"
     bad = SCENE.model_copy(update={"p_over_E": 5e-4})
-    with pytest.raises(InputError, match="no transition under"):
+    with pytest.raises(rb.InputError, match="no transition under"):
         sweep_job(out, bad, rel_tol=1e-6)
     assert list(tmp_path.iterdir()) == []
-    with pytest.raises(InputError, match="no transition under"):
+    with pytest.raises(rb.InputError, match="no transition under"):
         sweep_job(out, bad, rel_tol=1e-6, resume=True)
     assert len(entries(out)) > 0
     shutil.rmtree(journal_of(out).folder)
     cut_off(out, monkeypatch, 2)
-    with pytest.raises(InputError, match="no Dask scheduler answers"):
+    with pytest.raises(rb.InputError, match="no Dask scheduler answers"):
         sweep(out, scheduler="tcp://127.0.0.1:1", force=True)
     assert len(entries(out)) == 2  # dropped only when something takes its place
 
@@ -327,7 +328,7 @@ def test_sweep__a_full_disk_at_the_end_loses_nothing(tmp_path, monkeypatch, undi
         raise OutputError(f"{path}: cannot be written: No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(ContactTable, "write", full)
+        patch.setattr(rb.ContactTable, "write", full)
         with pytest.raises(OutputError, match="No space left"):
             sweep(tmp_path / "t.csv")
     assert f"{N} of {N} textures are in" in capsys.readouterr().err
@@ -344,7 +345,7 @@ def test_generate__its_options_reach_the_sweep(command, monkeypatch):
 
     def sweep_job(out, scene, **options):
         asked.update(options, out=out, scene=scene)
-        raise ComputationError("enough")
+        raise rb.ComputationError("enough")
 
     monkeypatch.setattr("ridgebayes.commands.generate.sweep_job", sweep_job)
     SCENE.to_toml("my.toml")

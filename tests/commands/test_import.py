@@ -9,7 +9,6 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.fea.deck_text import deck_text, pressed_disk
-from ridgebayes.scene.scene import Scene
 
 A, B, NU = 0.06, 0.03, 0.49
 SCENE = f"""
@@ -47,7 +46,7 @@ def printed(disk, gap_per_load=-1.0):
 @pytest.fixture
 def run(command):
     """Call `import` in a folder that holds a deck and what a run of it would print."""
-    disk = pressed_disk(Scene.of([(A, B)], p_over_E=0.006, nu=NU), edges=4)
+    disk = pressed_disk(rb.Scene.of([(A, B)], p_over_E=0.006, nu=NU), edges=4)
     Path("run.inp").write_text(deck_text(disk, "calculix"))
     Path("run.dat").write_text(printed(disk))
     Path("alone.dat").write_text(printed(disk))

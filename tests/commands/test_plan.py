@@ -8,12 +8,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from ridgebayes.errors import ComputationError
+import ridgebayes as rb
 from ridgebayes.runtime.text import percent
 from ridgebayes.scene.effects import plan_table
-from ridgebayes.scene.estimates import plan
-from ridgebayes.scene.scene import Scene
-from ridgebayes.simulate.responses import contact_at_loads
 
 SCENE = """
 [texture]
@@ -38,14 +35,14 @@ def test_plan__says_what_the_scene_is_and_writes_nothing(command):
     said = command("scene.toml")
     assert (said.code, said.err) == (0, "")
     expected, simulate, heading, *rows, last = said.out.splitlines()
-    scene = Scene.from_toml("scene.toml")
-    found = contact_at_loads(scene, [0.004]).iloc[0]
+    scene = rb.Scene.from_toml("scene.toml")
+    found = rb.contact_at_loads(scene, [0.004]).iloc[0]
     assert expected == (
         f"a/R = 0.02, b/R = 0.03: at p/E = 0.004 expect Q = {found['Q']} in a contact "
         f"{2 * found['half_width_over_R']:.2g} R wide, of which "
         f"{100 * found['contact_fraction']:.2g} % touches."
     )
-    effects = plan(scene)[0].effects
+    effects = rb.plan(scene)[0].effects
     assert simulate.startswith("To compute loads right to 1 %, simulate: ridges (")
     assert re.search(r" By the half-plane equation that takes (about|under) [\d.]+ s\.$", simulate)
     assert heading.split() == ["effect", "simulated", "changes", "loads", "by", "takes"]
@@ -60,7 +57,7 @@ def test_plan__says_what_the_scene_is_and_writes_nothing(command):
 
 def test_plan__gives_reasons_when_asked(command):
     said = command("scene.toml", "--verbose")
-    for effect in plan(Scene.from_toml("scene.toml"))[0].effects:
+    for effect in rb.plan(rb.Scene.from_toml("scene.toml"))[0].effects:
         assert effect.reason in said.out
 
 
@@ -124,7 +121,7 @@ def test_plan__says_count_and_width_at_large_deformation_with_their_error(comman
 
 
 def stopped(*_, **__):
-    raise ComputationError("enough")
+    raise rb.ComputationError("enough")
 
 
 def test_generate__refuses_a_load_beyond_reach_before_it_runs(command, monkeypatch):
@@ -148,7 +145,7 @@ def test_plan__says_lengths_in_the_scenes_units(command):
 
 def test_plan__json_holds_every_effect(command):
     content = json.loads(command("scene.toml", "--json").out)
-    expected = plan_table(plan(Scene.from_toml("scene.toml")))
+    expected = plan_table(rb.plan(rb.Scene.from_toml("scene.toml")))
     assert [row["effect"] for row in content["result"]] == expected["effect"].tolist()
     assert content["result"][0]["estimated_rel_change"] == expected["estimated_rel_change"][0]
 
@@ -172,7 +169,7 @@ def test_plan__new_writes_a_scene_to_start_from(command):
         line for line in text.splitlines() if not line.startswith(tuple(f"# {k} " for k in loads))
     ]
     Path("all.toml").write_text("\n".join(re.sub(r"^# (?=\w+ = )", "", one) for one in kept))
-    assert Scene.from_toml("all.toml").textures[0].role == "held-out"
+    assert rb.Scene.from_toml("all.toml").textures[0].role == "held-out"
 
 
 def test_plan__figures_fail_one_by_one(command, monkeypatch):
@@ -207,7 +204,7 @@ def test_plan__writes_the_table(command):
         "cost_s",
         "texture",
     ]
-    expected = plan_table(plan(Scene.from_toml("scene.toml")))
+    expected = plan_table(rb.plan(rb.Scene.from_toml("scene.toml")))
     pd.testing.assert_frame_equal(frame, expected)
 
 

@@ -14,7 +14,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.commands.report import report_job
-from ridgebayes.errors import ComputationError, InputError, OutputError
+from ridgebayes.errors import OutputError
 from ridgebayes.runtime.progress import Progress
 
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
@@ -297,7 +297,7 @@ def test_run__force_replaces_a_run(tmp_path, table, monkeypatch, no_pages, runs)
 def test_run__bad_options_are_refused_before_anything_is_done(
     tmp_path, no_sampling, options, message
 ):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(rb.InputError, match=message):
         run_job(tmp_path / "out", **options)
     assert names(tmp_path) == set()
 
@@ -369,10 +369,10 @@ def test_compare__default_forms_are_the_four_printed_ones(tmp_path, table, monke
 
     def compare(request):
         asked.extend(form.name for form in request.forms)
-        raise ComputationError("enough")
+        raise rb.ComputationError("enough")
 
     monkeypatch.setattr(COMPARE, compare)
-    with pytest.raises(ComputationError, match="enough"):
+    with pytest.raises(rb.ComputationError, match="enough"):
         compare_job(tmp_path / "out", table)
     assert asked == ["classic", "power-law", "modified", "hybrid"]
 
@@ -433,7 +433,7 @@ def test_report__real_pages_stand_in_the_folder_whole(default, tmp_path):
 
 
 def test_report__of_what_is_no_run_is_refused(tmp_path, no_pages):
-    with pytest.raises(InputError, match=r"no run\.json in it"):
+    with pytest.raises(rb.InputError, match=r"no run\.json in it"):
         report_job(tmp_path)
     assert no_pages.asked == []
 
@@ -474,9 +474,9 @@ def test_resume__of_another_seed_is_refused_and_the_chains_stay(tmp_path, table,
     with pytest.raises(KeyboardInterrupt):
         fit_job(tmp_path / "out", table, "modified", seed=1, settings=QUICK)
     monkeypatch.undo()
-    with pytest.raises(InputError, match=r"cannot resume, seed was '\d+' and is '\d+'"):
+    with pytest.raises(rb.InputError, match=r"cannot resume, seed was '\d+' and is '\d+'"):
         fit_job(tmp_path / "out", table, "modified", seed=2, settings=QUICK, resume=True)
     longer = replace(QUICK, n_step_max=160)
-    with pytest.raises(InputError, match="cannot resume, settings was"):
+    with pytest.raises(rb.InputError, match="cannot resume, settings was"):
         fit_job(tmp_path / "out", table, "modified", seed=1, settings=longer, resume=True)
     assert names(tmp_path) == {".out.partial", ".out.partial/chains-modified.npz"}

@@ -12,19 +12,11 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands.run_files import (
-    read_run,
-    summary_table,
-    verdicts,
-    write_comparison,
-    write_run_json,
-)
+from ridgebayes.commands.run_files import summary_table, verdicts, write_comparison, write_run_json
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, bayes_factor_table
-from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import loo_table
-from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.noise import Noise
@@ -59,7 +51,7 @@ def comparison(paper, fits):
     sensitivity = pd.DataFrame(
         {"prior": "c", "factor": [0.1, 10.0], "form": "classic", "log_evidence": [1 / 3, np.nan]}
     )
-    return Comparison(
+    return rb.Comparison(
         replace(paper, where="my table"),
         Noise(),
         chosen,
@@ -118,12 +110,14 @@ def fail_inside(error, path, **options):
 
 
 def test_new_folder__bad_input_inside_leaves_nothing(tmp_path):
-    with pytest.raises(InputError, match="late"):
-        fail_inside(InputError("late"), tmp_path / "out")
+    with pytest.raises(rb.InputError, match="late"):
+        fail_inside(rb.InputError("late"), tmp_path / "out")
     assert names(tmp_path) == []
 
 
-@pytest.mark.parametrize("error", [ComputationError("x"), ZeroDivisionError(), KeyboardInterrupt()])
+@pytest.mark.parametrize(
+    "error", [rb.ComputationError("x"), ZeroDivisionError(), KeyboardInterrupt()]
+)
 def test_new_folder__a_failure_inside_leaves_no_final_folder(tmp_path, error):
     with pytest.raises(type(error)):
         fail_inside(error, tmp_path / "out", resume=False)
@@ -136,7 +130,9 @@ def test_new_folder__interrupted_leaves_nothing_where_nobody_can_go_on(tmp_path)
     assert names(tmp_path) == []
 
 
-@pytest.mark.parametrize("error", [InputError("x"), ComputationError("x"), OSError("disk full")])
+@pytest.mark.parametrize(
+    "error", [rb.InputError("x"), rb.ComputationError("x"), OSError("disk full")]
+)
 def test_new_folder__a_failure_with_force_leaves_the_old_run_alone(tmp_path, error):
     old = run_folder(tmp_path / "out")
     with pytest.raises(type(error)):
@@ -149,7 +145,7 @@ def test_new_folder__force_replaces_a_run_and_nothing_of_it_stays(tmp_path):
     old = run_folder(tmp_path / "out")
     run_folder(tmp_path / ".out.old")  # left by a crash
     with (
-        pytest.raises(InputError, match=r"out: exists; use another -o, or --force"),
+        pytest.raises(rb.InputError, match=r"out: exists; use another -o, or --force"),
         new_folder(old),
     ):
         pytest.fail("went on")
@@ -165,7 +161,7 @@ def test_new_folder__force_never_replaces_what_is_no_run(tmp_path):
     (tmp_path / "file").write_text("mine")
     for name in ("thesis", "file"):
         with (
-            pytest.raises(InputError, match=rf"{name}: not a run folder \(no run.json in it\)"),
+            pytest.raises(rb.InputError, match=rf"{name}: not a run folder \(no run.json in it\)"),
             new_folder(tmp_path / name, force=True),
         ):
             pytest.fail("went on")
@@ -176,7 +172,7 @@ def test_new_folder__force_never_replaces_what_is_no_run(tmp_path):
 def test_new_folder__where_none_can_be_is_refused(tmp_path):
     (tmp_path / "file").write_text("mine")
     with (
-        pytest.raises(InputError, match=r"file/out: cannot be created \(Not a directory\)"),
+        pytest.raises(rb.InputError, match=r"file/out: cannot be created \(Not a directory\)"),
         new_folder(tmp_path / "file" / "out"),
     ):
         pytest.fail("went on")
@@ -202,8 +198,8 @@ def test_new_folder__resume_goes_on_in_what_was_left(tmp_path):
 def test_new_folder__resume_keeps_the_chains_when_it_fails_again(tmp_path):
     (tmp_path / ".out.partial").mkdir()
     (tmp_path / ".out.partial" / "chains-hybrid.npz").write_text("chains")
-    with pytest.raises(InputError):
-        fail_inside(InputError("another table"), tmp_path / "out", resume=True)
+    with pytest.raises(rb.InputError):
+        fail_inside(rb.InputError("another table"), tmp_path / "out", resume=True)
     assert (tmp_path / ".out.partial" / "chains-hybrid.npz").read_text() == "chains"
 
 
@@ -332,7 +328,7 @@ def test_verdicts__name_what_a_fit_lacks_and_that_nothing_rests_on_it(comparison
 
 
 def test_read_run__brings_every_table_back(written, comparison):
-    again = read_run(written)
+    again = rb.read_run(written)
     assert again.table.where == "my table"
     assert again.table.digest() == comparison.table.digest()
     assert again.noise == comparison.noise
@@ -345,7 +341,7 @@ def test_read_run__brings_every_table_back(written, comparison):
 
 
 def test_read_run__brings_every_posterior_back(written, comparison):
-    again = read_run(written)
+    again = rb.read_run(written)
     assert list(again.fits) == list(comparison.fits)
     for name, fit in comparison.fits.items():
         # Algebra: a logarithm and back.
@@ -361,7 +357,7 @@ def test_read_run__brings_every_posterior_back(written, comparison):
 
 def test_read_run__predicts_what_the_live_comparison_predicts(written, comparison):
     where = {"textures": [(0.022, 0.02), (0.012, 0.09)], "loads": np.geomspace(1e-3, 0.02, 15)}
-    live, again = bands_table(comparison, **where), bands_table(read_run(written), **where)
+    live, again = bands_table(comparison, **where), bands_table(rb.read_run(written), **where)
     counts = ["q_median", "q_lower", "q_upper", "extrapolation_of", "form", "kind_of_band"]
     assert live[counts].equals(again[counts])
     # Algebra: the same thinned draws; one that a logarithm and back moved may change sides.
@@ -374,7 +370,7 @@ def test_read_run__a_comparison_of_one_form_has_no_factors(comparison, tmp_path)
     nothing = pd.DataFrame(columns=BAYES_FACTOR_COLUMNS)
     write_comparison(replace(comparison, bayes_factors=nothing), tmp_path)
     about(tmp_path, comparison)
-    assert list(read_run(tmp_path).bayes_factors) == BAYES_FACTOR_COLUMNS
+    assert list(rb.read_run(tmp_path).bayes_factors) == BAYES_FACTOR_COLUMNS
 
 
 @pytest.mark.parametrize(
@@ -400,8 +396,8 @@ def test_read_run__a_missing_or_damaged_file_is_named(run, name, content, messag
         path.unlink()
     else:
         path.write_bytes(content if isinstance(content, bytes) else path.read_bytes()[:content])
-    with pytest.raises(InputError, match=message):
-        read_run(run)
+    with pytest.raises(rb.InputError, match=message):
+        rb.read_run(run)
 
 
 @pytest.mark.parametrize(
@@ -414,5 +410,5 @@ def test_read_run__a_missing_or_damaged_file_is_named(run, name, content, messag
 def test_read_run__a_name_that_this_version_does_not_know_is_told(run, key, value, message):
     content = json.loads((run / "run.json").read_text(encoding="utf-8"))
     (run / "run.json").write_text(json.dumps({**content, key: value}))
-    with pytest.raises(InputError, match=message):
-        read_run(run)
+    with pytest.raises(rb.InputError, match=message):
+        rb.read_run(run)

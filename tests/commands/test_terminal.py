@@ -15,7 +15,6 @@ from ridgebayes.commands.answers import _rounded
 from ridgebayes.commands.cli import app
 from ridgebayes.commands.shared_options import Output
 from ridgebayes.commands.terminal import Answer, tell, to_plain
-from ridgebayes.errors import ComputationError
 
 KEYS = ["command", "version", "exit_code", "messages", "files", "result"]
 COMMANDS = [one.name for one in app.registered_commands]
@@ -168,7 +167,7 @@ def test_plain__holds_no_numpy_and_no_nan():
 
 def test_failure__of_a_computation_keeps_exit_1(command, monkeypatch):
     def failing(asked):
-        raise ComputationError("enough")
+        raise rb.ComputationError("enough")
 
     monkeypatch.setattr("ridgebayes.commands.report.command", failing)
     said = command("report", "run", "--json")

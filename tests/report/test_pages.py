@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ridgebayes.report import write_report
+import ridgebayes as rb
 from ridgebayes.report.wording import probability
 from tests.report.browser import CHROMIUM, Browser
 
@@ -80,7 +80,7 @@ def pages(comparison, reference, odd, failed, tmp_path_factory):
         if name not in written:
             comparison, second = made[name]
             written[name] = folder / f"{name}.html"
-            write_report(comparison, written[name], reference=second)
+            rb.write_report(comparison, written[name], reference=second)
         return written[name]
 
     return path

@@ -14,14 +14,12 @@ from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.comparison.ranking import Predicting
 from ridgebayes.comparison.verdict import Verdict
-from ridgebayes.errors import InputError
-from ridgebayes.report import _rendered, render_report, write_report
+from ridgebayes.report import _rendered, render_report
 from ridgebayes.report.evidence import error_models_section
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen, headline
 from ridgebayes.report.predictions import _agreement
 from ridgebayes.report.wording import number
-from ridgebayes.results import Fit
 
 SCRIPTS = [{"type": "application/json"}, {}]  # a table, and the page's own code
 
@@ -150,7 +148,7 @@ def test_a_comparison_read_back_gives_the_same_report(odd, tmp_path):
     fits = {}
     for name, fit in odd.fits.items():
         fit.to_netcdf(tmp_path / f"{name}.nc")
-        fits[name] = Fit.from_netcdf(tmp_path / f"{name}.nc")
+        fits[name] = rb.Fit.from_netcdf(tmp_path / f"{name}.nc")
     back = replace(odd, fits=fits)
     for suffix in (".html", ".md"):
         assert render_report(back, suffix) == render_report(odd, suffix)
@@ -316,20 +314,20 @@ def test_coverage_is_shown_with_its_figure(comparison):
 def test_write_report_leaves_one_whole_file(odd, tmp_path, suffix):
     target = tmp_path / f"report{suffix}"
     target.write_text("old", encoding="utf-8")
-    write_report(odd, target)
+    rb.write_report(odd, target)
     assert [path.name for path in tmp_path.iterdir()] == [target.name]
     assert target.read_text(encoding="utf-8") == render_report(odd, suffix)
 
 
 def test_another_suffix_is_bad_input(odd, tmp_path):
-    with pytest.raises(InputError, match=r"ends in \.html or \.md"):
-        write_report(odd, tmp_path / "report.pdf")
+    with pytest.raises(rb.InputError, match=r"ends in \.html or \.md"):
+        rb.write_report(odd, tmp_path / "report.pdf")
     assert not list(tmp_path.iterdir())
 
 
 def test_a_missing_folder_is_bad_input(odd, tmp_path):
-    with pytest.raises(InputError, match="cannot be written"):
-        write_report(odd, tmp_path / "nowhere" / "report.md")
+    with pytest.raises(rb.InputError, match="cannot be written"):
+        rb.write_report(odd, tmp_path / "nowhere" / "report.md")
 
 
 @pytest.mark.parametrize(("without", "more"), [((3.4, 15.0), "offset"), ((8.0, 2.0), "form")])

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection, TriMesh
 
+import ridgebayes as rb
 from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import surface_table
 from ridgebayes.contact.cylinder.newton import Control, solve
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import InputError
 from ridgebayes.report.figures.bodies import plot_deformed, plot_pressed
 
 A, B, RISE = 0.022, 0.02, 4e-3
@@ -130,7 +130,7 @@ def test_plot_deformed__draws_pressures_that_carry_the_load(name):
 
 def test_plot_deformed__says_what_it_cannot_draw():
     cylinder, _ = pressed("sharp")
-    with pytest.raises(InputError, match="touches nothing"):
+    with pytest.raises(rb.InputError, match="touches nothing"):
         plot_deformed(cylinder, cylinder.unloaded())
 
 

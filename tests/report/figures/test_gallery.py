@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+import ridgebayes as rb
 from ridgebayes.checks.load_errors import percent_errors, slopes_table
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.drawing.forms import plot_bayes_factors, plot_percent_errors, plot_slopes
 from ridgebayes.drawing.predictions import plot_bands
 from ridgebayes.drawing.style import COLOURS, as_bytes, lay_out, styled, symbol
-from ridgebayes.errors import InputError
 from ridgebayes.report.figures.gallery import Gallery, corner_of
 from ridgebayes.runtime.pool import workers
 
@@ -293,5 +293,5 @@ def test_save_writes_png_and_svg_and_nothing_else(bare, tmp_path):
 
 def test_a_folder_that_cannot_be_made_is_bad_input(bare, tmp_path):
     (tmp_path / "figures").write_text("a file", encoding="utf-8")
-    with pytest.raises(InputError, match="cannot write figures"):
+    with pytest.raises(rb.InputError, match="cannot write figures"):
         bare.save(tmp_path / "figures")
