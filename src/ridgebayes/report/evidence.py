@@ -17,7 +17,7 @@ from ridgebayes.report.blocks import Block, Folded, Odds, Picture, Table, Text
 from ridgebayes.report.first_screen import prior_words
 from ridgebayes.report.wording import (
     ABSENT,
-    component_name,
+    COMPONENTS,
     decimals,
     form_name,
     noise_name,
@@ -126,7 +126,7 @@ def _pairs(factors: pd.DataFrame, caption: str) -> Table:
     )
 
 
-def agreement_table(data: ReportData) -> Table:
+def agreement_section(data: ReportData) -> list[Block]:
     """Return the evidence by every method, and what lies between them in joint standard errors."""
     evidence = data.comparison.own_evidence
     walked = "bridge" in set(evidence["method"])
@@ -137,15 +137,12 @@ def agreement_table(data: ReportData) -> Table:
     columns: dict[str, Callable[[str], str]] = {
         "Form": form_name,
         "importance": lambda name: _evidence(by_form.get(name, {}).get("importance")),
+        "bridge": lambda name: _evidence(by_form.get(name, {}).get("bridge")),
+        "bridge − importance, in joint standard errors": lambda name: _distance(by_form[name]),
     }
-    if walked:
-        columns |= {
-            "bridge": lambda name: _evidence(by_form.get(name, {}).get("bridge")),
-            "bridge − importance, in joint standard errors": lambda name: _distance(
-                by_form.get(name, {})
-            ),
-        }
-    return Table.of(data.ranked, columns, say("methods", are_walked=walked))
+    if not walked:
+        columns = dict(list(columns.items())[:2])
+    return [Table.of(data.ranked, columns, say("methods", are_walked=walked))]
 
 
 def _evidence(row: Mapping[Any, Any] | None, most: int = 4) -> str:
@@ -205,7 +202,7 @@ def _components(data: ReportData) -> list[Block]:
     table = Table.of(
         components,
         {
-            "Component": lambda row: component_name(row["component"]),
+            "Component": lambda row: COMPONENTS[row["component"]],
             "ln BF": lambda row: with_error(row["ln_bf"], row["ln_bf_se"], 1),
             "Probability": lambda row: probability(row["probability"]),
             "Reading": lambda row: row["reading"],

@@ -188,7 +188,7 @@ def prior_check(data: ReportData) -> list[Block]:
     return [Picture("prior-bands", say("prior_check_caption"))]
 
 
-def power_scaling_section(data: ReportData) -> list[Block]:
+def power_section(data: ReportData) -> list[Block]:
     """Return how sensitive each parameter of the best form is to its prior and to the rows."""
     table = Table.of(
         data.power_scaling,

@@ -36,16 +36,14 @@ def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
         True: {} if reference is None else reference,
     }
     sections = []
-    for title, anchor, parts in _SECTIONS:
+    for anchor, title in _TITLES.items():
         subject = reference if anchor == "reference" else gallery
         if subject is None:
             continue
         blocks: list[Block] = []
-        for heading, blocks_of in parts:
-            that_apply = _that_apply(blocks_of(subject.data), drawn)
-            if heading and that_apply:
-                blocks.append(Heading(heading))
-            blocks += that_apply
+        for section, heading, blocks_of in _PARTS:
+            if section == anchor and (kept := _that_apply(blocks_of(subject.data), drawn)):
+                blocks += [Heading(heading), *kept] if heading else kept
         if blocks:
             sections.append(Section(title, anchor, blocks))
     return sections
@@ -112,73 +110,48 @@ def _scale(reference: ReportData) -> str:
     )
 
 
-def _folded(title: str, blocks_of: _BlocksOf) -> tuple[str, _BlocksOf]:
+def _folded(title: str, blocks_of: _BlocksOf) -> _BlocksOf:
     """Return a part that opens on demand."""
-    return "", lambda data: [Folded(title, blocks_of(data))]
+    return lambda data: [Folded(title, blocks_of(data))]
 
 
-# Title and anchor of each section, and its parts: a heading, if any, and what makes its blocks.
-_SECTIONS: tuple[tuple[str, str, Sequence[tuple[str, _BlocksOf]]], ...] = (
-    ("Your own texture", "texture", [("", own_texture)]),
-    (
-        "Data and priors",
-        "data",
-        [
-            ("", inputs.data_section),
-            ("Priors", lambda data: [evidence.prior_table(data)]),
-            _folded("Prior predictive check", posteriors.prior_check),
-        ],
-    ),
-    (
-        "Forms and evidence",
-        "evidence",
-        [
-            ("", inputs.forms_section),
-            ("Evidence", evidence.evidence_section),
-            ("Prior sensitivity", evidence.prior_section),
-            ("Error models", evidence.error_models_section),
-            ("Coefficients", posteriors.coefficients_section),
-        ],
-    ),
-    (
-        "Predictions",
-        "predictions",
-        [
-            ("", predictions.bands_section),
-            ("Held-out rows", predictions.held_out_section),
-            ("Coverage of the bands", predictions.coverage_section),
-            _folded("K against pitch", predictions.slopes_section),
-        ],
-    ),
-    (
-        "Does the model hold?",
-        "checks",
-        [
-            ("Posterior predictive check", posteriors.checks_section),
-            ("Sense check", posteriors.sense_section),
-            ("Load error of each form", predictions.errors_section),
-            ("Cross-validation", predictions.score_section),
-        ],
-    ),
-    (
-        "How it was computed",
-        "computation",
-        [
-            ("", inputs.goal_section),
-            ("Convergence", posteriors.convergence_section),
-            ("", posteriors.repeat_section),
-            _folded(
-                "Evidence by independent methods", lambda data: [evidence.agreement_table(data)]
-            ),
-            _folded("Sensitivity to prior and likelihood", posteriors.power_scaling_section),
-            _folded("Accuracy and run time", inputs.cost_section),
-            _folded("Posteriors", posteriors.corner_section),
-        ],
-    ),
-    ("Finite-element reference", "reference", [("", reference_section)]),
-    (
-        "Appendix",
-        "appendix",
-        [_folded("Glossary", inputs.glossary_section), ("", inputs.versions_section)],
-    ),
+_TITLES = {
+    "texture": "Your own texture",
+    "data": "Data and priors",
+    "evidence": "Forms and evidence",
+    "predictions": "Predictions",
+    "checks": "Does the model hold?",
+    "computation": "How it was computed",
+    "reference": "Finite-element reference",
+    "appendix": "Appendix",
+}
+# Parts in reading order: section, heading if any, and what makes its blocks.
+_PARTS: tuple[tuple[str, str, _BlocksOf], ...] = (
+    ("texture", "", own_texture),
+    ("data", "", inputs.data_section),
+    ("data", "Priors", lambda data: [evidence.prior_table(data)]),
+    ("data", "", _folded("Prior predictive check", posteriors.prior_check)),
+    ("evidence", "", inputs.forms_section),
+    ("evidence", "Evidence", evidence.evidence_section),
+    ("evidence", "Prior sensitivity", evidence.prior_section),
+    ("evidence", "Error models", evidence.error_models_section),
+    ("evidence", "Coefficients", posteriors.coefficients_section),
+    ("predictions", "", predictions.bands_section),
+    ("predictions", "Held-out rows", predictions.held_out_section),
+    ("predictions", "Coverage of the bands", predictions.coverage_section),
+    ("predictions", "", _folded("K against pitch", predictions.slopes_section)),
+    ("checks", "Posterior predictive check", posteriors.checks_section),
+    ("checks", "Sense check", posteriors.sense_section),
+    ("checks", "Load error of each form", predictions.errors_section),
+    ("checks", "Cross-validation", predictions.score_section),
+    ("computation", "", inputs.goal_section),
+    ("computation", "Convergence", posteriors.convergence_section),
+    ("computation", "", posteriors.repeat_section),
+    ("computation", "", _folded("Evidence by independent methods", evidence.agreement_section)),
+    ("computation", "", _folded("Sensitivity to prior and likelihood", posteriors.power_section)),
+    ("computation", "", _folded("Accuracy and run time", inputs.cost_section)),
+    ("computation", "", _folded("Posteriors", posteriors.corner_section)),
+    ("reference", "", reference_section),
+    ("appendix", "", _folded("Glossary", inputs.glossary_section)),
+    ("appendix", "", inputs.versions_section),
 )

@@ -19,7 +19,7 @@ _STRUCTURES = {
     "texture+step": "texture and step offsets",
     "step-smooth": "an offset smooth in log h and a/pitch",
 }
-_COMPONENTS = {
+COMPONENTS = {
     "texture": "Texture offsets",
     "step": "Step offsets",
     "smooth": "Smooth offset in log h and a/pitch",
@@ -53,17 +53,6 @@ def _sentences() -> Any:
         "count": count,
     }
     return environment.get_template(name).module
-
-
-def component_name(name: str) -> str:
-    """Return a component of the error model, as `components.csv` names it, for a reader.
-
-    Examples
-    --------
-    >>> component_name("student")
-    'Student errors (outliers)'
-    """
-    return _COMPONENTS[name]
 
 
 def form_name(name: str) -> str:
