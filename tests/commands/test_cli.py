@@ -237,30 +237,6 @@ def test_loads__typed_wrongly_are_refused(refused, run, text):
     refused(words, f"--p-over-E {text!r}", "expected one load, LO:HI:N or log:LO:HI:N", "0.0")
 
 
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (("--prob", "2"), ["prob: expected 0 < prob < 1, got 2.0"]),
-        (("--prob", "0"), ["prob: expected 0 < prob < 1, got 0.0"]),
-        (("--prob", "nan"), ["prob: expected 0 < prob < 1, got nan"]),
-        (("--prob", "most"), ["--prob", "number"]),
-        (("--nu", "0.7"), ["nu: ", "0.7", "expected 0 <= nu <= 0.5"]),
-        (("--nu", "nan"), ["nu: ", "nan", "expected 0 <= nu <= 0.5"]),
-        (("--form", "hybrid"), ["form 'hybrid': not in this run", "modified, classic, average"]),
-        (("--form", "cubic"), ["form 'cubic': not in this run"]),
-    ],
-)
-def test_predict__bad_options_are_refused(refused, run, words, expected):
-    refused(["predict", run, *AT, *OVER, "-o", "b.csv", *words], *expected)
-
-
-@pytest.mark.parametrize("missing", ["--texture", "--p-over-E", "-o"])
-def test_predict__needs_textures_loads_and_a_file(refused, run, missing):
-    options = {"--texture": AT[1], "--p-over-E": OVER[1], "-o": "b.csv"}
-    del options[missing]
-    refused(["predict", run, *(w for pair in options.items() for w in pair)], missing)
-
-
 # --- bad places -----------------------------------------------------------------------------------
 
 
@@ -276,12 +252,6 @@ def test_output__force_leaves_what_is_no_run_untouched(refused, words):
     Path("letter").write_text("mine")
     for name in ("thesis", "letter"):
         refused([*words, "-o", name, "--force"], f"{name}: not a run folder (no run.json in it)")
-
-
-def test_output__an_existing_file_needs_force(refused, run):
-    Path("mine.csv").write_text("mine")
-    refused(["predict", run, *AT, *OVER, "-o", "mine.csv"], "mine.csv: exists", "--force")
-    refused(["generate", "-o", "mine.csv"], "mine.csv: exists", "--force")
 
 
 @pytest.mark.parametrize(
@@ -499,15 +469,6 @@ def test_compare__prior_odds_are_in_words_in_run_json_and_in_the_tables(command)
     assert again.probabilities == pytest.approx(content["verdicts"]["probabilities"], rel=1e-14)
 
 
-def test_compare__force_replaces_a_run(command, run, quick):
-    before = (run / "summary.csv").read_bytes()
-    said = command(*COMPARE, "--forms", "modified", "--force", "-o", run)
-    assert said.code == 1  # unconverged, and written all the same
-    assert not (run / "posterior-classic.nc").exists()
-    assert (run / "summary.csv").read_bytes() != before
-    assert {path.name for path in Path().iterdir()} == {"run"}
-
-
 def perfect(path):
     """Write rows that Modified makes without misfit: its sigma runs to zero."""
     rows = [
@@ -530,15 +491,6 @@ def test_compare__a_form_that_fails_is_named_and_the_rest_kept(command, quick):
     assert list(content["verdicts"]["failures"]) == ["modified"]
     assert set(pd.read_csv("out/evidence.csv")["form"]) == {"classic"}
     assert command("predict", "out", *AT, *OVER, "-o", "b.csv").code == 0
-
-
-def test_fit__that_fails_is_exit_1_and_no_run_folder(command):
-    perfect("perfect.csv")
-    said = command("fit", "perfect.csv", *IID, "--form", "modified", "-o", "out")
-    assert said.code == 1
-    assert "Traceback" not in said.err
-    assert "sigma has no lower bound" in said.err
-    assert not Path("out").exists()
 
 
 def test_rows_that_are_not_ok__are_counted_aloud(command, quick, paper):
@@ -714,24 +666,6 @@ def test_predict__carries_an_error_as_typed_or_of_a_scene(command, run):
 
 
 @pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (
-            ("--R", "8 mm ± 5 %", *AT, "--load", "9 N/m"),
-            ["--R '8 mm ± 5 %'", "textures with units"],
-        ),
-        ((*UNSURE, *AT), ["no loads"]),
-        ((*UNSURE, "--load", "1 kPa"), ["no textures"]),
-        ((*UNSURE[2:], *AT, "--load", "9 N/m"), ["needs the radius"]),
-        ((*UNSURE, *AT, "--load", "1 kPa:2 kPa ± 3 %:4"), ["one load where it has an error"]),
-        ((*UNSURE, *AT, *OVER, "--load", "1 kPa"), ["--p-over-E and --load"]),
-    ],
-)
-def test_predict__refuses_errors_that_it_cannot_carry(refused, run, words, expected):
-    refused(["predict", run, *words, "-o", "b.csv"], *expected)
-
-
-@pytest.mark.parametrize(
     ("load", "shown"),
     [
         ("1.2 kPa", ["load in kPa", "1.2"]),
@@ -775,38 +709,44 @@ def test_predict__shows_loads_in_the_unit_of_the_scene(
     assert axes.get_xlim()[1] == pytest.approx(float(shown[1]) if shown else 0.02)
 
 
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (("--load", "1.2 kPa"), ["--load '1.2 kPa': needs Young's modulus (--E)"]),
-        (("--E", "60 kPa", "--load", "5 N/m"), ["--load '5 N/m': needs the radius (--R)"]),
-        (("--R", "8 mm", "--E", "6 kPa", "--load", "5 N"), ["needs the body's length"]),
-        (("--load", "3 mm"), ["--load '3 mm': expected a number and a unit of a load", "'5 N'"]),
-        (
-            ("--load", "1,2 kPa"),
-            ["'1,2 kPa': has a decimal comma", "such as '1.2 kPa'"],
-        ),
-        (("--E", "5 mm", *OVER), ["--E '5 mm': must be a number and a unit of pressure", "60 kPa"]),
-        (("--R", "0 mm", *OVER), ["--R '0 mm': must be > 0"]),
-        ((*OVER, "--load", "1 kPa"), ["--p-over-E and --load: expected one of them"]),
-        ((*OVER, "--scene", "a.toml", "--R", "8 mm"), ["--scene, and --R or --E or"]),
-        ((*OVER, "--scene", "a.toml"), ["a.toml: cannot be read"]),
-        ((*OVER, "--kind", "all"), ["--kind 'all': expected curve, simulation or both"]),
-        (
-            (*OVER, "--plot", "b.jpg"),
-            ["b.jpg: expected a file name that ends in .png or"],
-        ),
-        ((*OVER, "--plot", "no/b.png"), ["no/b.png: folder no does not exist"]),
-        ((*OVER, "--texture", "0.2 mm,0.2 mm"), ["'0.2 mm': needs the radius"]),
-    ],
-)
-def test_predict__bad_units_kinds_and_figures_are_refused(refused, run, words, expected):
-    refused(["predict", run, *AT, *words, "-o", "b.csv"], *expected)
+BAD_PREDICTIONS = [
+    ((*AT, *OVER, "--prob", "2"), "prob: expected 0 < prob < 1, got 2.0"),
+    ((*AT, *OVER, "--prob", "nan"), "prob: expected 0 < prob < 1, got nan"),
+    ((*AT, *OVER, "--nu", "0.7"), "expected 0 <= nu <= 0.5"),
+    ((*AT, *OVER, "--form", "hybrid"), "form 'hybrid': not in this run"),
+    (OVER, "--texture"),
+    (AT, "--p-over-E"),
+    ((*AT, "--load", "1.2 kPa"), "--load '1.2 kPa': needs Young's modulus (--E)"),
+    ((*AT, "--E", "60 kPa", "--load", "5 N/m"), "--load '5 N/m': needs the radius (--R)"),
+    ((*AT, "--R", "8 mm", "--E", "6 kPa", "--load", "5 N"), "needs the body's length"),
+    ((*AT, "--load", "3 mm"), "--load '3 mm': expected a number and a unit of a load"),
+    ((*AT, "--load", "1,2 kPa"), "'1,2 kPa': has a decimal comma"),
+    ((*AT, *OVER, "--E", "5 mm"), "--E '5 mm': must be a number and a unit of pressure"),
+    ((*AT, *OVER, "--R", "0 mm"), "--R '0 mm': must be > 0"),
+    ((*AT, *OVER, "--load", "1 kPa"), "--p-over-E and --load: expected one of them"),
+    ((*AT, *OVER, "--scene", "a.toml", "--R", "8 mm"), "--scene, and --R or --E or"),
+    ((*AT, *OVER, "--scene", "a.toml"), "a.toml: cannot be read"),
+    ((*AT, *OVER, "--kind", "all"), "--kind 'all': expected curve, simulation or both"),
+    ((*OVER, "--texture", "0.2 mm,0.2 mm"), "'0.2 mm': needs the radius; expected --R"),
+    ((*AT, *OVER, "--plot", "b.jpg"), "b.jpg: expected a file name that ends in .png or"),
+    ((*AT, *OVER, "--plot", "no/b.png"), "no/b.png: folder no does not exist"),
+    ((*AT, *OVER, "--plot", "b.pdf", "--width", "8 mm"), "--width '8 mm': expected 50 to 1000"),
+    ((*AT, *OVER, "--plot", "b.pdf", "--width", "85"), "--width '85': must be a number and a u"),
+    ((*AT, *OVER, "--width", "85 mm"), "--width '85 mm': needs --plot"),
+    ((*AT, "--R", "8 mm ± 5 %", "--load", "9 N/m"), "textures with units beside an uncertain"),
+    ((*AT, *UNSURE), "no loads"),
+    ((*UNSURE, "--load", "1 kPa"), "no textures"),
+    ((*AT, *UNSURE[2:], "--load", "9 N/m"), "needs the radius"),
+    ((*AT, *UNSURE, "--load", "1 kPa:2 kPa ± 3 %:4"), "one load where it has an error"),
+    ((*AT, *OVER, "-o", "b.xlsx"), "b.xlsx"),
+    ((*AT, *OVER, "-o", "my.csv"), "my.csv: exists"),
+]
 
 
-@pytest.mark.parametrize("name", ["b.xlsx", "b.txt", "b"])
-def test_predict__an_output_of_another_kind_is_refused(refused, run, name):
-    refused(["predict", run, *AT, *OVER, "-o", name], name, "ends in .csv or .parquet")
+@pytest.mark.parametrize(("words", "expected"), BAD_PREDICTIONS)
+def test_predict__bad_options_are_refused(refused, run, words, expected):
+    Path("my.csv").write_text("mine")
+    refused(["predict", run, "-o", "b.csv", *words], expected)
 
 
 def test_predict__writes_parquet_too(command, run):
@@ -840,45 +780,21 @@ def test_predict__figures_show_transitions_where_they_are(command, run):
 
 
 @pytest.mark.parametrize("name", ["b.png", "b.svg", "b.pdf"])
-def test_predict__draws_bands(command, run, name):
-    words = ("predict", run, *AT, *OVER, "-o", "b.csv", "--plot", name)
+def test_predict__draws_bands_as_wide_as_asked(command, run, name):
+    words = ("predict", run, *AT, *OVER, "-o", "b.csv", "--plot", name, "--width", "85 mm")
     said = command(*words)
     assert said.code == 0
     assert said.out.endswith(f"Written: b.csv, {name}\n")
     assert Path(name).read_bytes().startswith((b"\x89PNG", b"<?xml", b"%PDF"))
     assert "exists" in command(*words).err
+    for box in re.findall(rb"/MediaBox \[ 0 0 ([\d.]+)", Path(name).read_bytes()):
+        assert float(box) == pytest.approx(85 / 25.4 * 72, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("words", "wrong"),
-    [
-        (("--plot", "b.pdf", "--width", "8 mm"), "--width '8 mm': expected 50 to 1000 mm"),
-        (("--plot", "b.pdf", "--width", "85"), "--width '85': must be a number and a unit"),
-        (("--width", "85 mm"), "--width '85 mm': needs --plot"),
-    ],
-)
-def test_predict__refuses_a_width_that_no_figure_has(command, run, words, wrong):
-    said = command("predict", run, *AT, *OVER, "-o", "b.csv", *words)
-    assert said.code == 2
-    assert wrong in said.err
-    assert not Path("b.csv").exists()
-
-
-def test_predict__a_figure_is_as_wide_as_asked(command, run):
-    words = ("--plot", "b.pdf", "--width", "85 mm")
-    assert command("predict", run, *AT, *OVER, "-o", "b.csv", *words).code == 0
-    (box,) = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+)", Path("b.pdf").read_bytes())
-    assert float(box) == pytest.approx(85 / 25.4 * 72, rel=1e-6)
-
-
-def test_predict__shows_some_of_many_loads(command, run):
-    said = command("predict", run, *AT, "--p-over-E", "0.001:0.02:50", "-o", "b.csv")
-    assert "50 rows" in said.out
-    assert ". 5 of the rows:\n" in said.out
-    assert len(said.out.splitlines()) == 1 + 1 + 5
-
-
-def test_predict__json_has_every_row(command, run):
+def test_predict__json_has_every_row_of_which_few_are_shown(command, run):
+    shown = command("predict", run, *AT, "--p-over-E", "0.001:0.02:50", "-o", "a.csv").out
+    assert ". 5 of the rows:\n" in shown
+    assert len(shown.splitlines()) == 1 + 1 + 5
     said = command("predict", run, *AT, "--p-over-E", "0.001:0.02:50", "-o", "b.csv", "--json")
     rows = json.loads(said.out)["result"]
     frame = pd.read_csv("b.csv")

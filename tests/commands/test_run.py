@@ -80,7 +80,7 @@ class Pages:
     def __init__(self):
         self.asked = []
 
-    def __call__(self, comparison, folder, reference, begun=(None, None), command=""):
+    def __call__(self, comparison, folder, reference, galleries=(), command=""):
         self.asked.append((comparison, folder, reference))
         (folder / "report.html").write_text("a page")
 

@@ -38,7 +38,7 @@ def write_pages(
     comparison: Comparison,
     folder: Path,
     reference: Comparison | None,
-    begun: Sequence[Gallery | None] = (),
+    galleries: Sequence[Gallery | None] = (),
     *,
     command: str = "",
 ) -> None:
@@ -52,12 +52,12 @@ def write_pages(
         Folder to write to.
     reference : Comparison or None
         Second comparison, whose own pages go into a folder of their own if that is there.
-    begun : sequence of Gallery or None, optional
+    galleries : sequence of Gallery or None, optional
         Figures of each comparison that workers draw already; None where none are started.
     command : str, optional
         Command line as typed, see `command_line`.
     """
-    first, second = (*begun, None, None)[:2]
+    first, second = (*galleries, None, None)[:2]
     gallery = first or Gallery(report_data(comparison))
     if reference is not None:
         second = second or Gallery(report_data(reference))
