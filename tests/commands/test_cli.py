@@ -277,24 +277,6 @@ def test_run_folder__what_is_none_is_refused(refused, name, why):
     refused(["report", name], told)
 
 
-@pytest.mark.parametrize(
-    ("file", "content", "expected"),
-    [
-        ("posterior-classic.nc", 3000, ["posterior-classic.nc", "not a readable NetCDF file"]),
-        ("evidence.csv", None, ["evidence.csv: missing; run again"]),
-        ("run.json", 100, ["run.json: damaged"]),
-    ],
-)
-def test_run_folder__a_damaged_one_is_refused(refused, run, file, content, expected):
-    path = run / file
-    if content is None:
-        path.unlink()
-    else:
-        path.write_bytes(path.read_bytes()[:content] if isinstance(content, int) else content)
-    refused(["predict", run, *AT, *OVER, "-o", "b.csv"], *expected)
-    refused(["report", run], *expected)
-
-
 # --- generate -------------------------------------------------------------------------------------
 
 SCENE = "[texture]\nridge_width = 0.02\ngroove_width = 0.02\n"
@@ -329,11 +311,6 @@ def test_generate__a_bad_scene_is_refused(refused, text, expected):
 def test_generate__bad_options_are_refused(refused, words, expected):
     Path("my.toml").write_text(SCENE)
     refused(["generate", *words, "-o", "t.csv"], *expected)
-
-
-@pytest.mark.parametrize("name", ["t.txt", "t", "nowhere/t.csv"])
-def test_generate__where_no_table_can_be_is_refused(refused, name):
-    refused(["generate", "--texture", "0.02,0.02", "-o", name], name)
 
 
 def test_generate__nothing_named_is_the_embedded_sweep(command, paper):
@@ -500,17 +477,6 @@ def test_rows_that_are_not_ok__are_counted_aloud(command, quick, paper):
     said = command("compare", "mine.csv", *IID, "--forms", "modified", "-o", "out")
     assert "mine.csv: 2 rows are not ok and were not fitted" in said.out
     assert "out: 39 rows fitted, 3 held out." in said.out
-
-
-def test_rows_of_two_sources_with_one_load__are_told(command, quick, paper):
-    rows = paper.calibration.frame
-    both = pd.concat([rows.assign(source="A"), rows.iloc[:5].assign(source="B")])
-    rb.ContactTable.from_frame(both).write("mine.csv")
-    said = command("compare", "mine.csv", *IID, "--forms", "modified", "-o", "out")
-    told = (
-        "5 rows of curves whose loads are those of another source, solver or series to all digits."
-    )
-    assert f"{told} Copies count twice: leave one of each out." in said.out
 
 
 def test_run__passes_every_option_on(command, monkeypatch, finished):
@@ -1038,15 +1004,6 @@ def program(*words, **options):
         check=False,
         **options,
     )
-
-
-def test_program__bad_input_in_its_own_process(tmp_path):
-    (tmp_path / "mine.csv").write_text(HEADER + "0.01,0.02,5,0.001\n")
-    done = program("compare", "mine.csv", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("ridgebayes: mine.csv: 1 value in 1 row")
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
 
 
 def test_program__work_in_its_own_process(tmp_path):

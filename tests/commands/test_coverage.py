@@ -85,12 +85,6 @@ def test_coverage__takes_the_embedded_sweep_four_forms_and_all_error_models(comm
     assert {path.name for path in Path("ridgebayes-coverage").iterdir()} == FILES
 
 
-def test_coverage__shares_out_among_two_processes_by_itself(command, canned):
-    assert command("table.csv", "--noise", "iid,step:student").code == 0
-    assert canned["executor"] is not None
-    assert [noise.name for noise in canned["noises"]] == ["iid", "step:student"]
-
-
 def test_coverage__replaces_its_own_folders_only_and_only_when_told(command, canned):
     words = ("table.csv", "-o", "out", "--noise", "iid", "--workers", 1)
     assert command(*words).code == 0

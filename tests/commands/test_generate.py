@@ -250,12 +250,6 @@ def test_sweep__what_an_earlier_one_left_needs_a_word(tmp_path, monkeypatch, und
     assert {path.name for path in tmp_path.iterdir()} == {"t.csv"}
 
 
-def test_sweep__resume_without_a_journal_begins(tmp_path, undisturbed, counted):
-    sweep(tmp_path / "t.csv", resume=True)
-    assert counted.n == N
-    assert (tmp_path / "t.csv").read_bytes() == undisturbed
-
-
 @pytest.mark.parametrize(
     "changed",
     [
@@ -276,18 +270,6 @@ def test_sweep__takes_nothing_from_another_question(
     assert f"0 of {N} textures taken from the journal" in capsys.readouterr().err
     sweep_job(fresh, **options)
     assert out.read_bytes() == fresh.read_bytes()
-
-
-def test_sweep__takes_what_fits_of_a_scene_with_other_textures(tmp_path, monkeypatch, counted):
-    out = tmp_path / "t.csv"
-    cut_off(out, monkeypatch, 4)
-    counted.n = 0
-    fewer = SCENE.model_copy(update={"textures": SCENE.textures[2:]})
-    sweep_job(out, fewer, rel_tol=1e-6, resume=True)
-    assert counted.n == N - 2 - 2
-    fresh = rb.generate(fewer, rel_tol=1e-6)
-    fresh.write(tmp_path / "fresh.csv")
-    assert out.read_bytes() == (tmp_path / "fresh.csv").read_bytes()
 
 
 def test_sweep__a_damaged_texture_is_computed_again_and_counted(

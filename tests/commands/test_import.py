@@ -100,13 +100,6 @@ def test_import__of_a_table_takes_columns_and_units(run):
     assert set(frame["nu"]) == {NU}
 
 
-def test_import__map_may_be_a_file(run):
-    Path("map.toml").write_text(
-        '[columns]\na = "Ridge [um]"\nb = "Groove [um]"\nline = "P [N/mm]"\n'
-        '[values]\nR = "8 mm"\nE = "60 kPa"\n'
-    )
-    assert run("mine.csv", "--map", "map.toml", "-o", "t.csv").code == 0
-    assert rb.read_table("t.csv").textures == ((0.03, 0.01),)
 
 
 @pytest.mark.parametrize(

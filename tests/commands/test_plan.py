@@ -55,12 +55,6 @@ def test_plan__says_what_the_scene_is_and_writes_nothing(command):
     assert {path.name for path in Path().iterdir()} == {"scene.toml"}
 
 
-def test_plan__gives_reasons_when_asked(command):
-    said = command("scene.toml", "--verbose")
-    for effect in rb.plan(rb.Scene.from_toml("scene.toml"))[0].effects:
-        assert effect.reason in said.out
-
-
 def test_plan__says_each_texture(command):
     text = SCENE.replace("[texture]", "[[texture]]")
     more = "[[texture]]\nridge_width = 0.03\ngroove_width = 0.01\noffset = 'uniform'\n"
@@ -143,13 +137,6 @@ def test_plan__says_lengths_in_the_scenes_units(command):
     assert re.search(r"in a contact 0\.\d+ R \(\d\.\d mm\) wide", said.out)
 
 
-def test_plan__json_holds_every_effect(command):
-    content = json.loads(command("scene.toml", "--json").out)
-    expected = plan_table(rb.plan(rb.Scene.from_toml("scene.toml")))
-    assert [row["effect"] for row in content["result"]] == expected["effect"].tolist()
-    assert content["result"][0]["estimated_rel_change"] == expected["estimated_rel_change"][0]
-
-
 def test_plan__new_writes_a_scene_to_start_from(command):
     said = command("--new", "my.toml")
     assert said.code == 0
@@ -208,16 +195,6 @@ def test_plan__writes_the_table(command):
     pd.testing.assert_frame_equal(frame, expected)
 
 
-def test_plan__refuses_an_existing_file_unless_told(command):
-    Path("plan.csv").write_text("mine")
-    said = command("scene.toml", "-o", "plan.csv")
-    assert (said.code, said.out) == (2, "")
-    assert "plan.csv: exists; use another name, or --force to replace it" in said.err
-    assert Path("plan.csv").read_text() == "mine"
-    assert command("scene.toml", "-o", "plan.csv", "--force").code == 0
-    assert Path("plan.csv").read_text().startswith("effect,number,")
-
-
 def test_plan__draws_each_texture(command):
     said = command("scene.toml", "--figures", "drawn/here")
     assert said.code == 0
@@ -230,17 +207,6 @@ def test_plan__draws_each_texture(command):
     for path in Path("drawn/here").iterdir():
         start = b"\x89PNG" if path.suffix == ".png" else b"<?xml"
         assert path.read_bytes().startswith(start)
-
-
-def test_plan__of_the_same_scene_is_the_same_bytes(command):
-    said = [
-        command("scene.toml", "-o", f"{name}.csv", "--figures", name) for name in ("one", "two")
-    ]
-    assert [one.code for one in said] == [0, 0]
-    assert said[0].out.replace("one", "two") == said[1].out
-    assert Path("one.csv").read_bytes() == Path("two.csv").read_bytes()
-    for path in Path("one").iterdir():
-        assert path.read_bytes() == (Path("two") / path.name).read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -264,29 +230,6 @@ def test_plan__bad_words_are_told_apart_from_failures(command, words, expected):
     said = command(*words)
     assert (said.code, said.out) == (2, "")
     assert expected in said.err
-    assert {path.name for path in Path().iterdir()} == {"scene.toml"}
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "key", "value", "rule"),
-    [
-        ("groove_depth", "ridge_height", "texture.ridge_height", "0.001", "unknown key"),
-        ("= 0.02\n", '= "2 mm"\n', "texture.ridge_width", "'2 mm'", "units everywhere or nowhere"),
-        ("0.001", "-0.001", "texture.groove_depth", "-0.001", "must be > 0"),
-        ("relative = 0.01", "relative = 0", "accuracy.relative", "0", "greater than 0"),
-        ("groove_depth = 0.001", "offset = 0.7", "texture.offset", "0.7", "from -0.5 to 0.5"),
-    ],
-)
-def test_plan__bad_scene_files_are_refused_with_key_value_and_rule(
-    command, old, new, key, value, rule
-):
-    assert SCENE.count(old) == 1
-    Path("scene.toml").write_text(SCENE.replace(old, new))
-    said = command("scene.toml", "-o", "plan.csv", "--figures", "drawn")
-    assert (said.code, said.out) == (2, "")
-    assert said.err.startswith("ridgebayes: scene.toml: ")
-    assert f"{key} = {value}: " in said.err
-    assert rule in said.err
     assert {path.name for path in Path().iterdir()} == {"scene.toml"}
 
 

@@ -227,15 +227,6 @@ def test_run__says_how_it_was_made(runs, table):
         assert stage["cpu_s"] >= 0
 
 
-def test_run__asks_for_pages_once_before_the_folder_has_its_name(runs):
-    folder, done, pages, _ = runs
-    comparison, where, reference = pages.asked[0]
-    assert len(pages.asked) == 3
-    assert comparison is done["first"]
-    assert where == folder / ".first.partial"
-    assert reference is None
-
-
 def test_run__announces_as_many_stages_as_come(runs):
     assert [progress.n_stage for progress in runs[3]] == [13, 13, 13]
     assert [len(progress.stages) for progress in runs[3]] == [13, 13, 13]
@@ -284,22 +275,6 @@ def test_run__force_replaces_a_run(tmp_path, table, monkeypatch, no_pages, runs)
     monkeypatch.setattr(COMPARE, lambda *_, **__: runs[1]["first"])
     run_job(tmp_path / "out", table=table, forms=FORMS, force=True)
     assert names(tmp_path / "out") == names(runs[0] / "first")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"forms": ["quadratic"]}, "form 'quadratic': unknown; expected one of classic"),
-        ({"noise": "student"}, "noise 'student'"),
-        ({"forms": ["classic", "half-plane"]}, "41 calibration rows have solver 'half-plane'"),
-    ],
-)
-def test_run__bad_options_are_refused_before_anything_is_done(
-    tmp_path, no_sampling, options, message
-):
-    with pytest.raises(rb.InputError, match=message):
-        run_job(tmp_path / "out", **options)
-    assert names(tmp_path) == set()
 
 
 # --- the main job on the embedded sweep -----------------------------------------------------------
@@ -409,11 +384,6 @@ def test_report__is_written_from_what_the_folder_holds(runs, no_pages):
     assert comparison.best == done["first"].best
 
 
-def test_report__takes_the_second_comparison_along(default, no_pages):
-    report_job(default[0])
-    assert list(no_pages.asked[0][2].fits)[-1] == "half-plane"
-
-
 @pytest.mark.long
 def test_report__real_pages_stand_in_the_folder_whole(default, tmp_path):
     folder = shutil.copytree(default[0], tmp_path / "run")
@@ -430,12 +400,6 @@ def test_report__real_pages_stand_in_the_folder_whole(default, tmp_path):
     )  # self-contained
     assert "did not converge" in page or "not converged" in page
     assert {path: path.read_bytes() for path in folder.rglob("*.csv")} == before
-
-
-def test_report__of_what_is_no_run_is_refused(tmp_path, no_pages):
-    with pytest.raises(rb.InputError, match=r"no run\.json in it"):
-        report_job(tmp_path)
-    assert no_pages.asked == []
 
 
 # --- resuming -------------------------------------------------------------------------------------

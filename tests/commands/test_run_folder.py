@@ -4,7 +4,6 @@ import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.commands.run_files import summary_table, verdicts, write_comparison, write_run_json
-from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, bayes_factor_table
 from ridgebayes.comparison.scores import loo_table
@@ -179,14 +178,6 @@ def test_new_folder__where_none_can_be_is_refused(tmp_path):
     assert names(tmp_path) == ["file"]
 
 
-def test_new_folder__starts_afresh_where_an_earlier_run_died(tmp_path):
-    (tmp_path / ".out.partial").mkdir()
-    (tmp_path / ".out.partial" / "half.csv").write_text("half")
-    with new_folder(tmp_path / "out"):
-        pass
-    assert names(tmp_path) == ["out"]
-
-
 def test_new_folder__resume_goes_on_in_what_was_left(tmp_path):
     (tmp_path / ".out.partial").mkdir()
     (tmp_path / ".out.partial" / "chains-hybrid.npz").write_text("chains")
@@ -222,14 +213,6 @@ def test_write_csv__in_full_and_with_plain_line_ends(tmp_path):
     assert lines[-1] == ""
     assert b"\r" not in (tmp_path / "x.csv").read_bytes()
     assert names(tmp_path) == ["x.csv"]
-
-
-def test_write_text__that_fails_leaves_the_old_file(tmp_path):
-    (tmp_path / "x.json").write_text("old")
-    with pytest.raises(UnicodeEncodeError):
-        write_text("new \ud800", tmp_path / "x.json")  # a lone surrogate is no text
-    assert (tmp_path / "x.json").read_text() == "old"
-    assert names(tmp_path) == ["x.json"]
 
 
 # --- what is in it --------------------------------------------------------------------------------
@@ -285,18 +268,6 @@ def test_run_json__holds_the_verdicts_of_the_second_comparison(comparison, tmp_p
     content = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
     assert content["reference-fe"] == verdicts(other)
     assert content["reference-fe"]["verdicts"] != content["verdicts"]
-
-
-def test_run_json__a_package_that_is_not_installed_is_unknown(comparison, tmp_path, monkeypatch):
-    def version(name):
-        if name == "matplotlib":
-            raise PackageNotFoundError(name)
-        return "1.0"
-
-    monkeypatch.setattr("ridgebayes.runtime.text.version", version)
-    about(tmp_path, comparison)
-    versions = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["versions"]
-    assert (versions["matplotlib"], versions["numpy"]) == ("unknown", "1.0")
 
 
 def test_verdicts__of_a_comparison_with_a_failure(comparison):

@@ -68,18 +68,6 @@ def test_json__of_no_command_is_an_object_too(command):
     assert "weigh" in content["error"]
 
 
-def test_json__is_the_only_thing_on_standard_output(command):
-    said = command(*GENERATE, "--json", "--verbose")
-    assert json.loads(said.out) == {
-        "command": "generate",
-        "version": rb.__version__,
-        "exit_code": 0,
-        "messages": ["t.csv: 4 rows, 1 texture, 0 not ok"],
-        "files": ["t.csv"],
-        "result": {"rows": 4, "textures": 1, "not_ok": 0},
-    }
-
-
 def test_json__of_what_failed_half_way_has_result_and_error(command, monkeypatch):
     monkeypatch.setattr(
         "ridgebayes.commands.report.command", lambda asked: Answer(result=1, problem="not all")
@@ -125,12 +113,6 @@ def test_version__is_that_of_the_package():
     assert (done.exit_code, done.output) == (0, f"ridgebayes {rb.__version__}\n")
 
 
-def test_completion__is_offered(monkeypatch):
-    monkeypatch.setenv("_RIDGEBAYES_COMPLETE", "source_bash")
-    done = CliRunner().invoke(app, [], prog_name="ridgebayes")
-    assert "_ridgebayes_completion" in done.output
-
-
 def test_table__is_aligned_text_where_it_is_piped(capsys):
     table = pd.DataFrame({"form": ["hybrid", "[x]"], "n": [1, 200], "share": [0.25, 1e-9]})
     tell("compare", Answer((table,)), 0, "", Output())
@@ -163,15 +145,6 @@ def test_files__are_listed(capsys, files, line):
 def test_plain__holds_no_numpy_and_no_nan():
     value = {"a": np.float64(0.5), "b": np.array([1, 2]), "c": (np.inf, np.bool_(True)), 1: None}
     assert to_plain(value) == {"a": 0.5, "b": [1, 2], "c": [None, True], "1": None}
-
-
-def test_failure__of_a_computation_keeps_exit_1(command, monkeypatch):
-    def failing(asked):
-        raise rb.ComputationError("enough")
-
-    monkeypatch.setattr("ridgebayes.commands.report.command", failing)
-    said = command("report", "run", "--json")
-    assert (said.code, json.loads(said.out)["error"]) == (1, "enough")
 
 
 def test_coefficients__of_textures_have_short_labels():

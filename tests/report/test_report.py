@@ -90,11 +90,6 @@ def test_page_is_well_formed_and_self_contained(full, page):
     assert len(full) < 5e6
 
 
-def test_every_link_has_its_section(page):
-    anchors = {attrs["id"] for attrs in page.all("h2")} | {"answer"}
-    assert {link["href"][1:] for link in page.all("a") if link["href"][0] == "#"} == anchors
-
-
 def test_details_are_closed_and_the_order_is_kept(page):
     assert len(page.all("details")) > 10
     assert not any("open" in attrs for attrs in page.all("details"))
@@ -208,16 +203,6 @@ def test_problems_of_the_reference_reach_the_banner(gallery, single):
     found = first_screen(gallery.data, report_data(single)).problems
     assert found
     assert all(words.startswith("finite-element rows: ") for words in found)
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_no_usable_evidence_is_said(single):
-    evidence = single.evidence.assign(
-        used=False, status="no overlap", model_probability=float("nan")
-    )
-    page = Page(render_report(replace(single, evidence=evidence)))
-    assert "No form got a usable evidence." in page.text
-    assert "no method gave a usable evidence" in page.text
 
 
 def test_headline__undecided_names_every_form_that_is_nearly_as_probable():
