@@ -25,15 +25,15 @@ BUDGETS = {
     "simulate": 507,
     "fea": 4_429,
     "model": 1_606,
-    "inference": 2_569,
+    "inference": 2_570,
     "predict": 1_147,  # loads of many textures in one call where no texture has a share of its own
     "evidence": 604,
     "comparison": 988,
     "checks": 798,
     "friction": 909,
     "texture_design": 1_269,
-    "report": 1_724,
-    "commands": 2_357,
+    "report": 1_530,
+    "commands": 2_290,
 }
 _NO_CODE = {
     tokenize.COMMENT,

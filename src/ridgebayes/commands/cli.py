@@ -43,13 +43,7 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "report": ("report", options.Report),
 }
 # Modules that workers of a run import while this process does; in a quick run they do not draw.
-_OF_A_RUN = (
-    "ridgebayes.commands.run",
-    "h5netcdf",
-    "scipy.stats",
-    "xarray",
-    "arviz_stats.base",
-)
+_OF_A_RUN = ("ridgebayes.commands.run", "h5netcdf", "scipy.stats", "xarray", "arviz_stats.base")
 _OF_FIGURES = (
     *(f"ridgebayes.drawing.{name}" for name in ("coverage", "forms", "posterior", "predictions")),
     "corner",

@@ -55,13 +55,7 @@ def command(asked: options.PlanOptions) -> Answer:
             named = isinstance(error, RidgebayesError)  # which says the file itself
             problem = str(error) if named else f"{error.filename}: {error.strerror}"
     return Answer(
-        parts,
-        plan_table(plans),
-        files,
-        (reasons,),
-        warnings=failed,
-        early=warned,
-        problem=problem,
+        parts, plan_table(plans), files, (reasons,), warnings=failed, early=warned, problem=problem
     )
 
 

@@ -46,11 +46,7 @@ _TABLES = {
     "cost": ("costs.csv", COST_COLUMNS),
 }
 # Commands that write other folders, by a file that identifies each.
-_OTHER_FOLDERS = {
-    "coverage.json": "coverage",
-    "cost.csv": "cost",
-    "design.json": "design",
-}
+_OTHER_FOLDERS = {"coverage.json": "coverage", "cost.csv": "cost", "design.json": "design"}
 _ONLY_IF_ANY = ("left_out", "coverage", "cost")
 _FORM = ("form", "form_a", "form_b")  # columns of forms of the run
 _TEXT = (
@@ -162,63 +158,56 @@ def about_run(
 
 
 def verdicts(comparison: Comparison) -> dict[str, Any]:
-    """Return what a program wants to know of a comparison: its verdict, its fits, its state."""
-    verdict = comparison.verdict
-    return {
-        "verdict": None if verdict is None else verdict.to_dict(),
-        "fits": fits_list(comparison),
-        "verdicts": _state(comparison),
-    }
+    """Return what a program wants to know of a comparison: its verdict, its fits, its state.
 
-
-def fits_list(comparison: Comparison) -> list[dict[str, Any]]:
-    """Return form, noise, weight, sampler and state of every fit that predictions rest on."""
-    pairs = used_evidence(comparison.evidence).set_index(["form", "noise"])
-    used = pairs["model_probability"]
-    return [
-        {
-            "form": form,
-            "noise": noise,
-            "weight": float(used.get((form, noise), 0.0)),
-            "sampler": posterior.sampler,
-            "converged": posterior.converged,
-            "why": "; ".join(posterior.convergence_failures + _why_short(comparison, posterior)),
-        }
-        for form, fit in comparison.fits.items()
+    Fits are form, noise, weight, sampler and state of every posterior that predictions rest on.
+    """
+    verdict, fits, shares = comparison.verdict, comparison.fits, comparison.probabilities
+    used = used_evidence(comparison.evidence).set_index(["form", "noise"])["model_probability"]
+    posteriors = [
+        (form, noise, posterior)
+        for form, fit in fits.items()
         for noise, posterior in fit.posteriors.items()
     ]
-
-
-def _why_short(comparison: Comparison, posterior: Posterior) -> tuple[str, ...]:
-    """Say why a posterior that has not converged got no more draws, where nothing rests on it."""
-    share = comparison.probabilities.get(posterior.form.name, 1.0)
-    if posterior.converged or share >= MIN_FORM_PROBABILITY:
-        return ()
-    return (
-        f"no more draws were taken: the form's probability is below {MIN_FORM_PROBABILITY:g}, and "
-        "nothing rests on it",
-    )
-
-
-def _state(comparison: Comparison) -> dict[str, Any]:
     return {
-        "complete": comparison.complete,
-        "best": comparison.best if comparison.probabilities else None,
-        "probabilities": comparison.probabilities,
-        "prior_probabilities": comparison.prior_probabilities,
-        "converged": {name: fit.converged for name, fit in comparison.fits.items()},
-        "missing": {
-            name: fit.convergence_failures
-            for name, fit in comparison.fits.items()
-            if fit.convergence_failures
+        "verdict": None if verdict is None else verdict.to_dict(),
+        "fits": [
+            {
+                "form": form,
+                "noise": noise,
+                "weight": float(used.get((form, noise), 0.0)),
+                "sampler": posterior.sampler,
+                "converged": posterior.converged,
+                "why": "; ".join(_failures(posterior, shares.get(form, 1.0))),
+            }
+            for form, noise, posterior in posteriors
+        ],
+        "verdicts": {
+            "complete": comparison.complete,
+            "best": comparison.best if shares else None,
+            "probabilities": shares,
+            "prior_probabilities": comparison.prior_probabilities,
+            "converged": {name: fit.converged for name, fit in fits.items()},
+            "missing": {
+                name: fit.convergence_failures for name, fit in fits.items() if not fit.converged
+            },
+            "failures": comparison.failures,
+            "noise": comparison.noise.name,
+            "caution": comparison.noise.caution,
+            "n_calibration": len(comparison.table.calibration),
+            "n_held_out": len(comparison.table.held_out),
+            "n_left_out": len(comparison.table.left_out),
         },
-        "failures": comparison.failures,
-        "noise": comparison.noise.name,
-        "caution": comparison.noise.caution,
-        "n_calibration": len(comparison.table.calibration),
-        "n_held_out": len(comparison.table.held_out),
-        "n_left_out": len(comparison.table.left_out),
     }
+
+
+def _failures(posterior: Posterior, share: float) -> tuple[str, ...]:
+    """Return what a posterior lacks, and why it got no more draws where nothing rests on it."""
+    lacks = posterior.convergence_failures
+    if not lacks or share >= MIN_FORM_PROBABILITY:
+        return lacks
+    negligible = f"the form's probability is below {MIN_FORM_PROBABILITY:g}"
+    return (*lacks, f"no more draws were taken: {negligible}, and nothing rests on it")
 
 
 def read_run(folder: str | os.PathLike[str]) -> Comparison:
@@ -284,9 +273,6 @@ def read_command(folder: Path) -> tuple[str, dict[str, Any], int]:
         If it is not a run folder, or run.json is damaged.
     """
     about = _read_about(folder)
-    origin = about.get("command"), about.get("options"), about.get("seed")
-    if not all(map(isinstance, origin, (str, dict, int))):
-        raise _foreign(folder / RUN_JSON)
     return about["command"], about["options"], about["seed"]
 
 
@@ -322,13 +308,15 @@ def _read_about(folder: Path) -> dict[str, Any]:
     try:
         named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
         named += [about["verdicts"]["failures"], about.setdefault("nugget", NUGGET)]
+        named += [about["command"], about["options"], about["seed"]]
         fits = [(entry["form"], entry["noise"]) for entry in about["fits"]]
     except KeyError as error:
         raise InputError(f"{path}: damaged, key {error} is missing; run again") from None
     except TypeError:
         raise _foreign(path) from None
     failures = about["verdicts"]["failures"]
-    if not all(map(isinstance, named, (list, str, str, str, dict, float))) or not all(
+    kinds = (list, str, str, str, dict, float, str, dict, int)
+    if not all(map(isinstance, named, kinds)) or not all(
         isinstance(text, str) for text in (*about["forms"], *failures, *failures.values())
     ):
         raise _foreign(path)

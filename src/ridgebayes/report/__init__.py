@@ -36,10 +36,7 @@ _TEMPLATES = {".html": "report.html.jinja", ".md": "report.md.jinja"}
 
 
 def write_report(
-    comparison: Comparison,
-    path: str | os.PathLike[str],
-    *,
-    reference: Comparison | None = None,
+    comparison: Comparison, path: str | os.PathLike[str], *, reference: Comparison | None = None
 ) -> None:
     """Write the report of a comparison to one file.
 

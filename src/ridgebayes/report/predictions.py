@@ -9,15 +9,7 @@ import pandas as pd
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bands import AVERAGE
 from ridgebayes.report.blocks import MOST_ROWS, Block, Folded, Picture, Table, Text
-from ridgebayes.report.wording import (
-    ABSENT,
-    decimals,
-    form_name,
-    number,
-    percent,
-    say,
-    with_error,
-)
+from ridgebayes.report.wording import ABSENT, decimals, form_name, number, percent, say, with_error
 from ridgebayes.table.table import ContactTable
 
 _NEW = {
@@ -148,10 +140,7 @@ def errors_section(data: ReportData) -> list[Block]:
     table = Table(["Form", *titles], rows, say("load_errors_table_caption"))
     caption = say("load_errors_caption", is_study=data.is_paper_sweep)
     alt = f"Load errors in per cent at {titles[0]}: {_firsts(rows)}"
-    return [
-        Picture("percent-error", caption, alt),
-        Folded("Load errors in numbers", [table]),
-    ]
+    return [Picture("percent-error", caption, alt), Folded("Load errors in numbers", [table])]
 
 
 def slopes_section(data: ReportData) -> list[Block]:
