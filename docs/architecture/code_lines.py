@@ -33,7 +33,7 @@ BUDGETS = {
     "friction": 909,
     "texture_design": 1_269,
     "report": 1_523,
-    "commands": 2_290,
+    "commands": 2_280,
 }
 _NO_CODE = {
     tokenize.COMMENT,

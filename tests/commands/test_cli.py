@@ -701,6 +701,7 @@ BAD_PREDICTIONS = [
     ((*AT, *OVER, "--width", "85 mm"), "--width '85 mm': needs --plot"),
     ((*AT, "--R", "8 mm ± 5 %", "--load", "9 N/m"), "textures with units beside an uncertain"),
     ((*AT, *UNSURE), "no loads"),
+    (("--texture", "3 mm,2 mm", *UNSURE[2:], "--load", "1 kPa"), "'3 mm': needs the radius"),
     ((*UNSURE, "--load", "1 kPa"), "no textures"),
     ((*AT, *UNSURE[2:], "--load", "9 N/m"), "needs the radius"),
     ((*AT, *UNSURE, "--load", "1 kPa:2 kPa ± 3 %:4"), "one load where it has an error"),

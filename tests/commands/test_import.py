@@ -100,8 +100,6 @@ def test_import__of_a_table_takes_columns_and_units(run):
     assert set(frame["nu"]) == {NU}
 
 
-
-
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

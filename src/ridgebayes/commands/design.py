@@ -1,6 +1,5 @@
 """`ridgebayes design`: textures that meet a goal, from a finished run and a scene."""
 
-import re
 from pathlib import Path
 
 import pandas as pd
@@ -14,6 +13,7 @@ from ridgebayes.report.design_page import design_page, drawn_design
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import percent
 from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.texture_text import has_unit
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Tolerance
 from ridgebayes.texture_design.design import design
@@ -53,11 +53,7 @@ def command(asked: options.DesignOptions) -> Answer:
 
 def _over_radius(text: str, body: Body) -> float:
     """Return a length over the radius, of a text with a unit or a number."""
-    return body.over_radius(text) if _has_unit(text) else float(text)
-
-
-def _has_unit(text: str) -> bool:
-    return re.search(r"[^\W\d_eE]", text) is not None
+    return body.over_radius(text) if has_unit(text) else float(text)
 
 
 def _length(text: str, option: str, body: Body) -> float:
@@ -76,7 +72,7 @@ def _bounds(text: str, option: str, body: Body) -> tuple[float, float]:
     low, colon, high = text.partition(":")
     if not colon:
         raise InputError(f"{option} {text!r}: expected LO:HI, such as 0.01:0.04 or '80 um:320 um'")
-    if _has_unit(low) != _has_unit(high):
+    if has_unit(low) != has_unit(high):
         raise InputError(f"{option} {text!r}: expected two lengths with units, or two over R")
     return _length(low, option, body), _length(high, option, body)
 

@@ -30,7 +30,7 @@ from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import count
 from ridgebayes.scene.scene import Scene, Texture
-from ridgebayes.scene.texture_text import parse_texture
+from ridgebayes.scene.texture_text import has_unit, parse_texture
 from ridgebayes.scene.units import (
     Body,
     first_quantity,
@@ -117,8 +117,8 @@ def _uncertain_scene(asked: options.Predict) -> Scene | None:
 
 def _typed_scene(asked: options.Predict) -> Scene:
     """Return the scene of values with errors as they were typed."""
-    shares = any(all(map(_is_number, text.split(","))) for text in asked.texture or ())
-    if shares and asked.R is not None and is_uncertain(asked.R):
+    varies = asked.R is not None and is_uncertain(asked.R)
+    if varies and not all(map(has_unit, asked.texture or ())):
         raise InputError(
             f"--R {asked.R!r}: expected textures with units beside an uncertain radius, such "
             "as --texture '0.3 mm,0.25 mm'"
@@ -140,25 +140,16 @@ def _typed_scene(asked: options.Predict) -> Scene:
         load[{"pressure": "max", "line load": "line", "force": "force"}[kind]] = highest
     textures, exact = [], []
     for text in asked.texture or ():
+        a, b = parse_texture(text, "1 m" if varies else asked.R)
         parts = [part.strip() for part in text.split(",")]
-        if all(map(_is_number, parts)):
-            a, b = parse_texture(text)
+        if not varies:
             exact.append(Texture(a_over_R=a, b_over_R=b))
             size = float(to_si(radius, "length"))
             parts = [f"{width * size!r} m" for width in (a, b)]
-        elif len(parts) != 2:
-            parse_texture(text)
         textures.append(dict(zip(("ridge_width", "groove_width"), parts, strict=True)))
     data = {"body": {k: v for k, v in body.items() if v is not None}, "texture": textures}
     scene = Scene.from_dict({**data, "load": load} if load else data)
     return scene.model_copy(update={"textures": tuple(exact)}) if exact else scene
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return float(text) is not None
-    except ValueError:
-        return False
 
 
 def _scene_loads(asked: options.Predict, scene: Scene) -> dict[str, Any]:
