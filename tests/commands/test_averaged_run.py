@@ -15,10 +15,7 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.report.figures.gallery import Gallery
 
 FORMS = ["modified", "hybrid"]
-WHERE = {
-    "textures": [(0.022, 0.02), (0.03, 0.015)],
-    "loads": np.geomspace(2e-4, 0.01, 5),
-}
+WHERE = {"textures": [(0.022, 0.02), (0.03, 0.015)], "loads": np.geomspace(2e-4, 0.01, 5)}
 AHEAD = 1.2  # ln evidence by which a forced error model leads: those within 1.1 would do as well
 
 

@@ -34,8 +34,7 @@ def _two_prior_scales():
     """Two prior scales say as much here as all, in less than half of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "ridgebayes.evidence.prior_sensitivity.scale_factors",
-            lambda prior: (1.0, 1.8),
+            "ridgebayes.evidence.prior_sensitivity.scale_factors", lambda prior: (1.0, 1.8)
         )
         yield
 

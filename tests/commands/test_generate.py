@@ -252,10 +252,7 @@ def test_sweep__what_an_earlier_one_left_needs_a_word(tmp_path, monkeypatch, und
 
 @pytest.mark.parametrize(
     "changed",
-    [
-        {"rel_tol": 1e-5},
-        {"scene": SCENE.model_copy(update={"nu": 0.4})},
-    ],
+    [{"rel_tol": 1e-5}, {"scene": SCENE.model_copy(update={"nu": 0.4})}],
     ids=["tolerance", "nu"],
 )
 def test_sweep__takes_nothing_from_another_question(

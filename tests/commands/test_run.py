@@ -246,11 +246,7 @@ def no_sampling(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "place",
-    [
-        pytest.param("write_run_json", marks=pytest.mark.long),
-        "bands_table",
-    ],
+    "place", [pytest.param("write_run_json", marks=pytest.mark.long), "bands_table"]
 )
 def test_run__that_fails_mid_way_leaves_its_posteriors_and_no_final_folder(
     tmp_path, table, monkeypatch, no_pages, runs, place

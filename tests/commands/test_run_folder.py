@@ -25,13 +25,7 @@ STAGES = [{"name": "calibrate classic", "wall_s": 1.5, "cpu_s": 1.25}]
 
 def about(folder, comparison, **more):
     write_run_json(
-        folder,
-        comparison,
-        command="compare",
-        seed=1,
-        options={"forms": []},
-        stages=STAGES,
-        **more,
+        folder, comparison, command="compare", seed=1, options={"forms": []}, stages=STAGES, **more
     )
 
 
