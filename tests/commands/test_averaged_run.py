@@ -140,7 +140,7 @@ def test_winner__each_error_model_is_printed_written_and_read_back(
     assert set(weights) == {
         (form, noise) for form, fit in live.fits.items() for noise in fit.error_model_weights
     }
-    # Of pairs: what is left out has under one per cent of a form each.
+    # Weights are of pairs: each pair that is left out has under one per cent of its form.
     assert 0.9 < sum(weights.values()) < 1 + 1e-12
 
 

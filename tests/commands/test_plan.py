@@ -150,7 +150,7 @@ def test_plan__new_writes_a_scene_to_start_from(command):
         *("groove_depth", "corner_radius", "offset", "role", "max_p_over_E", "max", "line"),
         *("force", "length", "p_over_E", "friction", "relative"),
     }
-    # What is commented out is valid as well: of the loads, one at a time.
+    # Keys that are commented out are valid as well: of the loads, one at a time.
     loads = ("line", "force", "length", "p_over_E", "friction")
     kept = [
         line for line in text.splitlines() if not line.startswith(tuple(f"# {k} " for k in loads))

@@ -1,4 +1,4 @@
-"""What commands say at their end: text for people, one JSON object for programs, or nothing."""
+"""Words of commands at their end: text for people, one JSON object for programs, or nothing."""
 
 import json
 import re
@@ -19,7 +19,7 @@ from ridgebayes.commands.terminal import Answer, tell, to_plain
 KEYS = ["command", "version", "exit_code", "messages", "files", "result"]
 COMMANDS = [one.name for one in app.registered_commands]
 GENERATE = ("generate", "--texture", "0.02,0.02", "-o", "t.csv")
-# Of each command, words that are wrong before anything is computed.
+# Words of each command that are wrong before anything is computed.
 WRONG = {
     "run": ("--table", "no.csv"),
     "generate": ("no.toml", "-o", "t.csv"),

@@ -404,13 +404,9 @@ def read_only_folder(folder):
     closed = folder / "closed"
     closed.mkdir()
     bands = ("--texture", "0.02,0.02", "--p-over-E", "0.001:0.01:5")
-    works = (
-        "from ridgebayes import request\n"
-        "from ridgebayes.simulate import generation\n"
-        + (
-            "def worked(*given, **known):\n    raise SystemExit(99)\n"
-            "request.weigh_pairs = generation.generate = worked\n"
-        )
+    works = "from ridgebayes import request\nfrom ridgebayes.simulate import generation\n" + (
+        "def worked(*given, **known):\n    raise SystemExit(99)\n"
+        "request.weigh_pairs = generation.generate = worked\n"
     )
     commands = [
         ("run", "--table", "few.csv", "-o", "closed/out"),

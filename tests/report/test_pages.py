@@ -111,7 +111,7 @@ def test_page__is_short_and_its_first_screen_holds_the_answer(browser, pages, na
     browser.open(pages(name), 1280)
     assert browser.run(HEIGHT) <= (12 if name == "embedded" else 10) * SCREEN
     bottom = browser.run("document.querySelector('#answer').getBoundingClientRect().bottom")
-    # What is not complete is listed above the answer.
+    # Forms that are not complete are listed above the answer.
     assert bottom <= SCREEN or name == "failed"
     assert browser.pdf(tmp_path / "page.pdf") <= 12
 
