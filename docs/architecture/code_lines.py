@@ -15,7 +15,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "ridgebayes"
 # Code lines that a room may have: today's count, so that a room which grows says so. Lower a budget
 # when its room has shrunk; write the reason beside a budget that is raised.
 BUDGETS = {
-    "modules of the package": 498,  # with `request` and `cautions`, which were in rooms below
+    "modules of the package": 495,  # with `request` and `cautions`, which were in rooms below
     "runtime": 784,
     "distributions": 495,  # with those of SciPy
     "drawing": 999,
@@ -33,7 +33,7 @@ BUDGETS = {
     "friction": 909,
     "texture_design": 1_269,
     "report": 1_523,
-    "commands": 2_280,
+    "commands": 2_279,
 }
 _NO_CODE = {
     tokenize.COMMENT,
