@@ -31,7 +31,7 @@ noise = st.sampled_from(STRUCTURES).map(Noise)
 
 def coefficients(form, factor):
     """Coefficients near the printed ones."""
-    printed = form.printed or tuple(2.7 / (a + b) for a, b in TEXTURES)
+    printed = form.published or tuple(2.7 / (a + b) for a, b in TEXTURES)
     return factor * np.array(printed)
 
 

@@ -52,7 +52,7 @@ def test_least_squares_of_a_texture_in_other_units_says_that_there_are_none(pape
 
 
 def test_least_squares_does_not_take_the_power_law(paper):
-    with pytest.raises(rb.InputError, match="printed coefficients"):
+    with pytest.raises(rb.InputError, match="published coefficients"):
         fit_by_least_squares(rb.PowerLaw(), paper)
 
 

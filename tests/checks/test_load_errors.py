@@ -34,7 +34,7 @@ def test_shown_textures_of_another_table_are_its_extremes(comparison):
 def test_percent_errors_use_the_reduced_load(reference):
     # Algebra: nu = 0.49 in the rows, so p_form = s^2 0.75/(1 - 0.49^2).
     errors = percent_errors(reference, [(0.022, 0.02)])
-    row = errors.query("form == 'modified' and coefficients == 'printed' and Q == 6").iloc[0]
+    row = errors.query("form == 'modified' and coefficients == 'published' and Q == 6").iloc[0]
     load = (2 * 0.042 / 1.38) ** 2 * 0.75 / (1 - 0.49**2)
     assert row["percent"] == pytest.approx(100 * (load / row["p_over_E"] - 1))
 

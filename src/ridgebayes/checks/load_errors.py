@@ -83,7 +83,7 @@ def percent_errors(
     Returns
     -------
     pandas.DataFrame
-        Columns form, coefficients (calibrated: posterior means; printed: those of the study),
+        Columns form, coefficients (calibrated: posterior means; published: those of the study),
         a_over_R, b_over_R, Q, role, p_over_E, percent. Positive: the form asks for too much load.
         The power law has no row where a texture has no K.
     """
@@ -99,8 +99,8 @@ def percent_errors(
             means = fit.summary["mean"].to_numpy()[: fit.model.n_coefficient]
             # A file gives back 15 digits: equal figures need fewer.
             sets = {"calibrated": np.array([float(f"{mean:.12g}") for mean in means])}
-            if fit.form.printed is not None:
-                sets["printed"] = np.array(fit.form.printed)
+            if fit.form.published is not None:
+                sets["published"] = np.array(fit.form.published)
             for coefficients, theta in sets.items():
                 error = 100 * (fit.form.load(q, a, b, theta, nu) / p - 1)
                 blocks.append(rows.assign(form=name, coefficients=coefficients, percent=error))

@@ -38,7 +38,7 @@ def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
     pandas.DataFrame
         Columns form, method, ln_bf (= ln Z_form - ln Z_against), ln_bf_se (NaN where the method
         has none). First with the error models summed out, where several were weighed; the methods
-        are of the printed one.
+        are of the selected one.
     """
     columns = ["form", "method", "log_evidence", "log_evidence_se"]
     usable = comparison.own_evidence.query("status == 'ok'").drop_duplicates(["form", "method"])
@@ -72,8 +72,8 @@ class Predicting:
 def predicting(comparison: Comparison) -> Predicting | None:
     """Return how well the best form and its smooth offset predict textures left out.
 
-    None where the printed error model has no smooth offset, Classic was not compared or is the best
-    form, or textures were not left out.
+    None where the selected error model has no smooth offset, Classic was not compared or is the
+    best form, or textures were not left out.
     """
     scores, widths, best = comparison.left_out, comparison.coverage, best_form(comparison) or ""
     if SMOOTH not in comparison.noise.factors or best in ("", _PLAINEST):
