@@ -30,7 +30,7 @@ from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.default_priors import NOISE_PRIORS, REASONS, coefficient_priors
 from ridgebayes.model.forms import FORMS, form_named
-from ridgebayes.report.inputs import GLOSSARY
+from ridgebayes.report.inputs import glossary
 from ridgebayes.scene.toml import SECTIONS
 from ridgebayes.scene.units import EXAMPLES
 from ridgebayes.table.columns import COLUMNS, Column
@@ -74,7 +74,7 @@ def write_pages(folder: Path) -> None:
         "design-columns.md": table(
             ("column", "holds"), [(f"`{name}`", holds) for name, holds in DESIGN_COLUMNS.items()]
         ),
-        "glossary.md": table(("word", "means"), GLOSSARY),
+        "glossary.md": table(("word", "means"), glossary()),
         "run-columns.md": run_columns(),
         "netcdf.md": netcdf(),
         "scene-keys.md": scene_keys(),

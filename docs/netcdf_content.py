@@ -50,6 +50,7 @@ ATTRIBUTES = {
     "summary": "JSON: the parameters' rows of `summary.csv`",
     "missing": "JSON: rules of convergence that were not met",
     "stopping_rule_missing": "JSON: those of them that the walk itself found",
+    "cautions": "JSON: reasons to doubt the answer",
     "seed": "seed of the run",
     "sampler": "`emcee` or `importance`",
     "n_walker": "walkers of an ensemble: draws of one step stand side by side",

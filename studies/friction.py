@@ -19,8 +19,6 @@ from ridgebayes.friction.terms import PARAMETERS, terms
 from ridgebayes.runtime.randomness import stream
 
 TARGET = Path(__file__).parents[1] / "docs" / "validation" / "friction.csv"
-# As for other simulated tables: enough for a quantile among some thousand draws.
-SETTINGS = rb.SampleSettings(tau_change=0.1)
 COLUMNS = ["n_table", "n_inside", "n_converged"]
 SURFACES = ((None, None), (0.022, 0.02), (0.012, 0.03))
 
@@ -56,7 +54,7 @@ def hits(rows: FrictionRows, model: rb.FrictionModel, index: int, seed: int) -> 
     rng = stream(seed, f"table {index}")
     theta = model.theta(rng.standard_normal(len(model.unknown)))
     density = FrictionDensity(model, simulated(rows, theta, rng))
-    chains, summary, _ = sampled(density, seed, SETTINGS)
+    chains, summary, _ = sampled(density, seed)
     truth = theta[[PARAMETERS.index(name) for name in model.unknown]]
     inside = (summary["eti_lower"] <= truth) & (truth <= summary["eti_upper"])
     found = summary[["parameter", "eti_lower", "eti_upper"]].assign(truth=truth, inside=inside)

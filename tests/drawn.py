@@ -1,12 +1,33 @@
-"""A model's posterior as the engine draws it, and loads of typed draws, for tests on them."""
+"""Posteriors as the engine draws them or as points, and loads of typed draws, for tests on them."""
 
 import numpy as np
+import pandas as pd
 
+from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget
+from ridgebayes.model.model import Model
+from ridgebayes.model.noise import Noise
+from ridgebayes.model.observations import Observations
 from ridgebayes.predict.load_distribution import LoadDistribution
 from ridgebayes.predict.load_draws import LoadDraws
+from ridgebayes.results import Fit
+
+
+def model_of(rows, form, noise="iid", priors=None):
+    """Return the model of a table or of observations; the error model by its name."""
+    data = rows if isinstance(rows, Observations) else Observations.from_table(rows)
+    return Model(data, form, Noise.named(noise), priors)
+
+
+def points_of(model, theta=None, u=None):
+    """Return a fit whose draws are some parameters, shape (n_draw, n), or scores of the prior."""
+    u = model.to_scores(np.asarray(theta, float)) if u is None else u
+    chains = Chains(
+        u[None, None], np.zeros((1, 1, len(u))), np.ones(1), np.ones(u.shape[1] + 1), ()
+    )
+    return Fit(model, chains, pd.DataFrame(), (), 0)
 
 
 def drawn_posterior(model, *, seed=1, **effort):

@@ -35,8 +35,12 @@ def test_cautions__loads_in_other_units(paper, factor, shown):
     )
 
 
-def test_cautions__rows_that_are_taken_as_independent(paper):
-    (told,) = rb.compare(paper, rb.Modified(), noise="iid", accuracy=QUICK).cautions
+def test_cautions__rows_that_are_taken_as_independent(paper, tmp_path):
+    compared = rb.compare(paper, rb.Modified(), noise="iid", accuracy=QUICK)
+    (told,) = compared.cautions
+    fit = compared.fits["modified"]
+    fit.to_netcdf(tmp_path / "modified.nc")
+    assert fit.cautions == rb.Fit.from_netcdf(tmp_path / "modified.nc").cautions == (told,)
     assert told.startswith("Errors of rows were taken as independent, and no other error model")
 
 

@@ -147,7 +147,7 @@ def test_results_table__coefficients_to_the_digits_shown(fits, form):
 def test_results_table__printed_coefficients_are_those_of_the_forms():
     shown = {form: re.findall(r"[\d.]+", row[2]) for form, row in table_of(RESULTS).items()}
     for form in (rb.Classic(), rb.Modified(), rb.Hybrid()):
-        assert tuple(map(float, shown[form.name])) == form.printed
+        assert tuple(map(float, shown[form.name])) == form.published
 
 
 def test_bayes_factors_in_the_text__to_the_digits_shown(fits, on_elements):

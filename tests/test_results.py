@@ -5,21 +5,14 @@ import pandas as pd
 import pytest
 from scipy import integrate, stats
 
-from ridgebayes.distributions.distribution import LogNormal
-from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.chains import SampleSettings
+import ridgebayes as rb
 from ridgebayes.inference.diagnostics import effective_sample_size
-from ridgebayes.model.forms import HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
-from ridgebayes.results import Fit, calibrate
-from ridgebayes.scene.scene import Scene
-from ridgebayes.simulate.generation import generate
-from ridgebayes.table.table import ContactTable
 from tests.drawn import drawn_posterior
 
-SHORT = SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
+SHORT = rb.SampleSettings(n_walker=32, n_burn=20, n_step_max=100)
 
 
 @pytest.mark.parametrize("name", ["classic", "power-law", "modified", "hybrid"])
@@ -55,7 +48,7 @@ def test_calibrate__summary_is_of_all_draws_in_the_parameters_themselves(fits):
 
 def test_calibrate__same_seed_same_draws_other_seed_others(paper):
     def draws(rng):
-        return calibrate(paper, Modified(), rng=rng, settings=SHORT, noise="iid").draws
+        return rb.calibrate(paper, rb.Modified(), rng=rng, settings=SHORT, noise="iid").draws
 
     assert draws(3).tobytes() == draws(3).tobytes()
     assert not np.any(draws(3) == draws(4))
@@ -63,23 +56,13 @@ def test_calibrate__same_seed_same_draws_other_seed_others(paper):
     assert generators[0].tobytes() == generators[1].tobytes()
 
 
-def test_calibrate__does_not_mind_repeated_rows_beyond_the_root_of_their_number(fits, paper):
-    frame = paper.calibration.frame
-    copies = [frame.assign(series=f"copy {i}") for i in range(4)]
-    table, few = ContactTable.from_frame(pd.concat(copies)), SampleSettings(n_walker=64)
-    many = calibrate(table, Modified(), rng=1, settings=few, noise="iid")
-    ratio = fits["modified"].summary["sd"][0] / many.summary["sd"][0]
-    # Four times the rows, half the spread; the prior of sigma and n - 1 change it by 3 %.
-    assert ratio == pytest.approx(2, rel=0.05)
-
-
 def test_calibrate__takes_priors_noise_and_progress(paper):
     lines = []
-    fit = calibrate(
+    fit = rb.calibrate(
         paper,
-        Modified(),
+        rb.Modified(),
         noise=Noise(),
-        priors={"modified": {"c": LogNormal(1.0, 1e-4)}},
+        priors={"modified": {"c": rb.LogNormal(1.0, 1e-4)}},
         rng=1,
         settings=SHORT,
         progress=lines.append,
@@ -90,8 +73,8 @@ def test_calibrate__takes_priors_noise_and_progress(paper):
 
 
 def test_calibrate__tells_in_the_record_that_it_did_not_converge(paper):
-    settings = SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=500)
-    fit = calibrate(paper, Modified(), rng=1, settings=settings, noise="iid")
+    settings = rb.SampleSettings(n_walker=32, n_burn=20, n_step_max=100, n_tau=500)
+    fit = rb.calibrate(paper, rb.Modified(), rng=1, settings=settings, noise="iid")
     assert not fit.converged
     assert fit.convergence_failures[0].startswith("c: 100 steps are not 500 tau")
     assert "NOT converged: c: 100 steps" in repr(fit)
@@ -102,10 +85,10 @@ def test_calibrate__refuses_the_half_plane_on_rows_that_it_made(paper, fe_fits):
         "41 calibration rows have solver 'half-plane'. The half-plane form is not compared on "
         "rows that its own equation generated: that would be circular"
     )
-    with pytest.raises(InputError, match=rule):
-        calibrate(paper, HalfPlane(), noise="iid")
+    with pytest.raises(rb.InputError, match=rule):
+        rb.calibrate(paper, rb.HalfPlane(), noise="iid")
     assert fe_fits["half-plane"].converged
-    refuse_circular(paper, Hybrid())  # other forms may
+    refuse_circular(paper, rb.Hybrid())  # other forms may
 
 
 def test_calibrate__half_plane_on_finite_elements_needs_no_coefficient(fe_fits):
@@ -116,27 +99,27 @@ def test_calibrate__half_plane_on_finite_elements_needs_no_coefficient(fe_fits):
 
 def test_calibrate__refuses_rows_without_misfit(paper):
     frame = paper.calibration.frame
-    frame["p_over_E"] = Modified().load(frame["Q"], frame["a_over_R"], frame["b_over_R"])
-    with pytest.raises(ComputationError, match="sigma has no lower bound"):
-        calibrate(ContactTable.from_frame(frame), Modified(), noise="iid")
+    frame["p_over_E"] = rb.Modified().load(frame["Q"], frame["a_over_R"], frame["b_over_R"])
+    with pytest.raises(rb.ComputationError, match="sigma has no lower bound"):
+        rb.calibrate(rb.ContactTable.from_frame(frame), rb.Modified(), noise="iid")
 
 
 @pytest.mark.slow
 def test_calibrate__noiseless_loads_of_textures_alike_converge():
     # Two textures with a = b: their loads differ by a factor, equal but for rounding.
     widths = [(0.0125, 0.0125), (0.01875, 0.025), (0.03125, 0.0125), (0.03125, 0.03125)]
-    table = generate(Scene.of(widths, p_over_E=0.015))
-    fit = calibrate(table, Hybrid(), rng=1)
+    table = rb.generate(rb.Scene.of(widths, p_over_E=0.015))
+    fit = rb.calibrate(table, rb.Hybrid(), rng=1)
     assert fit.converged
     assert set(fit.error_model_weights) == {"step-smooth", "step-smooth:student"}
 
 
 def test_calibrate__rows_without_misfit_give_their_coefficients_where_offsets_are_shared(paper):
     frame = paper.calibration.frame
-    frame["p_over_E"] = Modified().load(
+    frame["p_over_E"] = rb.Modified().load(
         frame["Q"], frame["a_over_R"], frame["b_over_R"], np.array([1.39])
     )
-    fit = calibrate(ContactTable.from_frame(frame), Modified(), noise="texture", rng=1)
+    fit = rb.calibrate(rb.ContactTable.from_frame(frame), rb.Modified(), noise="texture", rng=1)
     mean = fit.summary.set_index("parameter")["mean"]
     assert fit.converged
     assert mean["c"] == pytest.approx(1.39, abs=1e-7)  # loads are known to 1e-8
@@ -144,12 +127,12 @@ def test_calibrate__rows_without_misfit_give_their_coefficients_where_offsets_ar
 
 
 def test_calibrate__refuses_unknown_noise_and_seeds(paper):
-    with pytest.raises(InputError, match="noise 'cauchy': not an error model"):
-        calibrate(paper, Modified(), noise="cauchy")
+    with pytest.raises(rb.InputError, match="noise 'cauchy': not an error model"):
+        rb.calibrate(paper, rb.Modified(), noise="cauchy")
     with pytest.raises(
-        InputError, match="rng: expected a non-negative integer or a numpy Generator, got -3"
+        rb.InputError, match="rng: expected a non-negative integer or a numpy Generator, got -3"
     ):
-        calibrate(paper, Modified(), rng=-3, noise="iid")
+        rb.calibrate(paper, rb.Modified(), rng=-3, noise="iid")
 
 
 def many_textures(n=45, seed=1):
@@ -161,11 +144,11 @@ def many_textures(n=45, seed=1):
         for Q in (4, 6, 8):
             load = ((Q / 2 - 1) * (a + b) / 1.4) ** 2 * np.exp(0.03 * rng.standard_normal())
             rows.append({"a_over_R": a, "b_over_R": b, "Q": Q, "p_over_E": load})
-    return ContactTable.from_frame(pd.DataFrame(rows))
+    return rb.ContactTable.from_frame(pd.DataFrame(rows))
 
 
 def test_calibrate__power_law_of_many_textures_has_the_moments_of_quadrature():
-    fit = calibrate(many_textures(), PowerLaw(), rng=2, noise="iid")
+    fit = rb.calibrate(many_textures(), rb.PowerLaw(), rng=2, noise="iid")
     assert fit.converged
     assert fit.model.n_parameter == 46
     rows, prior = fit.model.data, stats.halfnorm(scale=0.05)
@@ -193,14 +176,14 @@ def test_calibrate__power_law_of_many_textures_has_the_moments_of_quadrature():
     assert sigma.std() == pytest.approx(sd, rel=4 / np.sqrt(2 * n))  # Monte Carlo
     exact = np.log(moment(0)) + top
     assert abs(fit.evidence.value - exact) < 4 * fit.evidence.se
-    again = calibrate(many_textures(), PowerLaw(), rng=2, noise="iid")
+    again = rb.calibrate(many_textures(), rb.PowerLaw(), rng=2, noise="iid")
     assert again.draws.tobytes() == fit.draws.tobytes()
 
 
 @pytest.mark.parametrize("form", ["modified", "power-law"])
 def test_calibrate__importance_draws_agree_with_a_walk(fits, paper, form):
-    settings = SampleSettings(n_walker=64, tau_change=0.2)
-    drawn, walked = fits[form], calibrate(paper, form, rng=3, noise="iid", settings=settings)
+    settings = rb.SampleSettings(n_walker=64, tau_change=0.2)
+    drawn, walked = fits[form], rb.calibrate(paper, form, rng=3, noise="iid", settings=settings)
     assert (drawn.sampler, walked.sampler) == ("importance", "emcee")
     difference = drawn.summary["mean"] - walked.summary["mean"]
     se = np.hypot(drawn.summary["mcse_mean"], walked.summary["mcse_mean"])
@@ -213,31 +196,20 @@ def test_calibrate__importance_draws_agree_with_a_walk(fits, paper, form):
 def test_calibrate__goes_on_from_a_checkpoint_and_ends_with_the_same_bytes(paper, tmp_path):
     longer = replace(SHORT, n_step_max=200, n_tau=500)
     path = tmp_path / "chain.h5"
-    straight = calibrate(paper, Modified(), rng=6, settings=longer, noise="iid")
-    kept = calibrate(paper, Modified(), rng=6, settings=longer, checkpoint=path, noise="iid")
+    straight = rb.calibrate(paper, rb.Modified(), rng=6, settings=longer, noise="iid")
+    kept = rb.calibrate(paper, rb.Modified(), rng=6, settings=longer, checkpoint=path, noise="iid")
     assert path.is_file()
-    again = calibrate(paper, Modified(), rng=6, settings=longer, checkpoint=path, noise="iid")
+    again = rb.calibrate(paper, rb.Modified(), rng=6, settings=longer, checkpoint=path, noise="iid")
     assert straight.draws.tobytes() == kept.draws.tobytes() == again.draws.tobytes()
     rule = r"chain.h5: cannot resume, seed was '6' and is '7'; expected the same run"
-    with pytest.raises(InputError, match=rule):
-        calibrate(paper, Modified(), rng=7, settings=longer, checkpoint=path, noise="iid")
-
-
-def test_fit__methods_are_the_functions_of_their_modules(fits):
-    from ridgebayes.predict.predict import predict_load, predict_q
-
-    fit = fits["modified"]
-    q, load = fit.predict(0.02, 0.02, 0.01, nu=0.3), fit.predict_load(0.02, 0.02, 6, nu=0.3)
-    other = predict_q(fit, 0.02, 0.02, 0.01, nu=0.3)
-    assert q.survival.tolist() == other.survival.tolist()
-    assert load.median() == predict_load(fit, 0.02, 0.02, 6, nu=0.3).median()
-    assert fit.predict(0.02, 0.02, 0.01, kind="curve").kind == "curve"
+    with pytest.raises(rb.InputError, match=rule):
+        rb.calibrate(paper, rb.Modified(), rng=7, settings=longer, checkpoint=path, noise="iid")
 
 
 def test_from_netcdf__brings_a_fit_back(fits, tmp_path):
     fit, path = fits["hybrid"], tmp_path / "posterior-hybrid.nc"
     fit.to_netcdf(path)
-    back = Fit.from_netcdf(path)
+    back = rb.Fit.from_netcdf(path)
     assert back.draws.tobytes() == fit.draws.tobytes()
     assert list(tmp_path.iterdir()) == [path]
 
@@ -261,10 +233,10 @@ def test_fit__of_brackets_has_a_picture_of_their_middles_and_counts_have_none(pa
         data = replace(data, log_lower=data.log_load - 0.1)
     else:
         data = replace(data, is_count=np.ones(41, bool))
-    fit = drawn_posterior(Model(data, Modified()), n_draw=128)
+    fit = drawn_posterior(Model(data, rb.Modified()), n_draw=128)
     if kind == "count":
-        with pytest.raises(InputError, match="modified: expected a row with a load to draw"):
-            Fit.of(fit).plot()
+        with pytest.raises(rb.InputError, match="modified: expected a row with a load to draw"):
+            rb.Fit.of(fit).plot()
     else:
-        observed = np.asarray(Fit.of(fit).plot().lines[0].get_xdata(), float)
+        observed = np.asarray(rb.Fit.of(fit).plot().lines[0].get_xdata(), float)
         np.testing.assert_allclose(np.log(observed), data.log_load - 0.05)

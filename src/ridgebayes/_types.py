@@ -1,5 +1,6 @@
-"""Array aliases for signatures, the version, and how records show themselves."""
+"""Array aliases for signatures, the version, ln(2 pi), and how records show themselves."""
 
+import math
 from abc import ABC, abstractmethod
 from html import escape
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -11,6 +12,7 @@ if TYPE_CHECKING:  # heavy
     import pandas as pd
 
 __version__ = "0.1.0"
+LOG_2PI = math.log(2 * math.pi)
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]

@@ -1,7 +1,7 @@
 """Cautions that a fit or a comparison prints beside its answer."""
 
 import warnings
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -38,8 +38,8 @@ def cautions(
     table: ContactTable,
     noises: Collection[str],
     selected: Noise,
-    best: Posterior | None = None,
-) -> tuple[str, ...]:
+    posteriors: Mapping[str, Posterior],
+) -> dict[str, tuple[str, ...]]:
     """Return sentences on the table, the error model, and priors that the loads contradict.
 
     Parameters
@@ -50,8 +50,13 @@ def cautions(
         Error models that were weighed.
     selected : Noise
         Error model under which parameters are shown.
-    best : Posterior, optional
-        Posterior whose priors are compared with the loads.
+    posteriors : mapping of str to Posterior
+        By form: posteriors whose priors are compared with the loads.
+
+    Returns
+    -------
+    dict of str to tuple of str
+        Sentences by form.
     """
     sentences = []
     if n_repeated := len(table.repeated):
@@ -71,9 +76,8 @@ def cautions(
             f"The loads are {times:.2g} times those that make a smooth body touch as far (Hertz, "
             f"median of the rows). {_CHECK}."
         )
-    elif best is not None:
-        sentences += _contradicted(best)
-    return tuple(sentences)
+        return dict.fromkeys(posteriors, tuple(sentences))
+    return {form: (*sentences, *_contradicted(posterior)) for form, posterior in posteriors.items()}
 
 
 def warn_of(sentences: Collection[str]) -> None:

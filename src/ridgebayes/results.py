@@ -61,13 +61,12 @@ class Fit(Posterior, Predictive, Tabular):
         Evidence by the same draws; a fit read from a file has none.
     log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
         Log-likelihood of each row at `draws`, where scores needed it.
+    cautions : tuple of str, optional
+        Reasons to doubt the answer, a sentence each: units, copies, independence, priors.
     error_model_weights : dict of str to float, optional
         Posterior probability of each error model that predictions are averaged over.
     others : dict of str to Posterior, optional
         Posteriors under those of them that are not selected.
-    cautions : tuple of str, optional
-        Reasons to doubt the answer, a sentence each: units, copies, independence, priors. A fit
-        read from a file has none.
 
     Examples
     --------
@@ -91,7 +90,6 @@ class Fit(Posterior, Predictive, Tabular):
 
     error_model_weights: Mapping[str, float] = field(default_factory=dict)
     others: Mapping[str, Posterior] = field(default_factory=dict, repr=False)
-    cautions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -104,7 +102,6 @@ class Fit(Posterior, Predictive, Tabular):
         posterior: Posterior,
         weights: Mapping[str, float] | None = None,
         posteriors: Mapping[str, Posterior] | None = None,
-        cautions: tuple[str, ...] = (),
     ) -> "Fit":
         """Return a posterior as a fit.
 
@@ -116,8 +113,6 @@ class Fit(Posterior, Predictive, Tabular):
             Probability of each error model to average over; of this one alone if not given.
         posteriors : mapping of str to Posterior, optional
             Posteriors under them; that of `posterior`'s error model is not looked at.
-        cautions : tuple of str, optional
-            Reasons to doubt the answer.
 
         Returns
         -------
@@ -130,7 +125,7 @@ class Fit(Posterior, Predictive, Tabular):
             for name, other in (posteriors or {}).items()
             if name in (weights or {}) and name != posterior.noise.name
         }
-        return cls(**drawn, error_model_weights=weights or {}, others=others, cautions=cautions)
+        return cls(**drawn, error_model_weights=weights or {}, others=others)
 
     @property
     def posteriors(self) -> dict[str, Posterior]:
@@ -375,9 +370,9 @@ def calibrate(  # noqa: PLR0913  (each names a part of the question, and has a d
         walked, _ = walk_pair(pair, drawn, settings, progress=progress, checkpoint=file)
         posterior = walked_posterior(posterior.model, walked, pair.own_seed, drawn.evidence)
     noises = [noise.name for noise in request.noises]
-    sentences = cautions(request.table, noises, selected, posterior)
+    sentences = cautions(request.table, noises, selected, {name: posterior})[name]
     warn_of(sentences)
-    return Fit.of(posterior, weighed.weights(name), posteriors, sentences)
+    return Fit.of(replace(posterior, cautions=sentences), weighed.weights(name), posteriors)
 
 
 def chain_checkpoint(

@@ -3,11 +3,11 @@
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.checks.cost import COST_COLUMNS, cost
+from ridgebayes.checks.cost import COST_COLUMNS
 
 
 def test_cost__keep_every_promise(paper):
-    costs = cost(paper, rb.Modified(), rng=3)
+    costs = rb.cost(paper, rb.Modified(), rng=3)
     assert list(costs) == list(COST_COLUMNS)
     assert costs["status"].unique().tolist() == ["ok"]
     assert (costs["error"] < costs["target_error"]).all()
@@ -18,7 +18,7 @@ def test_cost__keep_every_promise(paper):
 
 
 def test_cost__of_no_loads_say_why(paper):
-    costs = cost(paper, rb.Modified(), texture=(0.03, -0.01), rng=3)
+    costs = rb.cost(paper, rb.Modified(), texture=(0.03, -0.01), rng=3)
     failed = costs[costs["status"] != "ok"]
     assert failed["task"].tolist() == ["half-plane"] * 3
     assert failed["cpu_s"].isna().all()
@@ -27,7 +27,7 @@ def test_cost__of_no_loads_say_why(paper):
 @pytest.mark.long
 def test_cost__of_finite_elements_are_below_the_meshes_standard_error():
     table = rb.generate(rb.Scene.of([(0.032, 0.01)], p_over_E=0.0045))
-    costs = cost(table, rb.Modified(), elements=True, rng=3)
+    costs = rb.cost(table, rb.Modified(), elements=True, rng=3)
     elements = costs[costs["method"].str.startswith("finite elements")].set_index("preset")
     assert elements["error"].isna().tolist() == [False, False, True]
     # Discretisation: three standard errors of each mesh, which share them with the finest.

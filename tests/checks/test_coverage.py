@@ -8,17 +8,10 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes.checks import coverage as module
-from ridgebayes.checks.coverage import COVERAGE_COLUMNS, coverage
+from ridgebayes.checks.coverage import COVERAGE_COLUMNS, PROBS
 from ridgebayes.checks.left_out import Fold
-from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.chains import Chains
-from ridgebayes.model.forms import Modified, PowerLaw
-from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
-from ridgebayes.model.observations import Observations
-from ridgebayes.results import Fit
 from studies.coverage import coverage_of
+from tests.drawn import model_of, points_of
 
 C, SIGMA, TAU = 1.38, 0.03, 0.05
 
@@ -39,10 +32,7 @@ def simulated(n_texture, n_step, *, seed, tau=0.0, first=0):
 
 def fit_at(table, noise, theta):
     """A posterior that is one point."""
-    model = Model(Observations.from_table(table), Modified(), Noise.named(noise))
-    u = np.tile(model.to_scores(np.array([theta])), (1, 1, 8, 1))
-    chains = Chains(u, np.zeros(u.shape[:-1]), np.ones(1), np.ones(u.shape[-1]), ())
-    return Fit(model, chains, pd.DataFrame(), (), 0)
+    return points_of(model_of(table, rb.Modified(), noise), [theta] * 8)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +42,7 @@ def table():
 
 @pytest.fixture(scope="module")
 def found(table):
-    return coverage(table, [Modified()], ["iid"], rng=1)
+    return rb.coverage(table, [rb.Modified()], ["iid"], rng=1)
 
 
 def test_coverage_of__counts_rows_within_the_normals_own_quantiles():
@@ -93,7 +83,7 @@ def test_coverage_of__is_nominal_on_rows_of_the_model_itself():
 
 
 def test_coverage__of_textures_left_out_is_nominal_on_rows_of_the_model_itself(table, found):
-    assert found["prob"].tolist() == list(module.PROBS)
+    assert found["prob"].tolist() == list(PROBS)
     assert (found["n"] == 48).all()
     assert (found["n_texture"] == 6).all()
     # Monte Carlo: four standard errors of 48 independent rows.
@@ -106,27 +96,12 @@ def test_coverage__of_textures_left_out_is_nominal_on_rows_of_the_model_itself(t
     assert found["share_extrapolated"].iloc[0] == pytest.approx(2 / 6)  # the two ends of a/pitch
 
 
-def test_coverage__is_of_posteriors_without_the_texture(table, found, monkeypatch):
-    seen = []
-    own = Fold.left_out
-
-    def noted(fold):
-        rest = own(fold)
-        seen.append(set(table.textures) - set(rest.model.data.textures))
-        return rest
-
-    monkeypatch.setattr(Fold, "left_out", noted)
-    again = coverage(table, [Modified()], ["iid"], rng=1)
-    assert seen == [{texture} for texture in table.textures]
-    pd.testing.assert_frame_equal(again, found)
-
-
 def test_coverage__names_failed_textures_and_counts_the_rest(monkeypatch):
     own, few, stages = Fold.left_out, simulated(3, 4, seed=1), []
 
     def failing(fold):
         if fold.name.startswith("a0.01_"):
-            raise ComputationError("no draws")
+            raise rb.ComputationError("no draws")
         return own(fold)
 
     monkeypatch.setattr(Fold, "left_out", failing)
@@ -136,7 +111,7 @@ def test_coverage__names_failed_textures_and_counts_the_rest(monkeypatch):
         stages.append(name)
         yield
 
-    shown = coverage(few, [Modified(), PowerLaw()], ["iid"], probs=[0.9], progress=stage)
+    shown = rb.coverage(few, [rb.Modified(), rb.PowerLaw()], ["iid"], probs=[0.9], progress=stage)
     assert stages == ["modified, iid", "power-law, iid"]
     assert shown["form"].tolist() == ["modified", "power-law"]
     assert shown["n_failed"].tolist() == [1, 1]
@@ -147,7 +122,7 @@ def test_coverage__names_failed_textures_and_counts_the_rest(monkeypatch):
 def test_coverage__has_no_row_where_only_brackets_could_be_predicted():
     frame = simulated(2, 2, seed=1).frame
     none = rb.ContactTable.from_frame(frame.assign(p_over_E_lower=frame["p_over_E"] / 2))
-    shown = coverage(none, [Modified()], ["iid"], probs=[0.9])
+    shown = rb.coverage(none, [rb.Modified()], ["iid"], probs=[0.9])
     assert shown.columns.tolist() == COVERAGE_COLUMNS
     assert shown.empty
 
@@ -161,18 +136,18 @@ def test_coverage__of_textures_of_brackets_alone_is_not_a_number(monkeypatch):
 
     def failing(fold):
         if fold.rows.is_exact.any():
-            raise ComputationError("no draws")
+            raise rb.ComputationError("no draws")
         return own(fold)
 
     monkeypatch.setattr(Fold, "left_out", failing)
-    shown = coverage(some, [Modified()], ["iid"], probs=[0.9])
+    shown = rb.coverage(some, [rb.Modified()], ["iid"], probs=[0.9])
     assert shown[["n", "covered", "n_texture", "n_failed"]].iloc[0].tolist() == [0, 0, 0, 1]
     assert shown[["share", "share_se", "mean_width"]].isna().all(axis=None)
 
 
 def test_bad_input_is_refused(table):
     fit = fit_at(table, "iid", [C, SIGMA])
-    with pytest.raises(InputError, match=r"texture a/R = 0\.01\d*, b/R = 0\.03 was fitted"):
+    with pytest.raises(rb.InputError, match=r"texture a/R = 0\.01\d*, b/R = 0\.03 was fitted"):
         coverage_of(fit, table)
-    with pytest.raises(InputError, match="at least two"):
-        coverage(simulated(1, 2, seed=1), [Modified()], ["iid"])
+    with pytest.raises(rb.InputError, match="at least two"):
+        rb.coverage(simulated(1, 2, seed=1), [rb.Modified()], ["iid"])

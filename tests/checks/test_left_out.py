@@ -18,34 +18,15 @@ from ridgebayes.checks.left_out import (
     folds_of,
     left_out_scores,
     row_crps,
-    row_loads,
 )
-from ridgebayes.distributions.distribution import HalfNormal, LogNormal
-from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference import left_out
-from ridgebayes.inference.chains import Chains
-from ridgebayes.inference.importance import Effort, importance_sample
-from ridgebayes.inference.posterior import posterior_of
-from ridgebayes.inference.target import ModelTarget
-from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
-from ridgebayes.model.model import Model
+from ridgebayes.inference.importance import Effort
 from ridgebayes.model.noise import Noise
-from ridgebayes.model.observations import Observations
 from ridgebayes.model.prior_files import resolve_priors
-from ridgebayes.predict.predict import predict_load
-from ridgebayes.results import Fit
+from tests.drawn import drawn_posterior, model_of, points_of
 
 IID = Noise()
 QUICK = Effort(n_round=3, n_per_round=384, n_draw=128)
-SIGMA = {"sigma": HalfNormal(0.1)}
-
-
-def fit_at(data, form, noise, theta):
-    """A posterior that is a few given points."""
-    model = Model(data, form, Noise.named(noise))
-    u = model.to_scores(np.asarray(theta, float))[None, None]
-    chains = Chains(u, np.zeros(u.shape[:-1]), np.ones(1), np.ones(u.shape[-1]), ())
-    return Fit(model, chains, pd.DataFrame(), (), 0)
+SIGMA = {"sigma": rb.HalfNormal(0.1)}
 
 
 def middle(data, c1, c2):
@@ -81,7 +62,7 @@ def few(observed):
     ],
 )
 def test_folds_of__leave_out_each_row_once(few, leave, names, sizes):
-    folds = folds_of(few, Hybrid(), IID, leave=leave)
+    folds = folds_of(few, rb.Hybrid(), IID, leave=leave)
     assert [fold.name for fold in folds] == names
     assert [int(fold.left.sum()) for fold in folds] == sizes
     np.testing.assert_array_equal(sum(fold.left.astype(int) for fold in folds), np.ones(6))
@@ -91,18 +72,18 @@ def test_folds_of__leave_out_each_row_once(few, leave, names, sizes):
 
 def test_folds_of__refuses_unknown_words_and_a_single_fold(few):
     with pytest.raises(
-        InputError, match=r"leave: expected one of texture, step, series, row, got 'fold'"
+        rb.InputError, match=r"leave: expected one of texture, step, series, row, got 'fold'"
     ):
-        folds_of(few, Hybrid(), IID, leave="fold")
-    with pytest.raises(InputError, match="expected rows of at least two"):
-        folds_of(few.take(few.texture == 0), Hybrid(), IID)
+        folds_of(few, rb.Hybrid(), IID, leave="fold")
+    with pytest.raises(rb.InputError, match="expected rows of at least two"):
+        folds_of(few.take(few.texture == 0), rb.Hybrid(), IID)
 
 
 def test_folds_of__leaves_out_a_tenth_at_a_time_of_many_textures(observed):
     textures = [(0.01 + 0.0001 * i, 0.03) for i in range(51)]
     texture = np.repeat(np.arange(51), 2)
     many = observed(texture, np.tile([4, 6], 51), np.tile([-6.3, -4.8], 51), textures=textures)
-    folds = folds_of(many, Hybrid(), IID)
+    folds = folds_of(many, rb.Hybrid(), IID)
     assert [fold.name for fold in folds] == [f"group {i} of 10" for i in range(1, 11)]
     np.testing.assert_array_equal(sum(fold.left.astype(int) for fold in folds), np.ones(102))
     n_left = [len(set(texture[fold.left])) for fold in folds]
@@ -110,52 +91,46 @@ def test_folds_of__leaves_out_a_tenth_at_a_time_of_many_textures(observed):
     assert set(n_left) == {5, 6}
     # Not one stretch of the table each, and the same ones for each form.
     assert len(set(np.flatnonzero(folds[0].left[::2]) % 10)) > 1
-    others = folds_of(many, Modified(), IID)
+    others = folds_of(many, rb.Modified(), IID)
     assert all((a.left == b.left).all() for a, b in zip(folds, others, strict=True))
     for leave, keep, n_fold in (("texture", texture < 24, 24), ("row", np.arange(102) < 50, 50)):
-        assert len(folds_of(many.take(keep), Hybrid(), IID, leave=leave)) == n_fold
+        assert len(folds_of(many.take(keep), rb.Hybrid(), IID, leave=leave)) == n_fold
 
 
 def test_folds_of__leaves_out_whole_series(observed):
     rows = observed([0, 0, 1, 1], [4, 6, 4, 6], -6.0, series=[0, 1, 0, 1])
-    folds = folds_of(rows, Modified(), IID, leave="series", effort=QUICK)
+    folds = folds_of(rows, rb.Modified(), IID, leave="series", effort=QUICK)
     assert [fold.name for fold in folds] == ["a", "b"]
     assert folds[0].left.tolist() == [True, False, True, False]
 
 
 def test_left_out__is_of_the_rows_that_stay_and_travels(few):
-    fold = folds_of(few, Modified(), IID, seed=3, effort=QUICK)[1]
+    fold = folds_of(few, rb.Modified(), IID, seed=3, effort=QUICK)[1]
     rest = pickle.loads(pickle.dumps(fold)).left_out()
     assert rest.model.data.textures == (few.textures[0], few.textures[2])
     assert fold.rows.textures == (few.textures[1],)
     assert rest.log_score == fold.left_out().log_score
     everything = replace(fold, left=np.ones(6, dtype=bool))
-    with pytest.raises(ComputationError, match="no row is left to fit"):
+    with pytest.raises(rb.ComputationError, match="no row is left to fit"):
         everything.left_out()
 
 
 def test_folds_of__a_fit_take_its_draws_under_the_error_model_asked_for(few):
-    fit = fit_to(few, Modified(), {}, 7)
+    fit = fit_to(few, rb.Modified(), {}, 7)
     assert folds_of(few, fit, IID, effort=QUICK)[0].all_rows.evidence == fit.evidence
     other = folds_of(few, fit, Noise("texture"), effort=QUICK)[0].all_rows
     assert other.model.noise.name == "texture"
 
 
 def test_folds_of__keep_the_prior_of_every_slope(few):
-    priors = resolve_priors({"power-law": {"K": "lognormal(auto, 5 %)"}}, [PowerLaw()], [IID], few)
+    priors = resolve_priors(
+        {"power-law": {"K": "lognormal(auto, 5 %)"}}, [rb.PowerLaw()], [IID], few
+    )
     priors |= {"noise": SIGMA}
-    model = folds_of(few, PowerLaw(), IID, effort=QUICK, priors=priors)[0].left_out().model
+    model = folds_of(few, rb.PowerLaw(), IID, effort=QUICK, priors=priors)[0].left_out().model
     assert model.parameter_names == ("K[a0.032_b0.01]", "K[a0.022_b0.02]", "sigma")
     assert model.priors["K[a0.032_b0.01]"].log_sd == 0.05
     assert model.priors["sigma"] == SIGMA["sigma"]
-
-
-def test_row_loads__adds_the_rows_known_error(few):
-    fit = folds_of(few, Modified(), IID, effort=QUICK)[1].left_out().posterior(1)
-    load = row_loads(fit, few.take(few.texture == 1))
-    bare = predict_load(fit, 0.032, 0.01, np.array([4, 6]))
-    np.testing.assert_array_equal(load.log_mean, bare.log_mean)
-    np.testing.assert_allclose(load.sd**2 - bare.sd**2, [[0.04, 0]] * len(load.sd), atol=1e-12)
 
 
 def test_clustered_se__is_of_whole_folds():
@@ -172,7 +147,7 @@ THETA = np.array([[1.34, 0.018, 0.03, 0.02], [1.30, 0.030, 0.05, 0.06]])
 
 def test_row_crps__of_exact_rows_is_that_of_the_dense_marginal(data):
     left = data.texture == 1
-    fit = fit_at(data.take(~left), Hybrid(), "texture", THETA)
+    fit = points_of(model_of(data.take(~left), rb.Hybrid(), "texture"), THETA)
     own = data.take(left)
     crps = row_crps(fit, own, np.random.default_rng(1))
     mean = np.stack([middle(own, c1, c2) for c1, c2 in THETA[:, :2]])
@@ -189,17 +164,6 @@ def _gap(mean, sd):
     """E |N(mean, sd^2)|."""
     z = mean / sd
     return mean * (2 * stats.norm.cdf(z) - 1) + 2 * sd * stats.norm.pdf(z)
-
-
-def test_row_crps__of_brackets_and_counts_is_none(observed):
-    texture, Q = np.repeat([0, 1], [2, 4]), np.array([4, 6, 6, 6, 2, 8])
-    plain = observed(texture, Q, np.zeros(6))
-    load = np.where(Q == 2, -7.0, middle(observed(texture, np.maximum(Q, 4), 0.0), 1.34, 0.018))
-    bracket, count = np.arange(6) == 2, np.isin(np.arange(6), [3, 4, 5])
-    low = np.where(bracket, load - 0.05, np.nan)
-    data = observed(plain.texture, Q, load + 0.01, log_lower=low, is_count=count)
-    fit = fit_at(data.take(data.texture == 0), Hybrid(), "iid", [[1.34, 0.018, 0.03]])
-    assert not len(row_crps(fit, data.take(data.texture == 1), np.random.default_rng(1)))
 
 
 def test_crps_of_draws__is_the_closed_form_of_a_normal_and_the_double_sum():
@@ -226,11 +190,11 @@ def table_of(data):
 
 def fit_to(data, form, priors, seed=1):
     """The fit to some rows."""
-    model = Model(data, form, IID, priors)
-    return Fit.of(posterior_of(model, importance_sample(ModelTarget(model), QUICK, seed), seed))
+    model = model_of(data, form, priors=priors)
+    return rb.Fit.of(drawn_posterior(model, seed=seed, n_round=3, n_per_round=384, n_draw=128))
 
 
-class Own(Modified):
+class Own(rb.Modified):
     """Modified, whose coefficient has a name without a default prior."""
 
     @property
@@ -239,62 +203,17 @@ class Own(Modified):
 
 
 def test_left_out_scores__take_an_own_form_under_its_given_priors(data):
-    table, prior = table_of(data), LogNormal(1.382, 0.1)
-    rows, how = Observations.from_table(table), {"rng": 1, "effort": QUICK}
+    table, prior = table_of(data), rb.LogNormal(1.382, 0.1)
+    rows, how = table, {"rng": 1, "effort": QUICK}
     own, same = {"modified": {"d": prior}}, {"modified": {"c": prior}}
-    fitted = fit_to(rows, Own(), own["modified"]), fit_to(rows, Modified(), same["modified"])
-    for form, other in [(Own(), Modified()), fitted]:
-        scores = left_out_scores(table, [form], priors=own, **how)
-        expected = left_out_scores(table, [other], priors=same, **how)
-        # The same formula, draws and priors: rounding.
-        np.testing.assert_allclose(scores["log_score"], expected["log_score"], rtol=1e-9)
-        assert (scores["failed"] == "").all()
-
-
-class PerTexture(Modified):
-    """Modified with a coefficient of its own for each texture, which a fold may lose."""
-
-    def __init__(self, textures=()):
-        self.textures = textures
-
-    @property
-    def parameter_names(self):
-        return tuple(f"c{a:g}" for a, _ in self.textures)
-
-    def bind(self, textures, labels=()):
-        return PerTexture(textures)
-
-    def rate(self, theta, a_over_R, b_over_R):
-        known = [a for a, _ in self.textures]  # a new texture takes the first one's
-        places = [known.index(a) if a in known else 0 for a in np.ravel(a_over_R)]
-        return theta[..., places]
-
-    def log_rate_gradient(self, theta, a_over_R, b_over_R):
-        return np.diag(1 / theta)
-
-
-def test_left_out__of_a_form_with_a_coefficient_a_texture_is_by_evidences(data, monkeypatch):
-    rows = Observations.from_table(table_of(data))
-    monkeypatch.setattr(left_out, "_MAX_PARETO_K", np.inf)  # other parameters alone decide
-    monkeypatch.setattr(left_out, "_MIN_EFFECTIVE_SHARE", 0)
-    monkeypatch.setattr(left_out, "_MIN_EFFECTIVE_DRAWS", 0)
-    names = [f"c{a:g}" for a, _ in rows.textures]
-    priors = {"modified": dict.fromkeys(names, LogNormal(1.382, 0.1)), "noise": SIGMA}
-    scored = [fold.left_out() for fold in folds_of(rows, PerTexture(), IID, priors=priors)]
-    assert {score.method for score in scored} == {"evidences"}
-    monkeypatch.undo()
-    # The power law under the prior that this gives each K, whose slopes are integrated out.
-    slopes = {
-        name: LogNormal(2 * 1.382 / (a + b), 0.1)
-        for name, (a, b) in zip(
-            Model(rows, PowerLaw()).form.parameter_names, rows.textures, strict=True
-        )
-    }
-    same = {"power-law": slopes, "noise": SIGMA}
-    for score, fold in zip(scored, folds_of(rows, PowerLaw(), IID, priors=same), strict=True):
-        expected = fold.left_out()
-        error = np.hypot(score.log_score_se, expected.log_score_se)
-        assert abs(score.log_score - expected.log_score) < 4 * error  # Monte Carlo
+    fits = fit_to(rows, Own(), own["modified"]), fit_to(rows, rb.Modified(), same["modified"])
+    scores, expected = (
+        left_out_scores(table, [fit], priors=priors, **how)
+        for fit, priors in zip(fits, (own, same), strict=True)
+    )
+    # The same formula, draws and priors: rounding.
+    np.testing.assert_allclose(scores["log_score"], expected["log_score"], rtol=1e-9)
+    assert (scores["failed"] == "").all()
 
 
 class Backwards(Executor):
@@ -332,7 +251,7 @@ def test_left_out_scores__are_sums_over_folds(scores, fe_table, forms):
     assert scores["leave"].tolist() == ["texture"] * 2 + ["step"] * 2
     for _, part in scores.groupby("leave"):
         assert part["stacking_weight"].sum() == pytest.approx(1, abs=1e-9)  # algebra
-    data = Observations.from_table(fe_table)
+    data = model_of(fe_table, rb.Modified()).data
     for row, form in zip(scores.to_dict("records")[2:], forms, strict=True):
         folds = folds_of(data, form, IID, leave="step", seed=3, effort=QUICK)
         total = np.array([fold.left_out().log_score for fold in folds])
@@ -368,7 +287,7 @@ def test_left_out_scores__name_folds_that_failed_and_give_their_form_no_score(
 
     def sometimes(fold):
         if fold.name == first and fold.all_rows.model.form.name in failing:
-            raise ComputationError("no draws")
+            raise rb.ComputationError("no draws")
         return left_out_of(fold)
 
     monkeypatch.setattr(Fold, "left_out", sometimes)

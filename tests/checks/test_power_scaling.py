@@ -10,11 +10,7 @@ from ridgebayes.checks.power_scaling import (
     power_scaling,
     sensitivities,
 )
-from ridgebayes.inference.importance import Effort, importance_sample
-from ridgebayes.inference.posterior import posterior_of
-from ridgebayes.inference.target import ModelTarget
-from ridgebayes.model.model import Model
-from ridgebayes.model.observations import Observations
+from tests.drawn import drawn_posterior, model_of
 
 N = 40_000
 
@@ -97,8 +93,7 @@ def test_no_component_no_sensitivity():
 
 
 def fitted(table, prior):
-    model = Model(Observations.from_table(table), rb.Modified(), priors={"c": prior})
-    return posterior_of(model, importance_sample(ModelTarget(model), Effort(), 1), 1)
+    return drawn_posterior(model_of(table, rb.Modified(), priors={"c": prior}))
 
 
 def test_table__tells_strong_priors_and_conflicts(paper, fits):

@@ -2,34 +2,26 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import ridgebayes as rb
 from ridgebayes.checks.predictive_checks import QUANTITIES, posterior_checks, prior_bands
-from ridgebayes.errors import InputError
-from ridgebayes.inference.chains import Chains
-from ridgebayes.model.forms import Hybrid, Modified, PowerLaw
-from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
-from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import simulate_log_loads
-from ridgebayes.results import Fit
+from tests.drawn import model_of, points_of
 from tests.simulated import simulated
 
 TRUTH = {"sigma": 0.01, "tau_texture": 0.04, "tau_step": 0.04}
 
 
-def known(data, noise="iid", form=None):
+def known(rows, noise="iid", form=None):
     """Return a fit all of whose draws are one set of parameters: p-values are then exact."""
-    model = Model(data, form or Modified(), Noise.named(noise))
-    theta = np.array([1.4, *(TRUTH[name] for name in model.noise.parameter_names)])
-    u = np.broadcast_to(model.to_scores(theta), (4, 5, 128, len(theta)))
-    chains = Chains(u, np.zeros(u.shape[:-1]), np.ones(4), np.ones(len(theta) + 1), ())
-    return Fit(model, chains, None, (), 1)
+    model = model_of(rows, form or rb.Modified(), noise)
+    theta = [1.4, *(TRUTH[name] for name in model.noise.parameter_names)]
+    return points_of(model, [theta] * 2_560)
 
 
 def rows_of(paper, noise, seed, form=None):
     """Simulate the paper's places under the known parameters and an error model."""
-    data = Observations.from_table(paper)
-    fit = known(data, noise, form)
-    theta = fit.draws[0]
+    fit = known(paper, noise, form)
+    data, theta = fit.model.data, fit.draws[0]
     return simulated(data, simulate_log_loads(fit.model, theta, np.random.default_rng(seed))[0])
 
 
@@ -72,7 +64,7 @@ def test_quantities__by_hand(observed):
     residual = np.array([0.03, 0.01, -0.02, 0.05, 0.0, -0.10])
     data = observed([0, 0, 0, 1, 1, 1], [4, 6, 8, 4, 6, 8], 0.0)
     curve = np.log(
-        Modified().load(data.Q, data.a_over_R[data.texture], data.b_over_R[data.texture], [1.4])
+        rb.Modified().load(data.Q, data.a_over_R[data.texture], data.b_over_R[data.texture], [1.4])
     )
     shuffled = np.array([4, 2, 0, 5, 1, 3])
     rows = observed(
@@ -112,30 +104,16 @@ def test_brackets_and_counts_are_left_out(observed):
         log_lower=[np.nan, -6.1, np.nan, np.nan],
         is_count=[False, False, False, True],
     )
-    model = Model(rows, Modified())
     fit = known(rows)
-    assert model.data is rows
     found = posterior_checks(fit, n_draw=4)
     assert np.isfinite(found.replicated).all()
     none = rows.take(~rows.is_exact)
-    with pytest.raises(InputError, match="no row gives its load exactly"):
+    with pytest.raises(rb.InputError, match="no row gives its load exactly"):
         posterior_checks(known(none))
 
 
-def test_table__has_the_interval_and_both_p_values(paper):
-    found = posterior_checks(known(rows_of(paper, "iid", 3)), rng=4, n_draw=800)
-    table = found.table(0.8).set_index("quantity")
-    assert table.index.tolist() == list(QUANTITIES)
-    low, high = np.quantile(found.replicated[:, 1], [0.1, 0.9])
-    # Rounding: 0.5 - 0.4 is not 0.1.
-    assert table.loc["trend", ["lower", "upper"]].tolist() == pytest.approx([low, high], rel=1e-9)
-    p = np.mean(found.replicated[:, 1] > found.observed[:, 1])
-    assert table.loc["trend", "p_value"] == p
-    assert table.loc["trend", "two_sided"] == 2 * min(p, 1 - p)
-
-
 def test_prior_bands__are_those_of_the_prior(observed):
-    model = Model(observed([1, 0, 0, 0], [6, 6, 4, 4], -6.0, rel_se=0.0), Modified())
+    model = model_of(observed([1, 0, 0, 0], [6, 6, 4, 4], -6.0, rel_se=0.0), rb.Modified())
     bands = prior_bands(model, rng=5, n_draw=40_000, prob=0.9)
     assert bands[["texture", "Q"]].to_numpy().tolist() == [
         ["a0.012_b0.03", 4],
@@ -143,7 +121,7 @@ def test_prior_bands__are_those_of_the_prior(observed):
         ["a0.032_b0.01", 6],
     ]
     for row in bands.itertuples():
-        at = np.log(Modified().load(row.Q, row.a_over_R, row.b_over_R, [1.382]))
+        at = np.log(rb.Modified().load(row.Q, row.a_over_R, row.b_over_R, [1.382]))
         # log load: -2 log c, sd 0.2, and an error normal given a half-normal sigma.
         rng = np.random.default_rng(6)
         error = np.abs(0.05 * rng.standard_normal(400_000)) * rng.standard_normal(400_000)
@@ -151,16 +129,3 @@ def test_prior_bands__are_those_of_the_prior(observed):
         expected = np.quantile(by_hand, [0.05, 0.5, 0.95])
         # Monte Carlo: a quantile's standard error is about 2 sd/sqrt(40,000), 0.002; four of them.
         np.testing.assert_allclose([row.lower, row.median, row.upper], expected, atol=0.008)
-
-
-@pytest.mark.parametrize("form", [Hybrid(), PowerLaw()])
-def test_prior_bands__hold_the_rows_of_the_paper(paper, form):
-    model = Model(Observations.from_table(paper), form, Noise.named("texture+step"))
-    bands = prior_bands(model, prob=0.99)
-    assert len(bands) == 41
-    assert bands["texture"].unique().tolist() == list(dict.fromkeys(model.data.labels))
-    data = model.data
-    place = {(a, b): i for i, (a, b) in enumerate(data.textures)}
-    for row in bands.itertuples():
-        here = (data.texture == place[row.a_over_R, row.b_over_R]) & (data.Q == row.Q)
-        assert row.lower < data.log_load[here].item() < row.upper

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+import ridgebayes as rb
 from ridgebayes.checks.repeat import against_priors, is_cheap, repeat_posterior
-from ridgebayes.model.forms import form_named
-from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
+from tests.drawn import model_of
 
 
 def test_repeat_posterior__draws_twice_as_many_and_finds_the_same(fits):
@@ -41,8 +40,8 @@ def test_against_priors__is_where_means_lie_in_their_priors(fits):
 def test_is_cheap__is_not_where_densities_are_estimates_or_parameters_many(fits, observed):
     assert is_cheap(fits["modified"])
     data = fits["modified"].model.data
-    latent = Model(data, form_named("modified"), Noise.named("step:student"))
+    latent = model_of(data, rb.Modified(), "step:student")
     assert not is_cheap(SimpleNamespace(model=latent))
     textures = [(0.01 + 1e-4 * i, 0.03) for i in range(21)]
     many = observed(np.arange(21), np.full(21, 4), np.full(21, -6.0), textures=textures)
-    assert not is_cheap(SimpleNamespace(model=Model(many, form_named("power-law"))))
+    assert not is_cheap(SimpleNamespace(model=model_of(many, rb.PowerLaw())))

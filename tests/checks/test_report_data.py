@@ -17,8 +17,7 @@ def test_panels__of_counts_alone_go_beyond_each_textures_loads():
     columns = {"a_over_R": a, "b_over_R": b, "p_over_E": p, "Q": q}
     frame = pd.DataFrame({name: values.ravel() for name, values in columns.items()})
     table = rb.read_table(frame.assign(kind="count"))
-    settings = rb.SampleSettings(n_walker=16, n_step_max=100)
-    bands = report_data(rb.compare(table, [form], noise="iid", settings=settings)).bands
+    bands = report_data(rb.compare(table, [form], noise="iid", accuracy="quick")).bands
     highest = bands.groupby(["a_over_R", "b_over_R"])["p_over_E"].max()
     # Definition: a panel ends 1.6 times beyond its texture's highest load.
     assert highest.tolist() == pytest.approx([1.6 * 0.016] * 2, rel=1e-12)
@@ -37,8 +36,7 @@ def test_panels__of_more_textures_than_a_figure_holds_have_those_shown_first():
     loads = form.load(columns["Q"], columns["a_over_R"], columns["b_over_R"], np.array([1.38]))
     columns["p_over_E"] = loads * np.exp(0.01 * rng.standard_normal(30))
     table = rb.read_table(pd.DataFrame(columns))
-    settings = rb.SampleSettings(n_walker=16, n_step_max=100)
-    data = report_data(rb.compare(table, [form], noise="iid", settings=settings))
+    data = report_data(rb.compare(table, [form], noise="iid", accuracy="quick"))
     drawn = list(dict.fromkeys(data.bands["b_over_R"]))
     assert [b for _, b in data.textures] == [0.005, 0.05, 0.02]
     assert drawn == [*b[:9], *b[12:]]  # in the table's order

@@ -9,18 +9,13 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands.run_files import read_run
 from ridgebayes.comparison.bands import bands_table, loads_table
-from ridgebayes.errors import InputError
 from ridgebayes.evidence.pairs import WeighedPairs, weigh_pairs
 from ridgebayes.model.noise import Noise
 from ridgebayes.report.figures.gallery import Gallery
 
 FORMS = ["modified", "hybrid"]
-WHERE = {
-    "textures": [(0.022, 0.02), (0.03, 0.015)],
-    "loads": np.geomspace(2e-4, 0.01, 5),
-}
+WHERE = {"textures": [(0.022, 0.02), (0.03, 0.015)], "loads": np.geomspace(2e-4, 0.01, 5)}
 AHEAD = 1.2  # ln evidence by which a forced error model leads: those within 1.1 would do as well
 
 
@@ -118,7 +113,7 @@ def test_winner__each_error_model_is_printed_written_and_read_back(
         for noise in fit.error_model_weights
         if noise != name
     }
-    again, bands = read_run(folder), bands_table(live, **WHERE)
+    again, bands = rb.read_run(folder), bands_table(live, **WHERE)
     assert set(bands["noise"]) == {"average" if is_average else name}
     shown = bands_table(again, **WHERE)
     # Algebra: the same thinned draws; one that a logarithm and back moved may change sides.
@@ -145,7 +140,7 @@ def test_winner__each_error_model_is_printed_written_and_read_back(
     assert set(weights) == {
         (form, noise) for form, fit in live.fits.items() for noise in fit.error_model_weights
     }
-    # Of pairs: what is left out has under one per cent of a form each.
+    # Weights are of pairs: each pair that is left out has under one per cent of its form.
     assert 0.9 < sum(weights.values()) < 1 + 1e-12
 
 
@@ -180,14 +175,14 @@ def folder(table, tmp_path_factory):
 
 def test_summary__has_rows_of_every_posterior(folder):
     frame = pd.read_csv(folder / "summary.csv")
-    again = read_run(folder)
+    again = rb.read_run(folder)
     pairs = set(zip(frame["form"], frame["noise"], strict=True))
     assert pairs == {(form, noise) for form, fit in again.fits.items() for noise in fit.posteriors}
     assert set(frame.query("noise == 'texture'")["parameter"]) >= {"c", "sigma", "tau_texture"}
 
 
 def test_components__are_written_read_back_and_in_the_report(folder):
-    found = read_run(folder).components
+    found = rb.read_run(folder).components
     pd.testing.assert_frame_equal(pd.read_csv(folder / "components.csv"), found, rtol=1e-12)
     assert found["component"].tolist() == ["texture", "step"]
     reading = found["reading"].iloc[0]
@@ -206,12 +201,12 @@ def test_read_run__a_damaged_posterior_of_an_average_is_named(folder, tmp_path, 
         path.write_bytes(path.read_bytes()[:1000])
     else:
         shutil.copy(run / "posteriors/modified--iid.nc", path)
-    with pytest.raises(InputError, match=r"hybrid--iid\.nc"):
-        read_run(run)
+    with pytest.raises(rb.InputError, match=r"hybrid--iid\.nc"):
+        rb.read_run(run)
 
 
 def test_read_run__a_posterior_under_another_error_model_than_its_name_is_refused(folder, tmp_path):
     run = shutil.copytree(folder, tmp_path / "run")
     shutil.copy(run / "posteriors/hybrid--step.nc", run / "posteriors/hybrid--iid.nc")
-    with pytest.raises(InputError, match=r"hybrid--iid\.nc: holds error model 'step'"):
-        read_run(run)
+    with pytest.raises(rb.InputError, match=r"hybrid--iid\.nc: holds error model 'step'"):
+        rb.read_run(run)

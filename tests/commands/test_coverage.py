@@ -53,19 +53,8 @@ def canned(monkeypatch):
 
 
 def test_coverage__computes_and_writes_everything(command):
-    said = command(
-        "table.csv",
-        "-o",
-        "out",
-        "--forms",
-        "modified",
-        "--noise",
-        "iid",
-        "--workers",
-        1,
-        "--seed",
-        3,
-    )
+    words = ("table.csv", "-o", "out", "--forms", "modified", "--noise", "iid")
+    said = command(*words, "--workers", 1, "--seed", 3)
     assert (said.code, said.err.count("\n")) == (0, 2)
     assert re.search(r"^modified, iid: [0-9.]+ s$", said.err, re.MULTILINE)
     assert {path.name for path in Path("out").iterdir()} == FILES
@@ -94,12 +83,6 @@ def test_coverage__takes_the_embedded_sweep_four_forms_and_all_error_models(comm
     assert canned["noises"] == list(Noise.every())
     assert (canned["rng"], canned["executor"]) == (0, None)
     assert {path.name for path in Path("ridgebayes-coverage").iterdir()} == FILES
-
-
-def test_coverage__shares_out_among_two_processes_by_itself(command, canned):
-    assert command("table.csv", "--noise", "iid,step:student").code == 0
-    assert canned["executor"] is not None
-    assert [noise.name for noise in canned["noises"]] == ["iid", "step:student"]
 
 
 def test_coverage__replaces_its_own_folders_only_and_only_when_told(command, canned):

@@ -9,7 +9,6 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.fea.deck_text import deck_text, pressed_disk
-from ridgebayes.scene.scene import Scene
 
 A, B, NU = 0.06, 0.03, 0.49
 SCENE = f"""
@@ -47,7 +46,7 @@ def printed(disk, gap_per_load=-1.0):
 @pytest.fixture
 def run(command):
     """Call `import` in a folder that holds a deck and what a run of it would print."""
-    disk = pressed_disk(Scene.of([(A, B)], p_over_E=0.006, nu=NU), edges=4)
+    disk = pressed_disk(rb.Scene.of([(A, B)], p_over_E=0.006, nu=NU), edges=4)
     Path("run.inp").write_text(deck_text(disk, "calculix"))
     Path("run.dat").write_text(printed(disk))
     Path("alone.dat").write_text(printed(disk))
@@ -99,15 +98,6 @@ def test_import__of_a_table_takes_columns_and_units(run):
     assert frame["p_over_E"].iloc[0] == pytest.approx(0.94 / 0.016 / 60e3, rel=1e-15)
     assert set(frame["role"]) == {"held-out"}
     assert set(frame["nu"]) == {NU}
-
-
-def test_import__map_may_be_a_file(run):
-    Path("map.toml").write_text(
-        '[columns]\na = "Ridge [um]"\nb = "Groove [um]"\nline = "P [N/mm]"\n'
-        '[values]\nR = "8 mm"\nE = "60 kPa"\n'
-    )
-    assert run("mine.csv", "--map", "map.toml", "-o", "t.csv").code == 0
-    assert rb.read_table("t.csv").textures == ((0.03, 0.01),)
 
 
 @pytest.mark.parametrize(

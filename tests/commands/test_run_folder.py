@@ -4,7 +4,6 @@ import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
@@ -12,20 +11,11 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands.run_files import (
-    read_run,
-    summary_table,
-    verdicts,
-    write_comparison,
-    write_fits,
-    write_run_json,
-)
-from ridgebayes.commands.run_folder import new_folder, write_csv, write_text
+from ridgebayes.commands.run_files import summary_table, verdicts, write_comparison, write_run_json
+from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, bayes_factor_table
-from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import loo_table
-from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.noise import Noise
@@ -35,20 +25,17 @@ STAGES = [{"name": "calibrate classic", "wall_s": 1.5, "cpu_s": 1.25}]
 
 def about(folder, comparison, **more):
     write_run_json(
-        folder,
-        comparison,
-        command="compare",
-        seed=1,
-        options={"forms": []},
-        stages=STAGES,
-        **more,
+        folder, comparison, command="compare", seed=1, options={"forms": []}, stages=STAGES, **more
     )
 
 
 @pytest.fixture(scope="module")
 def comparison(paper, fits):
     """Classic, power law and Modified, and Hybrid as one that failed."""
-    chosen = {name: fits[name] for name in ("classic", "power-law", "modified")}
+    chosen = {
+        name: replace(fits[name], cautions=(f"no {name}",))
+        for name in ("classic", "power-law", "modified")
+    }
     values = {"classic": 19.19874340705391, "power-law": 77.158231, "modified": 78.862798}
     found = {
         (name, "iid"): [LogEvidence("bridge", value, 1.5e-4)] for name, value in values.items()
@@ -57,7 +44,7 @@ def comparison(paper, fits):
     sensitivity = pd.DataFrame(
         {"prior": "c", "factor": [0.1, 10.0], "form": "classic", "log_evidence": [1 / 3, np.nan]}
     )
-    return Comparison(
+    return rb.Comparison(
         replace(paper, where="my table"),
         Noise(),
         chosen,
@@ -98,26 +85,15 @@ def names(folder):
 # --- whole or not at all --------------------------------------------------------------------------
 
 
-def test_new_folder__takes_its_name_when_all_is_done(tmp_path):
-    with new_folder(tmp_path / "out") as partial:
-        assert partial == tmp_path / ".out.partial"
-        (partial / "a.csv").write_text("a")
-        assert not (tmp_path / "out").exists()
-    assert names(tmp_path) == ["out", "out/a.csv"]
-
-
-def test_new_folder__makes_folders_above_it(tmp_path):
-    with new_folder(tmp_path / "deep" / "er" / "out"):
-        pass
-    assert (tmp_path / "deep" / "er" / "out").is_dir()
-
-
-def test_new_folder__relative_to_the_working_folder(tmp_path, monkeypatch):
+def test_new_folder__takes_its_name_when_all_is_done(tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    with new_folder(Path("out")):
+    with new_folder(Path("deep/out")) as partial:  # stays where it is; makes folders above it
         monkeypatch.chdir(tmp_path)
-    assert names(tmp_path) == ["here", "here/out"]
+        assert partial == tmp_path / "here/deep/.out.partial"
+        (partial / "a.csv").write_text("a")
+        assert not (tmp_path / "here/deep/out").exists()
+    assert names(tmp_path) == ["here", "here/deep", "here/deep/out", "here/deep/out/a.csv"]
 
 
 def fail_inside(error, path, **options):
@@ -127,12 +103,14 @@ def fail_inside(error, path, **options):
 
 
 def test_new_folder__bad_input_inside_leaves_nothing(tmp_path):
-    with pytest.raises(InputError, match="late"):
-        fail_inside(InputError("late"), tmp_path / "out")
+    with pytest.raises(rb.InputError, match="late"):
+        fail_inside(rb.InputError("late"), tmp_path / "out")
     assert names(tmp_path) == []
 
 
-@pytest.mark.parametrize("error", [ComputationError("x"), ZeroDivisionError(), KeyboardInterrupt()])
+@pytest.mark.parametrize(
+    "error", [rb.ComputationError("x"), ZeroDivisionError(), KeyboardInterrupt()]
+)
 def test_new_folder__a_failure_inside_leaves_no_final_folder(tmp_path, error):
     with pytest.raises(type(error)):
         fail_inside(error, tmp_path / "out", resume=False)
@@ -145,7 +123,9 @@ def test_new_folder__interrupted_leaves_nothing_where_nobody_can_go_on(tmp_path)
     assert names(tmp_path) == []
 
 
-@pytest.mark.parametrize("error", [InputError("x"), ComputationError("x"), OSError("disk full")])
+@pytest.mark.parametrize(
+    "error", [rb.InputError("x"), rb.ComputationError("x"), OSError("disk full")]
+)
 def test_new_folder__a_failure_with_force_leaves_the_old_run_alone(tmp_path, error):
     old = run_folder(tmp_path / "out")
     with pytest.raises(type(error)):
@@ -154,29 +134,18 @@ def test_new_folder__a_failure_with_force_leaves_the_old_run_alone(tmp_path, err
     assert (old / "old.csv").read_text() == "old"
 
 
-def test_new_folder__an_existing_one_needs_force(tmp_path):
+def test_new_folder__force_replaces_a_run_and_nothing_of_it_stays(tmp_path):
     old = run_folder(tmp_path / "out")
+    run_folder(tmp_path / ".out.old")  # left by a crash
     with (
-        pytest.raises(InputError, match=r"out: exists; use another -o, or --force"),
+        pytest.raises(rb.InputError, match=r"out: exists; use another -o, or --force"),
         new_folder(old),
     ):
         pytest.fail("went on")
-    assert names(tmp_path) == ["out", "out/old.csv", "out/run.json"]
-
-
-def test_new_folder__force_replaces_a_run_and_nothing_of_it_stays(tmp_path):
-    old = run_folder(tmp_path / "out")
     with new_folder(old, force=True) as partial:
         (partial / "new.csv").write_text("new")
         assert (old / "old.csv").exists()
     assert names(tmp_path) == ["out", "out/new.csv"]
-
-
-def test_new_folder__force_replaces_an_empty_folder(tmp_path):
-    (tmp_path / "out").mkdir()
-    with new_folder(tmp_path / "out", force=True) as partial:
-        (partial / "a.csv").write_text("a")
-    assert names(tmp_path) == ["out", "out/a.csv"]
 
 
 def test_new_folder__force_never_replaces_what_is_no_run(tmp_path):
@@ -185,7 +154,7 @@ def test_new_folder__force_never_replaces_what_is_no_run(tmp_path):
     (tmp_path / "file").write_text("mine")
     for name in ("thesis", "file"):
         with (
-            pytest.raises(InputError, match=rf"{name}: not a run folder \(no run.json in it\)"),
+            pytest.raises(rb.InputError, match=rf"{name}: not a run folder \(no run.json in it\)"),
             new_folder(tmp_path / name, force=True),
         ):
             pytest.fail("went on")
@@ -196,27 +165,11 @@ def test_new_folder__force_never_replaces_what_is_no_run(tmp_path):
 def test_new_folder__where_none_can_be_is_refused(tmp_path):
     (tmp_path / "file").write_text("mine")
     with (
-        pytest.raises(InputError, match=r"file/out: cannot be created \(Not a directory\)"),
+        pytest.raises(rb.InputError, match=r"file/out: cannot be created \(Not a directory\)"),
         new_folder(tmp_path / "file" / "out"),
     ):
         pytest.fail("went on")
     assert names(tmp_path) == ["file"]
-
-
-def test_new_folder__starts_afresh_where_an_earlier_run_died(tmp_path):
-    (tmp_path / ".out.partial").mkdir()
-    (tmp_path / ".out.partial" / "half.csv").write_text("half")
-    with new_folder(tmp_path / "out"):
-        pass
-    assert names(tmp_path) == ["out"]
-
-
-def test_new_folder__an_old_one_left_by_a_crash_is_no_hindrance(tmp_path):
-    run_folder(tmp_path / "out")
-    run_folder(tmp_path / ".out.old")
-    with new_folder(tmp_path / "out", force=True):
-        pass
-    assert names(tmp_path) == ["out"]
 
 
 def test_new_folder__resume_goes_on_in_what_was_left(tmp_path):
@@ -230,15 +183,9 @@ def test_new_folder__resume_goes_on_in_what_was_left(tmp_path):
 def test_new_folder__resume_keeps_the_chains_when_it_fails_again(tmp_path):
     (tmp_path / ".out.partial").mkdir()
     (tmp_path / ".out.partial" / "chains-hybrid.npz").write_text("chains")
-    with pytest.raises(InputError):
-        fail_inside(InputError("another table"), tmp_path / "out", resume=True)
+    with pytest.raises(rb.InputError):
+        fail_inside(rb.InputError("another table"), tmp_path / "out", resume=True)
     assert (tmp_path / ".out.partial" / "chains-hybrid.npz").read_text() == "chains"
-
-
-def test_new_folder__resume_without_anything_left_is_a_fresh_start(tmp_path):
-    with new_folder(tmp_path / "out", resume=True) as partial:
-        assert names(partial) == []
-    assert names(tmp_path) == ["out"]
 
 
 @pytest.mark.parametrize("n_row", [0, 1, 70_000])
@@ -262,14 +209,6 @@ def test_write_csv__in_full_and_with_plain_line_ends(tmp_path):
     assert names(tmp_path) == ["x.csv"]
 
 
-def test_write_text__that_fails_leaves_the_old_file(tmp_path):
-    (tmp_path / "x.json").write_text("old")
-    with pytest.raises(UnicodeEncodeError):
-        write_text("new \ud800", tmp_path / "x.json")  # a lone surrogate is no text
-    assert (tmp_path / "x.json").read_text() == "old"
-    assert names(tmp_path) == ["x.json"]
-
-
 # --- what is in it --------------------------------------------------------------------------------
 
 
@@ -287,31 +226,6 @@ def test_written__files_of_a_comparison(written):
         "summary.csv",
         "table.csv",
     ]
-
-
-def test_summary__one_row_per_form_and_parameter(written, comparison, paper):
-    frame = pd.read_csv(written / "summary.csv")
-    assert list(frame) == [
-        "form",
-        "noise",
-        "parameter",
-        "mean",
-        "sd",
-        "eti_lower",
-        "eti_upper",
-        "prob",
-        "ess_bulk",
-        "ess_tail",
-        "r_hat",
-        "mcse_mean",
-    ]
-    found = frame.groupby("form", sort=False)["parameter"].agg(list).to_dict()
-    assert found == {
-        "classic": ["c", "sigma"],
-        "power-law": [f"K[{label}]" for label in paper.calibration.labels] + ["sigma"],
-        "modified": ["c", "sigma"],
-    }
-    assert set(frame["noise"]) == {"iid"}
 
 
 def test_summary__is_not_rounded(written, comparison):
@@ -350,18 +264,6 @@ def test_run_json__holds_the_verdicts_of_the_second_comparison(comparison, tmp_p
     assert content["reference-fe"]["verdicts"] != content["verdicts"]
 
 
-def test_run_json__a_package_that_is_not_installed_is_unknown(comparison, tmp_path, monkeypatch):
-    def version(name):
-        if name == "matplotlib":
-            raise PackageNotFoundError(name)
-        return "1.0"
-
-    monkeypatch.setattr("ridgebayes.runtime.text.version", version)
-    about(tmp_path, comparison)
-    versions = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["versions"]
-    assert (versions["matplotlib"], versions["numpy"]) == ("unknown", "1.0")
-
-
 def test_verdicts__of_a_comparison_with_a_failure(comparison):
     found = verdicts(comparison)["verdicts"]
     assert found["complete"] is False
@@ -374,20 +276,24 @@ def test_verdicts__of_a_comparison_with_a_failure(comparison):
     assert (found["n_calibration"], found["n_held_out"], found["n_left_out"]) == (41, 3, 0)
 
 
-def test_verdicts__name_what_a_fit_lacks(comparison):
+def test_verdicts__name_what_a_fit_lacks_and_that_nothing_rests_on_it(comparison):
     lacking = replace(
         comparison.fits["classic"], convergence_failures=("c: too short", "sigma: too short")
     )
-    found = verdicts(replace(comparison, fits={**comparison.fits, "classic": lacking}))["verdicts"]
-    assert found["converged"]["classic"] is False
-    assert found["missing"] == {"classic": ("c: too short", "sigma: too short")}
+    compared = replace(comparison, fits={**comparison.fits, "classic": lacking})
+    content = verdicts(compared)
+    assert content["verdicts"]["converged"]["classic"] is False
+    assert content["verdicts"]["missing"] == {"classic": ("c: too short", "sigma: too short")}
+    why = content["fits"][0]["why"]  # Classic is e^60 less probable than Modified
+    assert why.startswith("c: too short; sigma: too short; no more draws were taken: the form's")
+    assert compared.unconverged == {}
 
 
 # --- read back ------------------------------------------------------------------------------------
 
 
 def test_read_run__brings_every_table_back(written, comparison):
-    again = read_run(written)
+    again = rb.read_run(written)
     assert again.table.where == "my table"
     assert again.table.digest() == comparison.table.digest()
     assert again.noise == comparison.noise
@@ -400,7 +306,7 @@ def test_read_run__brings_every_table_back(written, comparison):
 
 
 def test_read_run__brings_every_posterior_back(written, comparison):
-    again = read_run(written)
+    again = rb.read_run(written)
     assert list(again.fits) == list(comparison.fits)
     for name, fit in comparison.fits.items():
         # Algebra: a logarithm and back.
@@ -409,13 +315,14 @@ def test_read_run__brings_every_posterior_back(written, comparison):
         assert again.fits[name].seed == fit.seed
         assert again.fits[name].model.priors == fit.model.priors
         assert again.fits[name].form == fit.form
+        assert again.fits[name].cautions == fit.cautions
         # Algebra: the summary is kept to 15 decimals.
         pd.testing.assert_frame_equal(again.fits[name].summary, fit.summary, rtol=1e-9)
 
 
 def test_read_run__predicts_what_the_live_comparison_predicts(written, comparison):
     where = {"textures": [(0.022, 0.02), (0.012, 0.09)], "loads": np.geomspace(1e-3, 0.02, 15)}
-    live, again = bands_table(comparison, **where), bands_table(read_run(written), **where)
+    live, again = bands_table(comparison, **where), bands_table(rb.read_run(written), **where)
     counts = ["q_median", "q_lower", "q_upper", "extrapolation_of", "form", "kind_of_band"]
     assert live[counts].equals(again[counts])
     # Algebra: the same thinned draws; one that a logarithm and back moved may change sides.
@@ -424,75 +331,38 @@ def test_read_run__predicts_what_the_live_comparison_predicts(written, compariso
     pd.testing.assert_frame_equal(live[smooth], again[smooth], rtol=0, atol=1e-11)
 
 
-def test_read_run__of_a_fit_alone_has_empty_tables(comparison, tmp_path):
-    write_fits(comparison, tmp_path)
-    about(tmp_path, comparison)
-    again = read_run(tmp_path)
-    assert list(again.fits) == list(comparison.fits)
-    assert len(again.bayes_factors) == len(again.loo) == len(again.prior_sensitivity) == 0
-
-
 def test_read_run__a_comparison_of_one_form_has_no_factors(comparison, tmp_path):
     nothing = pd.DataFrame(columns=BAYES_FACTOR_COLUMNS)
     write_comparison(replace(comparison, bayes_factors=nothing), tmp_path)
     about(tmp_path, comparison)
-    assert list(read_run(tmp_path).bayes_factors) == BAYES_FACTOR_COLUMNS
+    assert list(rb.read_run(tmp_path).bayes_factors) == BAYES_FACTOR_COLUMNS
 
 
 @pytest.mark.parametrize(
-    ("name", "why"),
+    ("name", "content", "message"),
     [
-        ("nowhere", "no such folder"),
-        ("empty", "not a run folder, no run.json in it"),
-        ("file", "is a file"),
+        ("posterior-classic.nc", 0, "posterior-classic.nc: not a readable NetCDF file"),
+        ("posterior-power-law.nc", 5_000, "posterior-power-law.nc: not a readable NetCDF file"),
+        ("posterior-modified.nc", -1, "posterior-modified.nc: not a readable NetCDF file"),
+        ("posterior-classic.nc", None, "posterior-classic.nc"),
+        ("table.csv", None, "table.csv"),
+        ("table.csv", 0, "table.csv"),
+        ("evidence.csv", None, "evidence.csv: missing; run again"),
+        ("loo.csv", 0, "loo.csv: damaged"),
+        *(
+            ("run.json", content, "run.json: damaged")
+            for content in (b"", b'{"command": "comp', b"[]", b"null", b'{"verdicts": 3}', b"\xff")
+        ),
     ],
 )
-def test_read_run__of_what_is_no_run_is_refused(tmp_path, name, why):
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "file").write_text("mine")
-    with pytest.raises(InputError, match=rf"{name}: {why}; expected a folder written by"):
-        read_run(tmp_path / name)
-
-
-@pytest.mark.parametrize("size", [0, 100, 5_000])
-@pytest.mark.parametrize("form", ["classic", "power-law"])
-def test_read_run__a_truncated_posterior_is_named(run, form, size):
-    path = run / f"posterior-{form}.nc"
-    path.write_bytes(path.read_bytes()[:size])
-    with pytest.raises(InputError, match=rf"posterior-{form}.nc: not a readable NetCDF file"):
-        read_run(run)
-
-
-def test_read_run__a_posterior_cut_short_by_one_byte_is_named(run):
-    path = run / "posterior-modified.nc"
-    path.write_bytes(path.read_bytes()[:-1])
-    with pytest.raises(InputError, match=r"posterior-modified.nc: not a readable NetCDF file"):
-        read_run(run)
-
-
-@pytest.mark.parametrize(
-    "name", ["table.csv", "evidence.csv", "posterior-classic.nc", "posterior-power-law.nc"]
-)
-def test_read_run__a_missing_file_is_named(run, name):
-    (run / name).unlink()
-    with pytest.raises(InputError, match=name):
-        read_run(run)
-
-
-@pytest.mark.parametrize("name", ["evidence.csv", "bayes_factors.csv", "loo.csv", "table.csv"])
-def test_read_run__an_empty_csv_is_refused(run, name):
-    (run / name).write_text("")
-    with pytest.raises(InputError, match=r"run"):
-        read_run(run)
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b'{"command": "comp', b"[]", b"{}", b"null", b'{"verdicts": 3}', b"\xff\xfe{"]
-)
-def test_read_run__a_broken_json_is_refused(run, content):
-    (run / "run.json").write_bytes(content)
-    with pytest.raises(InputError, match=r"run.json: damaged"):
-        read_run(run)
+def test_read_run__a_missing_or_damaged_file_is_named(run, name, content, message):
+    path = run / name
+    if content is None:
+        path.unlink()
+    else:
+        path.write_bytes(content if isinstance(content, bytes) else path.read_bytes()[:content])
+    with pytest.raises(rb.InputError, match=message):
+        rb.read_run(run)
 
 
 @pytest.mark.parametrize(
@@ -505,12 +375,5 @@ def test_read_run__a_broken_json_is_refused(run, content):
 def test_read_run__a_name_that_this_version_does_not_know_is_told(run, key, value, message):
     content = json.loads((run / "run.json").read_text(encoding="utf-8"))
     (run / "run.json").write_text(json.dumps({**content, key: value}))
-    with pytest.raises(InputError, match=message):
-        read_run(run)
-
-
-def test_read_run__a_damaged_table_is_told_by_row(run):
-    text = (run / "table.csv").read_text()
-    (run / "table.csv").write_text(text.replace("0.00027160170517312736", "-1", 1))
-    with pytest.raises(InputError, match=r"table.csv, row 1 \(line 2\): p_over_E = '-1'"):
-        read_run(run)
+    with pytest.raises(rb.InputError, match=message):
+        rb.read_run(run)

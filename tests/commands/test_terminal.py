@@ -1,4 +1,4 @@
-"""What commands say at their end: text for people, one JSON object for programs, or nothing."""
+"""Words of commands at their end: text for people, one JSON object for programs, or nothing."""
 
 import json
 import re
@@ -11,16 +11,15 @@ import pytest
 from typer.testing import CliRunner
 
 import ridgebayes as rb
-from ridgebayes.commands.answers import _rows
+from ridgebayes.commands.answers import _rounded
 from ridgebayes.commands.cli import app
 from ridgebayes.commands.shared_options import Output
 from ridgebayes.commands.terminal import Answer, tell, to_plain
-from ridgebayes.errors import ComputationError
 
 KEYS = ["command", "version", "exit_code", "messages", "files", "result"]
 COMMANDS = [one.name for one in app.registered_commands]
 GENERATE = ("generate", "--texture", "0.02,0.02", "-o", "t.csv")
-# Of each command, words that are wrong before anything is computed.
+# Words of each command that are wrong before anything is computed.
 WRONG = {
     "run": ("--table", "no.csv"),
     "generate": ("no.toml", "-o", "t.csv"),
@@ -69,18 +68,6 @@ def test_json__of_no_command_is_an_object_too(command):
     assert "weigh" in content["error"]
 
 
-def test_json__is_the_only_thing_on_standard_output(command):
-    said = command(*GENERATE, "--json", "--verbose")
-    assert json.loads(said.out) == {
-        "command": "generate",
-        "version": rb.__version__,
-        "exit_code": 0,
-        "messages": ["t.csv: 4 rows, 1 texture, 0 not ok"],
-        "files": ["t.csv"],
-        "result": {"rows": 4, "textures": 1, "not_ok": 0},
-    }
-
-
 def test_json__of_what_failed_half_way_has_result_and_error(command, monkeypatch):
     monkeypatch.setattr(
         "ridgebayes.commands.report.command", lambda asked: Answer(result=1, problem="not all")
@@ -126,12 +113,6 @@ def test_version__is_that_of_the_package():
     assert (done.exit_code, done.output) == (0, f"ridgebayes {rb.__version__}\n")
 
 
-def test_completion__is_offered(monkeypatch):
-    monkeypatch.setenv("_RIDGEBAYES_COMPLETE", "source_bash")
-    done = CliRunner().invoke(app, [], prog_name="ridgebayes")
-    assert "_ridgebayes_completion" in done.output
-
-
 def test_table__is_aligned_text_where_it_is_piped(capsys):
     table = pd.DataFrame({"form": ["hybrid", "[x]"], "n": [1, 200], "share": [0.25, 1e-9]})
     tell("compare", Answer((table,)), 0, "", Output())
@@ -166,17 +147,8 @@ def test_plain__holds_no_numpy_and_no_nan():
     assert to_plain(value) == {"a": 0.5, "b": [1, 2], "c": [None, True], "1": None}
 
 
-def test_failure__of_a_computation_keeps_exit_1(command, monkeypatch):
-    def failing(asked):
-        raise ComputationError("enough")
-
-    monkeypatch.setattr("ridgebayes.commands.report.command", failing)
-    said = command("report", "run", "--json")
-    assert (said.code, json.loads(said.out)["error"]) == (1, "enough")
-
-
 def test_coefficients__of_textures_have_short_labels():
     row = {"parameter": "K[a0.027777777777777776_b0.022222222222222223]", "mean": 56.4, "sd": 0.5}
     summary = pd.DataFrame([row | {"eti_lower": 55.6, "eti_upper": 57.2, "prob": 0.9}])
-    (shown,) = _rows(None, summary)
-    assert list(shown.values()) == ["K[a0.027778_b0.022222]", "56.40", "0.50", "55.60 to 57.20"]
+    (shown,) = _rounded(summary).to_numpy().tolist()
+    assert shown == ["K[a0.027778_b0.022222]", "56.40", "0.50", "55.60 to 57.20"]

@@ -12,36 +12,27 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, reading
 from ridgebayes.comparison.compare import compared
-from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import factors_by_method
-from ridgebayes.comparison.scores import LOO_COLUMNS
-from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY, weigh_pairs
 from ridgebayes.evidence.prior_sensitivity import scale_factors
-from ridgebayes.inference.presets import QUICK as LOOK
-from ridgebayes.model.noise import Noise
-from ridgebayes.model.observations import Observations
 from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.report import render_report
 from ridgebayes.request import Request
+from tests.drawn import model_of
 
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
 QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
 FORMS = (rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid())
+LOO_COLUMNS = ["form", "noise", "elpd", "se", "p", "n_bad_k", "stacking_weight"]
 # Log evidences of the 41 rows, tensor Gauss-Legendre quadrature to 2e-9, four decimals printed.
 REFERENCE = {"hybrid": 83.3869, "modified": 78.8628, "classic": 19.1987}
-
-
-@pytest.fixture(scope="module")
-def reversed_comparison(compare, paper):
-    return compare(paper, FORMS[::-1], rng=0, noise="iid")
 
 
 @pytest.fixture(scope="module")
 def pair(paper):
     """Two forms under two error models, walked too briefly."""
     few = rb.ContactTable.from_frame(paper.calibration.frame.query("Q <= 8"))
-    return rb.compare(few, [rb.Hybrid(), rb.Modified()], rng=1, accuracy=LOOK)
+    return rb.compare(few, [rb.Hybrid(), rb.Modified()], rng=1, accuracy="quick")
 
 
 def factors_of(comparison):
@@ -86,7 +77,7 @@ def odds(paper):
     """Two forms by rows that favour Hybrid by exp(4.5), 90 to 1: equal, and 200 to 1 against it."""
     asked = [rb.Modified(), rb.Hybrid()]
     return [
-        rb.compare(paper, asked, noise="iid", rng=1, accuracy=LOOK, prior_odds=prior)
+        rb.compare(paper, asked, noise="iid", rng=1, accuracy="quick", prior_odds=prior)
         for prior in (None, {"modified": 200.0})
     ]
 
@@ -133,15 +124,8 @@ def test_prior_odds__are_told_in_words_where_they_were_set(odds):
     ],
 )
 def test_prior_odds__that_make_no_sense_are_refused(paper, prior, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(rb.InputError, match=words):
         rb.compare(paper, rb.Modified(), noise="iid", prior_odds=prior)
-
-
-def test_evidence__that_of_importance_sampling_is_used(comparison):
-    used = comparison.evidence[comparison.evidence["used"]]
-    assert used["form"].tolist() == [form.name for form in FORMS]
-    assert set(used["method"]) == {"importance"}
-    assert comparison.evidence.loc[~comparison.evidence["used"], "model_probability"].isna().all()
 
 
 @pytest.mark.parametrize("method", ["importance", "bridge"])
@@ -164,12 +148,6 @@ def test_probabilities__are_the_softmax_of_the_used_evidences(comparison):
         assert math.isclose(share, weight[form] / sum(weight.values()), rel_tol=1e-12)
     assert math.isclose(sum(comparison.probabilities.values()), 1.0, rel_tol=1e-14)
     assert comparison.best == "hybrid"
-
-
-def test_probabilities__their_ratio_is_the_bayes_factor(comparison):
-    share = comparison.probabilities
-    for (a, b), ln_bf in factors_of(comparison).items():
-        assert math.isclose(math.log(share[a] / share[b]), ln_bf, rel_tol=1e-12)
 
 
 # --- Bayes factors --------------------------------------------------------------------------------
@@ -202,23 +180,8 @@ def test_bayes_factors__are_the_difference_of_the_log_evidences(comparison):
         assert math.isclose(10.0**row.log10_bf, math.exp(row.ln_bf), rel_tol=1e-12)
 
 
-def test_bayes_factors__turn_their_sign_with_the_order(comparison, reversed_comparison):
-    forward, backward = factors_of(comparison), factors_of(reversed_comparison)
-    assert {(b, a): -ln_bf for (a, b), ln_bf in backward.items()} == forward  # algebra: exact
-    same = comparison.bayes_factors.set_index(["form_a", "form_b"])
-    for row in reversed_comparison.bayes_factors.itertuples():
-        assert same.loc[(row.form_b, row.form_a), "reading"] == row.reading
-
-
-def test_bayes_factors__are_transitive(comparison):
-    ln_bf = factors_of(comparison)
-    for a, b, c in itertools.combinations([form.name for form in FORMS], 3):
-        # Algebra: three roundings of numbers up to 100.
-        assert abs(ln_bf[a, b] + ln_bf[b, c] - ln_bf[a, c]) < 1e-13
-
-
 def test_one_form__has_all_the_probability_and_no_factor(paper):
-    alone = rb.compare(paper, [rb.Modified()], noise="iid", accuracy=LOOK)
+    alone = rb.compare(paper, [rb.Modified()], noise="iid", accuracy="quick")
     assert alone.probabilities == {"modified": 1.0}
     assert list(alone.bayes_factors) == BAYES_FACTOR_COLUMNS
     assert len(alone.bayes_factors) == 0
@@ -254,11 +217,11 @@ def test_error_models__those_of_weight_have_posteriors(pair):
 def test_error_models__priors_are_of_forms_and_of_noise(paper):
     given = {"modified": {"c": rb.LogNormal(1.3, 0.2)}, "noise": {"sigma": rb.HalfNormal(0.1)}}
     forms = [rb.Hybrid(), rb.Modified()]
-    found = rb.compare(paper, forms, noise="iid", priors=given, accuracy=LOOK)
+    found = rb.compare(paper, forms, noise="iid", priors=given, accuracy="quick")
     seen = {name: fit.model.priors for name, fit in found.fits.items()}
     assert seen["modified"]["c"] == rb.LogNormal(1.3, 0.2)
     assert seen["modified"]["sigma"] == seen["hybrid"]["sigma"] == rb.HalfNormal(0.1)
-    with pytest.raises(InputError, match=r"priors: expected one of .*noise.*, got 'classic'"):
+    with pytest.raises(rb.InputError, match=r"priors: expected one of .*noise.*, got 'classic'"):
         rb.compare(paper, forms, noise="iid", priors={"classic": {}})
 
 
@@ -268,25 +231,15 @@ def test_error_models__priors_are_of_forms_and_of_noise(paper):
 @pytest.mark.parametrize(
     ("ln_bf", "se", "words"),
     [
-        (0.0, 0.0, "undecided"),
-        (0.999999, 0.0, "undecided"),
         (1.0, 0.0, "positive for a (Kass & Raftery)"),
-        (2.999999, 0.0, "positive for a (Kass & Raftery)"),
         (3.0, 0.0, "strong for a (Kass & Raftery)"),
-        (4.999999, 0.0, "strong for a (Kass & Raftery)"),
         (5.0, 0.0, "very strong for a (Kass & Raftery)"),
-        (1e4, 0.0, "very strong for a (Kass & Raftery)"),
         (-0.999999, 0.0, "undecided"),
         (-1.0, 0.0, "positive for b (Kass & Raftery)"),
-        (-3.0, 0.0, "strong for b (Kass & Raftery)"),
-        (-5.0, 0.0, "very strong for b (Kass & Raftery)"),
         # Within two standard errors of none, however large.
         (6.0, 3.0, "very strong for a (Kass & Raftery)"),
         (6.0, 3.000001, "undecided"),
-        (-6.0, 3.0, "very strong for b (Kass & Raftery)"),
         (-6.0, 3.000001, "undecided"),
-        (1.5, 0.75, "positive for a (Kass & Raftery)"),
-        (0.5, 1e-9, "undecided"),
         (math.nan, 0.1, "undecided"),
     ],
 )
@@ -302,7 +255,6 @@ def test_reading__ends_with_the_caution_of_the_error_model(ln_bf, words):
 
 
 def test_iid__every_factor_carries_the_caution(comparison):
-    assert Noise("iid").caution == "rows are not independent"
     assert comparison.bayes_factors["reading"].str.endswith("; rows are not independent").all()
 
 
@@ -323,30 +275,11 @@ def test_prior_sensitivity__covers_the_factors_of_every_scale_and_form(compariso
     assert frame["log_evidence"].notna().all()
 
 
-def test_prior_sensitivity__at_the_default_scale_is_the_evidence(comparison):
-    used = comparison.evidence[comparison.evidence["used"]].set_index("form")["log_evidence"]
-    for row in comparison.prior_sensitivity.query("factor == 1.0").itertuples():
-        assert math.isclose(row.log_evidence, used[row.form], rel_tol=1e-14)  # algebra
-
-
-def test_prior_sensitivity__a_scale_moves_only_forms_that_have_it(comparison):
-    owners = {
-        "c": {"classic", "modified", "hybrid"},
-        "c2": {"hybrid"},
-        "K": {"power-law"},
-        "sigma": {form.name for form in FORMS},
-    }
-    spread = comparison.prior_sensitivity.groupby(["prior", "form"])["log_evidence"].agg(np.ptp)
-    moved = {(prior, form) for (prior, form), width in spread.items() if width > 1e-3}
-    assert moved == {(prior, form) for prior, forms in owners.items() for form in forms}
-
-
 # --- predictive scores ----------------------------------------------------------------------------
 
 
 def test_loo__has_the_columns_of_the_contract(comparison):
     assert list(comparison.loo) == LOO_COLUMNS
-    assert LOO_COLUMNS == ["form", "noise", "elpd", "se", "p", "n_bad_k", "stacking_weight"]
     assert comparison.loo["form"].tolist() == [form.name for form in FORMS]
 
 
@@ -357,17 +290,9 @@ def test_loo__stacking_weights_sum_to_one_and_favour_the_best(comparison):
     assert weights.idxmax() == comparison.loo.set_index("form")["elpd"].idxmax() == "hybrid"
 
 
-def test_loo__effective_parameters_are_near_the_number_there_is(comparison, fits):
-    p = comparison.loo.set_index("form")["p"]
-    # Reference: asymptotically p is the number of parameters that are sampled, which K is not;
-    # forms that fit the rows come near.
-    for name in ("power-law", "modified", "hybrid"):
-        assert 0.5 < p[name] / fits[name].model.n_outer < 1.5
-
-
 def test_loo__without_row_likelihoods_is_an_empty_table(paper, monkeypatch):
     monkeypatch.setattr("ridgebayes.inference.posterior.MAX_LOG_LIKELIHOOD_SIZE", 0)
-    found = rb.compare(paper, [rb.Modified()], noise="iid", accuracy=LOOK)
+    found = rb.compare(paper, [rb.Modified()], noise="iid", accuracy="quick")
     assert list(found.loo) == LOO_COLUMNS
     assert len(found.loo) == 0
 
@@ -401,15 +326,6 @@ def test_predict__is_the_mix_by_probability(comparison):
     np.testing.assert_allclose(q.mean(), sum(parts), rtol=1e-13)
 
 
-def test_predict__passes_kind_and_poissons_ratio_on(comparison):
-    only = mixed(comparison, modified=1.0)
-    for kind in ("curve", "simulation"):
-        ours = only.predict(0.022, 0.02, 0.009, nu=0.3, kind=kind)
-        theirs = comparison.fits["modified"].predict(0.022, 0.02, 0.009, nu=0.3, kind=kind)
-        assert ours.kind == kind
-        assert ours.survival.tolist() == theirs.survival.tolist()
-
-
 def test_predict_load__is_the_mix_by_probability(comparison):
     fits, shares = comparison.fits, {"classic": 0.25, "hybrid": 0.75}
     load = mixed(comparison, **shares).predict_load(0.022, 0.02, Q=8)
@@ -420,12 +336,6 @@ def test_predict_load__is_the_mix_by_probability(comparison):
 
 
 # --- the record, and what goes wrong --------------------------------------------------------------
-
-
-def test_repr__names_the_table_and_each_probability(comparison):
-    assert repr(comparison).startswith("Comparison(")
-    for part in (comparison.table.where, "hybrid 0.98", "modified 0.01"):
-        assert part in repr(comparison)
 
 
 def test_complete__needs_every_form_fitted_and_converged(comparison, fits):
@@ -441,19 +351,14 @@ def test_complete__needs_every_form_fitted_and_converged(comparison, fits):
 @pytest.mark.parametrize("names", [[], ["hybrid", "classic", "hybrid"]])
 def test_forms__none_or_one_twice_is_refused(paper, names):
     forms = {"hybrid": rb.Hybrid(), "classic": rb.Classic()}
-    with pytest.raises(InputError, match="expected at least one, each once"):
+    with pytest.raises(rb.InputError, match="expected at least one, each once"):
         rb.compare(paper, [forms[name] for name in names], noise="iid")
 
 
 def test_half_plane__on_its_own_rows_is_refused_before_any_sampling(paper, monkeypatch):
     monkeypatch.setattr("ridgebayes.request.weigh_pairs", lambda *_, **__: pytest.fail("sampled"))
-    with pytest.raises(InputError, match=r"41 calibration rows.*that would be circular"):
+    with pytest.raises(rb.InputError, match=r"41 calibration rows.*that would be circular"):
         rb.compare(paper, [rb.Modified(), rb.HalfPlane()], noise="iid")
-
-
-def test_noise__of_another_name_is_refused(paper):
-    with pytest.raises(InputError, match=r"noise 'student': .*expected STRUCTURE"):
-        rb.compare(paper, [rb.Modified()], noise="student")
 
 
 def perfect_table():
@@ -478,24 +383,22 @@ def test_failure__is_named_and_the_other_forms_are_kept():
 
 def test_failure__of_every_form_is_an_error_that_says_each_reason():
     with pytest.raises(
-        ComputationError, match=r"no form has an evidence.*: modified: .*; hybrid: "
+        rb.ComputationError, match=r"no form has an evidence.*: modified: .*; hybrid: "
     ):
         rb.compare(perfect_table(), [rb.Modified(), rb.Hybrid()], settings=QUICK, noise="iid")
 
 
 def test_unconverged__is_kept_and_says_what_is_missing(paper):
     found = rb.compare(paper, [rb.Modified()], settings=QUICK, noise="iid")
-    assert isinstance(found, Comparison)
+    assert isinstance(found, rb.Comparison)
     assert not found.complete
     assert found.failures == {}
     assert found.fits["modified"].convergence_failures
 
 
 def test_unconverged__posteriors_that_are_averaged_count_too(paper):
-    noises = ["step", "texture+step"]
-    weighed = weigh_pairs(
-        Observations.from_table(paper), [rb.Hybrid()], [Noise.named(name) for name in noises]
-    )
+    models = [model_of(paper, rb.Hybrid(), noise) for noise in ("step", "texture+step")]
+    weighed = weigh_pairs(models[0].data, [rb.Hybrid()], [model.noise for model in models])
     posteriors = weighed.posteriors(["hybrid"], "step", 1_000)["hybrid"]
     lacking = replace(posteriors["texture+step"], convergence_failures=("c1: R-hat 1.2",))
     fit = rb.Fit.of(
@@ -520,11 +423,6 @@ def test_seed__same_numbers_again_and_others_for_another(paper):
     assert first.fits["modified"].draws.tolist() == single.fits["modified"].draws.tolist()
     for method in ("importance", "bridge"):
         assert other["modified", method] != alone["modified", method]
-
-
-def test_forms__do_not_share_their_random_numbers(paper):
-    fits = rb.compare(paper, [rb.Modified(), rb.Classic()], settings=QUICK, noise="iid").fits
-    assert fits["modified"].seed != fits["classic"].seed
 
 
 def test_stages__are_told_in_order_and_progress_names_what_is_under_way(paper):
@@ -570,9 +468,9 @@ def test_comparison__is_a_table_of_its_forms_and_a_picture(comparison):
 
 def test_compare__refuses_what_is_no_form_and_takes_a_single_name(paper):
     for bad in (3, [3], None):
-        with pytest.raises(InputError, match="form: expected a form, such as Hybrid"):
+        with pytest.raises(rb.InputError, match="form: expected a form, such as Hybrid"):
             rb.compare(paper, bad)
-    with pytest.raises(InputError, match="form 'nope': unknown; expected one of classic"):
+    with pytest.raises(rb.InputError, match="form 'nope': unknown; expected one of classic"):
         rb.compare(paper, "nope")
 
 
@@ -590,7 +488,7 @@ def test_verdict__of_forms_that_reach_the_same_loads_is_undecided(forms, best, c
     load = rb.Modified().load(Q, a, 8 * a, [c]) * np.exp(errors)
     rows = {"a_over_R": a.ravel(), "b_over_R": 8 * a.ravel(), "Q": Q.ravel()}
     table = rb.read_table(pd.DataFrame(rows | {"p_over_E": load.ravel()}))
-    found = rb.compare(table, forms, noise="iid", rng=1, accuracy=LOOK)
+    found = rb.compare(table, forms, noise="iid", rng=1, accuracy="quick")
     assert found.best == best
     assert found.verdict.ln_bf > 3  # at which it would be `supports`
     assert found.verdict.grade == "undecided"

@@ -9,9 +9,6 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.comparison.own_texture import own_texture
-from ridgebayes.inference.presets import QUICK
-from ridgebayes.model.forms import Modified
-from ridgebayes.model.noise import Noise
 
 
 def quantiles(table):
@@ -62,9 +59,9 @@ def test_table__is_what_predict_load_gives_at_any_pitch_and_poissons_ratio(
 )
 def test_table__scales_under_every_error_model(paper, noise):
     forms = [rb.Modified(), rb.Hybrid()]
-    compared = rb.compare(paper, forms, noise=noise, rng=1, accuracy=QUICK)
+    compared = rb.compare(paper, forms, noise=noise, rng=1, accuracy="quick")
     table = own_texture(compared).table
-    assert table["knows"] is ("texture" in Noise.named(noise).factors)
+    assert table["knows"] is ("texture" in noise)
     i, pitch, Q = 12, 0.037, [4, 8, 14]
     a = table["ratio"][i] * pitch
     loads, columns = compared.predict_load(a, pitch - a, Q), [table["Q"].index(one) for one in Q]
@@ -78,7 +75,7 @@ def test_table__scales_under_every_error_model(paper, noise):
 
 def test_table__has_no_load_where_draws_reach_no_further_ridge(paper):
     wide = {"hybrid": {"c2": "normal(-0.3, 0.01)"}}  # its rate is below 0 on narrow ridges
-    compared = rb.compare(paper, rb.Hybrid(), noise="iid", priors=wide, rng=1, accuracy=QUICK)
+    compared = rb.compare(paper, rb.Hybrid(), noise="iid", priors=wide, rng=1, accuracy="quick")
     table = own_texture(compared).table
     ratio, share = table["ratio"][0], np.array(table["prob"])
     reached = float(compared.predict_load(ratio, 1 - ratio, 8).cdf(1e9))
@@ -88,7 +85,7 @@ def test_table__has_no_load_where_draws_reach_no_further_ridge(paper):
 
 
 @dataclass(frozen=True)
-class Fixed(Modified):
+class Fixed(rb.Modified):
     """A form that knows a length of its own."""
 
     name = "fixed"
@@ -98,12 +95,12 @@ class Fixed(Modified):
 
 
 def test_table__is_left_out_and_says_why(paper, comparison):
-    own = rb.compare(paper, Fixed(), noise="iid", rng=1, accuracy=QUICK)
+    own = rb.compare(paper, Fixed(), noise="iid", rng=1, accuracy="quick")
     found = own_texture(own)
     assert found.table is None
     assert "fixed: expected loads that go with the square of the pitch" in found.why
     priors = {"power-law": {"K": "lognormal(60, 0.3)"}}
-    own = rb.compare(paper, "power-law", noise="iid", priors=priors, rng=1, accuracy=QUICK)
+    own = rb.compare(paper, "power-law", noise="iid", priors=priors, rng=1, accuracy="quick")
     found = own_texture(own)
     assert found.table is None
     assert "expected a prior of K that goes with the pitch" in found.why

@@ -6,7 +6,6 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
-from ridgebayes.errors import ComputationError
 from ridgebayes.inference import diagnostics
 from ridgebayes.inference.diagnostics import leave_one_out
 from ridgebayes.inference.left_out import AllRows
@@ -60,7 +59,7 @@ def test_loo_table__gives_no_score_where_too_many_rows_are_not_trusted(fit, fits
 
 def test_loo_table__gives_no_score_where_the_rest_has_no_posterior(fit, monkeypatch):
     def failing(self, left, seed):
-        raise ComputationError("no draws")
+        raise rb.ComputationError("no draws")
 
     monkeypatch.setattr(AllRows, "without", failing)
     found = loo_table({"power-law": fit})

@@ -77,12 +77,6 @@ def test_grade__without_sensitivity_rests_on_the_evidences_alone(ln_bf, grade):
     assert (found.grade, found.ln_bf_range) == (grade, (ln_bf, ln_bf))
 
 
-def test_form__is_the_most_probable_one_at_every_grade():
-    for ln_bf in (0.5, 2.5, 3.5, 50.0):
-        found = verdict({"hybrid": -1.0, "classic": 0.0, "modified": ln_bf})
-        assert (found.form, found.over) == ("modified", "classic")
-
-
 def test_one_form__has_no_verdict():
     assert verdict({"modified": 10.0}) is None
     failed = {
@@ -206,16 +200,6 @@ def test_error_model__under_which_the_best_form_has_no_evidence_leaves_it_undeci
     assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["ln_bf_range"][0] is None
 
 
-def test_error_model__under_which_only_the_best_form_has_an_evidence_is_no_hindrance():
-    values = under_two(0.2, -8.0)
-    del values["classic", "step"]
-    found = verdict(values)
-    assert (found.form, found.grade) == ("modified", "decisive")
-    assert found.ln_bf_range == (found.ln_bf, math.inf) or found.ln_bf_range[0] == 10.0
-    assert not math.isnan(found.ln_bf_range[1])
-    json.dumps(found.to_dict(), allow_nan=False)
-
-
 # --- forms that no row can tell apart -------------------------------------------------------------
 
 
@@ -266,11 +250,6 @@ def test_min_prior_probability__leads_to_a_posterior_one_of_95_per_cent(values):
     mine = p * math.exp(values[found.form])
     theirs = (1 - p) * np.mean(np.exp(others))
     assert mine / (mine + theirs) == pytest.approx(0.95, rel=1e-12)  # Bayes
-
-
-def test_min_prior_probability__of_an_overwhelming_lead_is_a_number():
-    assert 0 <= verdict({"a": 0.0, "b": 1e5}).min_prior_probability < 1e-300
-    assert verdict({"a": 0.0, "b": 0.0}).min_prior_probability == pytest.approx(0.95)
 
 
 def test_modified_and_power_law__are_alike_where_each_series_is_one_texture():

@@ -79,16 +79,6 @@ def test_edge_forces__of_a_single_flat_punch_have_their_closed_form():
     assert found.x.tolist() == pytest.approx([-c, c])
 
 
-def test_edge_forces__a_flat_punch_widens_at_the_cost_of_twice_G():
-    # dPi/dc of one ridge below the centre, by a fourth-order difference: 2 G.
-    W, c, step = 0.01, 0.01, 1e-4
-    found = edge_forces(solved(Profile(2 * c, 50.0, offset=0.5), W), NU)
-    widths = [2 * c * (1 + k * step) for k in (-2, -1, 1, 2)]
-    energy = np.array([potential(solved(Profile(w, 50.0, offset=0.5), W)) for w in widths])
-    slope = energy @ np.array([1, -8, 8, -1]) / (12 * step * c)
-    assert slope == pytest.approx(found.G.sum(), rel=1e-6)
-
-
 def test_edge_forces__round_corners_have_no_singularity_but_a_lateral_force():
     a, b, W, corner = 0.022, 0.02, 0.002, 0.002
     found = edge_forces(solved(Profile(a, b, corner=corner, offset=0.2), W), NU)
@@ -96,15 +86,3 @@ def test_edge_forces__round_corners_have_no_singularity_but_a_lateral_force():
     assert not found.G.any()
     sharp = edge_forces(solved(Profile(a, b, offset=0.2), W), NU)
     assert 0.01 * abs(sharp.lateral) < abs(found.lateral) < 10 * abs(sharp.lateral)
-
-
-def test_edge_forces__floors_are_numbered_by_the_ridge_to_their_left():
-    found = edge_forces(solved(Profile(0.012, 0.03, depth=3e-4), 0.004), 0.5)
-    floors = found.ridge[found.is_floor]
-    assert sorted(set(floors.tolist())) == [-3, -2, -1, 0, 1]
-    for number in set(floors.tolist()):
-        at = found.x[found.is_floor & (found.ridge == number)]
-        before = found.x[~found.is_floor & (found.ridge == number)]
-        after = found.x[~found.is_floor & (found.ridge == number + 1)]
-        assert before.max(initial=-1) < at.min()
-        assert at.max() < after.min(initial=1)

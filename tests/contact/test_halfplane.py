@@ -3,17 +3,14 @@ import math
 import numpy as np
 import pytest
 
+from ridgebayes import InputError
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.halfplane import (
-    StripSolution,
     smooth_load,
     solve_strips,
     transition_loads,
 )
-from ridgebayes.contact.intervals import Intervals, solve_pressure
 from ridgebayes.contact.logkernel import log_ellipse
-from ridgebayes.contact.ridge_row import RidgeRow
-from ridgebayes.errors import InputError
 
 # Loads of an independent solution of the same equation, nu = 0.5, rounded to 1e-10.
 REFERENCE = {
@@ -147,25 +144,6 @@ def test_error_falls_as_the_ellipse_says():
     assert slope == pytest.approx(-2.0 * log_ellipse(gap_ratio), rel=0.2)
 
 
-def test_coefficient_tails_and_pressures_are_those_of_collocation_at_the_same_loads():
-    """Against `intervals.solve_pressure`: no symmetry in a strip, no Galerkin, a given load."""
-    a, b, m = 1.0, 0.1, 10
-    found = solve_strips(2 * b / a, 3, m)
-    for k in (1, 2, 3):
-        left = np.arange(k) * (a + b) + 0.5 * b
-        load = 4 / math.pi * found.F[k - 1] * (a + b) ** 2
-        pressing = solve_pressure(Intervals(left, left + a, True), np.zeros((k, 1)), load, m + 20)
-        q, mean = pressing.coefficients, pressing.coefficients[:, 0].mean()
-        tail = np.abs(q[:, m - 2 : m]).max() / mean
-        # Discretisation: ten coefficients; the error is of the next two.
-        assert found.tail[k - 1] == pytest.approx(tail, rel=1e-3)
-        lowest = (
-            pressing.pressure_at_points().min(),
-            *(ends.min() / 0.5 for ends in pressing.singular),
-        )
-        assert found.smallest_pressure[k - 1] == pytest.approx(0.5 * min(lowest) / mean, abs=1e-3)
-
-
 @pytest.mark.parametrize("a_over_b", [0.01, 0.1, 1.0, 10.0, 100.0, 1000.0])
 def test_default_tolerance_is_kept(a_over_b):
     usual = transition_loads(a_over_b, 1.0, 4)
@@ -198,48 +176,6 @@ def test_what_is_over_the_cap_is_said(empty_cache, monkeypatch):
     assert all(status.startswith("not computed: 7 coeff") for status in loads.status[6:])
     assert np.all(np.isnan(loads.F[6:]))
     assert np.all(loads.n_coefficients[6:] == 0)
-
-
-def test_coefficients_are_raised_until_the_tolerance_holds(empty_cache, monkeypatch):
-    usual = transition_loads(5.0, 1.0, 4)
-    halfplane._table.cache_clear()
-    # An ellipse that promises too much: too few coefficients at first.
-    monkeypatch.setattr(halfplane, "log_ellipse", lambda gap_ratio: 3.0 * log_ellipse(gap_ratio))
-    raised = transition_loads(5.0, 1.0, 4)
-    assert raised.status == ("ok",) * 4
-    np.testing.assert_allclose(raised.F, usual.F, rtol=1e-8)  # discretisation: as asked
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"tail": 1.0}, "coefficient tail"),
-        ({"smallest_pressure": -0.1}, "pressure not positive"),
-        ({"F": 1.0}, "does not rise"),
-        ({"F": math.nan}, "not converged"),
-    ],
-)
-def test_each_failed_check_has_its_status(empty_cache, monkeypatch, change, said):
-    def solved(gap_ratio, n, m):
-        fields = {"F": np.arange(1.0, n + 1), "amplification": np.ones(n)}
-        fields |= {"tail": np.zeros(n), "smallest_pressure": np.ones(n)}
-        for name, value in change.items():
-            fields[name] = fields[name].copy()
-            fields[name][1] = value
-        return StripSolution(**fields)
-
-    monkeypatch.setattr(halfplane, "solve_strips", solved)
-    loads = transition_loads(1.0, 1.0, 2)
-    assert loads.status[0] == "ok"
-    assert said in loads.status[1]
-
-
-def test_a_matrix_that_rounding_spoiled_is_said(empty_cache, monkeypatch):
-    # A strip wider than its capacity allows: the logarithm changes sign and the matrix its signs.
-    monkeypatch.setattr(RidgeRow, "_matrix", lambda row, m: -1e6 * np.eye(row.n * m))
-    loads = transition_loads(1.0, 1.0, 4)
-    assert all("not positive definite" in status for status in loads.status)
-    assert np.all(np.isnan(loads.F))
 
 
 @pytest.mark.parametrize(

@@ -67,28 +67,6 @@ def recession_by_quadrature(found, x):
     return total
 
 
-@pytest.mark.parametrize("W", [1e-12, 1e-4, 0.1])
-def test_press__one_interval_of_hertz_half_width_is_hertz(W):
-    w = math.sqrt(2 * W)
-    found = solve_pressure(intervals_of((-w, w)), FLAT, W, 8)
-    # Rounding: of a solve of nine unknowns.
-    np.testing.assert_allclose(found.pressure(S)[0], w * (1 - S**2) / math.pi, atol=1e-13 * w)
-    assert found.approach == pytest.approx(0.25 * w**2 + W * math.log(2 / w), rel=1e-13)
-    assert np.abs(found.singular).max() < 1e-13 * W
-    assert np.abs(found.outward).max() < 1e-12 * w
-
-
-@pytest.mark.parametrize("factor", [1.0, 3.0, 100.0])
-def test_press__a_fixed_interval_is_the_flat_punch_and_the_parabola(factor):
-    w = 0.02
-    W = factor * 0.5 * w**2
-    found = solve_pressure(intervals_of((-w, w)), FLAT, W, 6)
-    # x^2/2 = w^2/4 (1 + T_2), and the flat punch is W/(pi w sqrt(1 - s^2)).
-    expected = (W - 0.5 * w**2 * (2 * S**2 - 1)) / (math.pi * w)
-    np.testing.assert_allclose(found.pressure(S)[0], expected, atol=1e-13 * W / w)  # rounding
-    assert found.load == pytest.approx(W, rel=1e-14)
-
-
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("alpha", [0.1, 0.02, 1e-3])
 def test_press__two_strips_are_their_closed_form(mirrored, alpha):
@@ -101,14 +79,6 @@ def test_press__two_strips_are_their_closed_form(mirrored, alpha):
     np.testing.assert_allclose(found.pressure(S)[-1], strength(S), rtol=rtol)
     assert found.approach == pytest.approx(approach, rel=1e-13)  # rounding
     assert found.load == pytest.approx(W, rel=1e-13)
-
-
-def test_press__the_free_end_of_two_strips_is_where_their_closed_form_says():
-    alpha, W = 0.02, 1e-3
-    beta = math.sqrt(alpha**2 + 2 * W)  # W = (beta^2 - alpha^2)/2
-    found = solve_pressure(intervals_of((alpha, beta), mirrored=True), FLAT, W, 40)
-    assert abs(found.singular[1][0]) < 1e-12 * W  # rounding
-    assert found.singular[0][0] > 0.1 * W
 
 
 def test_outward__is_newtons_step_and_gains_twice_the_digits():
@@ -132,35 +102,6 @@ def test_recession__is_the_integral_of_the_logarithm(mirrored, x):
     found = solve_pressure(intervals_of(*ends, mirrored=mirrored), height, 3e-3, 16)
     # Quadrature: scipy's own tolerance over an integrable logarithm.
     assert float(found.recession(x)) == pytest.approx(recession_by_quadrature(found, x), rel=1e-7)
-
-
-def test_press__the_body_lies_on_the_rigid_surface_between_collocation_points_too():
-    s = np.linspace(-1, 1, 101)
-    intervals = intervals_of((-0.05, -0.02), (-0.004, 0.004), (0.03, 0.06))
-    height = np.array([[0.0, 0.0, 0.0], [3e-4, 1e-5, 2e-5], [0.0, -1e-5, 0.0]])
-    found = solve_pressure(intervals, height, 4e-3, 24)
-    for centre, w, row in zip(intervals.centre, intervals.half_width, height, strict=True):
-        rigid = np.polynomial.chebyshev.chebval(s, row)
-        # Discretisation: exponential, decayed.
-        np.testing.assert_allclose(found.surface(centre + w * s), -rigid, atol=1e-13)
-
-
-def test_press__a_mirrored_half_is_the_whole():
-    height = np.array([[2e-4, 0.0, 1e-5], [0.0, 1e-5, 0.0]])
-    half = solve_pressure(
-        intervals_of((-0.01, 0.01), (0.03, 0.05), mirrored=True), height, 3e-3, 20
-    )
-    mirror = height[1] * [1, -1, 1]
-    ends = (-0.05, -0.03), (-0.01, 0.01), (0.03, 0.05)
-    whole = solve_pressure(intervals_of(*ends), np.stack([mirror, *height]), 3e-3, 40)
-    # Rounding: 1e-12 of the dense solve.
-    np.testing.assert_allclose(half.forces, whole.forces[1:], rtol=1e-12)
-    assert half.approach == pytest.approx(whole.approach, rel=1e-12)
-    np.testing.assert_allclose(half.pressure(S), whole.pressure(S)[1:], rtol=1e-10)
-    assert half.load == pytest.approx(3e-3, rel=1e-13)
-    assert np.array_equal(half.intervals.weight, [1.0, 2.0])
-    assert half.intervals.straddles
-    assert not whole.intervals.straddles
 
 
 @pytest.mark.parametrize("straddles", [False, True])
@@ -203,30 +144,6 @@ def test_press__its_error_falls_exponentially_in_the_coefficients():
     slope = np.polyfit(m, np.log(errors), 1)[0]
     # Discretisation: rho^-m or quicker (rho^-2m), rho that of the mirror image's edge.
     assert slope < -log_rho
-
-
-@pytest.mark.parametrize("beyond", [0.2, 1e-3, 1e-8])
-def test_press__ends_beyond_kinks_are_free_at_a_closed_load(beyond):
-    """x^2/2 and beyond |x| = c a parabola of curvature 1/r."""
-    w, r = 0.05, 0.01
-    c = w * (1 - beyond)
-    angle = math.asin(c / w)
-    W = 0.5 * w**2 + (w**2 * (0.5 * math.pi - angle) - c * w * math.cos(angle)) / (math.pi * r)
-    intervals = intervals_of((-w, w))
-    found = solve_pressure(intervals, FLAT, W, 10, kinks_of(intervals, [c], r))
-    # Rounding: of sums in closed form.
-    assert np.abs(found.singular).max() < 1e-13 * found.coefficients[0, 0]
-    assert np.abs(found.outward).max() < 1e-12 * w
-    assert found.load == pytest.approx(W, rel=1e-13)
-
-
-def test_tail__is_what_neighbours_add_not_what_a_kink_has():
-    intervals = intervals_of((-0.05, 0.05))
-    alone = solve_pressure(intervals, FLAT, 4e-3, 10, kinks_of(intervals, [0.04], 0.01))
-    assert alone.tail < 1e-12  # rounding: it has no neighbours
-    near = solve_pressure(intervals_of((-0.06, -0.001), (0.001, 0.06)), np.zeros((2, 1)), 4e-3, 6)
-    far = solve_pressure(intervals_of((-0.06, -0.03), (0.03, 0.06)), np.zeros((2, 1)), 4e-3, 6)
-    assert near.tail > 1e-2 > 1e-3 > far.tail
 
 
 def test_surface_by_load__is_the_difference_of_two_loads_at_the_same_ends():

@@ -46,14 +46,6 @@ def test_strengths__are_the_sums_of_all_orders():
     np.testing.assert_allclose(few.strengths(at), expected, rtol=0, atol=1e-6)
 
 
-def test_slopes__are_the_second_derivatives_of_strengths_at_the_ends():
-    step = 1e-3
-    ends, beside = np.array([math.pi, 0.0]), np.array([math.pi - step, step])
-    expected = 2 * (KINKS.strengths(ends) - KINKS.strengths(beside)) / step**2
-    # Order: second in the step, over the angle of the thinnest layer, 0.01.
-    np.testing.assert_allclose(np.stack(KINKS.slopes(), axis=1), expected, rtol=0.01, atol=1e-5)
-
-
 @pytest.mark.parametrize("s", [-40.0, -20.0, -3.0, -1.2, -0.9, 0.0, 0.5, 0.99, 1.01, 1.5, 30.0])
 def test_harmonic__is_the_series_and_the_surface_within(s):
     z = math.exp(-math.acosh(max(abs(s), 1.0)))

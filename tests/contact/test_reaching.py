@@ -34,19 +34,6 @@ def test_reaching_loads__are_those_of_the_galerkin_solution(a, b):
     np.testing.assert_allclose(found.W, W, rtol=2e-8)
 
 
-@pytest.mark.parametrize("k", [1, 2, 3])
-def test_nearest_gap__vanishes_at_the_galerkin_loads_by_plain_root_finding(k):
-    W, profile = covered_loads(A, B, 3), Profile(A, B)
-
-    def gap(load):
-        found = solve_contact(profile, load, ridges=range(-k, k))
-        assert found.status == "ok"
-        return found.nearest_gaps([profile.ridge(k)])[1][0]
-
-    root = optimize.brentq(gap, 0.9 * W[k - 1], 1.1 * W[k - 1], xtol=1e-14, rtol=1e-13)
-    assert root == pytest.approx(W[k - 1], rel=1e-7)  # tolerance
-
-
 @pytest.mark.parametrize(("a", "b"), [(0.012, 0.03), (0.2, 0.01), (1e-4, 0.05)])
 def test_reaching_loads__the_first_pair_has_a_closed_load(a, b):
     """In t = x^2 two ridges are one punch: W = w sinh(tau)/tau, t = middle + w cosh(tau)."""
@@ -136,19 +123,6 @@ def test_reaching_loads__go_on_where_contact_covers_a_round_corner(share):
     assert apart[4:].max() < 2e-3
 
 
-@pytest.mark.slow
-def test_reaching_loads__small_corners_tend_to_sharp_ones():
-    sharp = reaching_loads(Profile(A, B), W_max=2e-3).W
-    misses = []
-    for corner in (1e-3, 1e-4, 1e-5):
-        found = reaching_loads(Profile(A, B, corner=corner), W_max=2e-3, rel_tol=1e-6)
-        assert set(found.status) == {"ok"}
-        misses.append(np.abs(found.W / sharp - 1).max())
-    # Order: between the corner and its root; two effects of opposite sign nearly cancel at 1e-4.
-    assert misses[0] < 0.02
-    assert misses[2] < 0.5 * misses[1] < 0.25 * misses[0]
-
-
 def test_reaching_loads__of_narrow_grooves_between_round_ridges_are_all_found():
     """Corners keep contacts apart where grooves have no width: loads have a limit."""
     found = [
@@ -203,8 +177,3 @@ def test_reaching_loads__stop_at_the_most_events_asked_for():
     many = reaching_loads(Profile(A, B), W_max=W_MAX)
     np.testing.assert_allclose(few.W, many.W[:2], rtol=1e-8)  # tolerance
     assert len(many.W) > 2
-
-
-def test_reaching_loads__none_below_a_small_load():
-    found = reaching_loads(Profile(A, B), W_max=1e-6)
-    assert (found.W.shape, found.Q.shape, found.status) == ((0,), (0,), ())

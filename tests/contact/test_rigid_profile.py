@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from ridgebayes import InputError
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import InputError
 
 A, B = 0.012, 0.03
 
@@ -34,16 +34,6 @@ A, B = 0.012, 0.03
 def test_profile__a_value_that_breaks_its_rule_is_named(name, value):
     with pytest.raises(InputError, match=rf"^{name} = .*; expected "):
         Profile(**({"a": A, "b": B} | {name: value}))
-
-
-def test_profile__the_ends_of_each_rule_are_kept():
-    assert Profile(A, B, depth=math.inf, corner=0.5 * A, offset=-0.5).pitch == A + B
-    # As deep as round corners are: their parabola falls by half the radius.
-    assert Profile(A, B, depth=0.25 * A, corner=0.5 * A).depth == 0.25 * A
-    with pytest.raises(
-        InputError, match=r"^depth = .*; expected at least half the corners' radius"
-    ):
-        Profile(A, B, depth=0.2499 * A, corner=0.5 * A)
 
 
 @pytest.mark.parametrize("offset", [-0.5, -0.3, 0.0, 0.2, 0.5])

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from ridgebayes._types import NEO_HOOKEAN
-from ridgebayes.contact import smooth
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.smooth import half_width, half_widths, stiffening
 from ridgebayes.contact.two_scale import width_ratio
@@ -44,25 +43,6 @@ def test_half_widths__narrow_as_the_body_stiffens():
     # Order: in proportion to a small share, and less than that to a large one.
     assert 10.0 < half / few < 25.0
     assert half > 0.07
-
-
-@pytest.mark.long
-def test_stiffening__ends_where_there_is_no_equilibrium(monkeypatch):
-    monkeypatch.setattr(smooth, "_LOADS", {0.11: (0.06, 0.07, 0.08, 0.09, 0.1), 0.52: (0.2,)})
-    monkeypatch.setattr(smooth, "_EDGES", 10.0)
-    whole = smooth.half_widths
-
-    def some(body, loads):
-        if 0.2 in loads:
-            raise smooth.NotConvergedError("no equilibrium")
-        return whole(body, loads)
-
-    monkeypatch.setattr(smooth, "half_widths", some)
-    found, reach = stiffening(0.5, STIFF)
-    assert reach == 0.1
-    assert found[0] == 0.0
-    monkeypatch.setattr(smooth, "_LOADS", {0.52: (0.2,)})
-    assert stiffening(0.5, STIFF)[1] == 0.0
 
 
 @pytest.mark.long

@@ -34,39 +34,6 @@ def coarsest():
     return pd.DataFrame(rows).set_index(["elements", "edges", "nu", "p_over_E"])
 
 
-def test_moment_width__of_hertzs_pressure_is_its_half_width():
-    breaks = np.linspace(0.0, 0.5, 2001)
-    inside = np.minimum(breaks / 0.4321, 1.0)
-    force = 0.5 * (inside * np.sqrt(1 - inside**2) + np.arcsin(inside))
-    # Order: the second moment of a pressure constant on segments.
-    assert ORDERS.moment_width(breaks, np.diff(force)) == pytest.approx(0.4321, rel=1e-6)
-
-
-@pytest.mark.parametrize("near", [0.42, 0.4321])
-def test_gap_width__ends_where_hertzs_gap_does(near):
-    x = np.linspace(0.3, 0.6, 120)
-    beside = np.maximum(x / 0.4321, 1.0)
-    gap = beside * np.sqrt(beside**2 - 1) - np.arccosh(beside)
-    # Discretisation: what a cubic leaves of a function that is smooth there.
-    assert ORDERS.gap_width(x, gap, near) == pytest.approx(0.4321, rel=1e-5)
-
-
-def test_ripple__is_what_is_not_smooth():
-    x = np.linspace(0.0, 1.0, 400)
-    pressure = np.sqrt(1 - x**2) * (1 + 0.03 * np.cos(200 * x))
-    assert ORDERS.ripple(x, pressure, 1.0) == pytest.approx(0.03, rel=0.05)
-
-
-def test_refined__cuts_elements_in_four_on_the_same_nodes():
-    coarse = ORDERS.press("quadratic", 0.5, 0, 0.11, ())[0].problem.solid.mesh
-    fine = ORDERS.refined(coarse, 1)
-    assert fine.mesh.t.shape[1] == 4 * coarse.mesh.t.shape[1]
-    np.testing.assert_allclose(np.hypot(*fine.points[fine.rim.ravel()].T), 1.0, rtol=1e-12)
-    ends = fine.points[np.append(fine.rim[:, 0], fine.rim[-1, 2])]
-    nodes = coarse.points[np.append(coarse.rim[:, :2], coarse.rim[-1, 2])]
-    np.testing.assert_allclose(ends, nodes, atol=1e-9)  # the grid on which corners are joined
-
-
 def test_pressures__ripple_only_where_the_rim_is_not_that_of_the_elements(coarsest):
     # Two thirds of an even pressure on middle nodes that bear half: some percent on any mesh.
     ripple = coarsest["ripple"]

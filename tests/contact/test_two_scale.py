@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ridgebayes import InputError
 from ridgebayes._types import NEO_HOOKEAN
 from ridgebayes.contact import halfplane, hertz, two_scale
 from ridgebayes.contact.contact_solution import load_factor
@@ -19,7 +20,6 @@ from ridgebayes.contact.two_scale import (
     relative_error,
     width_ratio,
 )
-from ridgebayes.errors import InputError
 from ridgebayes.table.datafiles import CALCULIX_FE, CYLINDER_SWEEP, data_path
 
 

@@ -1,8 +1,7 @@
 import pytest
 
-from ridgebayes.distributions.auto import AutoLogNormal, at_place
-from ridgebayes.distributions.bounded import Truncated, Uniform
-from ridgebayes.distributions.distribution import LogNormal, Normal
+from ridgebayes import LogNormal, Normal, Truncated, Uniform
+from ridgebayes.distributions.auto import at_place
 from ridgebayes.distributions.grammar import parse_distribution, priors_from_json, priors_to_json
 
 
@@ -22,8 +21,3 @@ def test_text__has_its_median_settled_at_a_place_also_from_a_file(text, settled)
     (back,) = priors_from_json(priors_to_json({"K": prior})).values()
     assert back == prior
     assert at_place(settled, 3.0) == settled
-
-
-def test_place__is_open_until_it_is_settled():
-    assert parse_distribution("lognormal(auto, 10 %)", auto=True) == AutoLogNormal(1.0, 0.1)
-    assert AutoLogNormal(1.0, 0.1) != LogNormal(1.0, 0.1)

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from ridgebayes.distributions.bounded import Truncated, Uniform
-from ridgebayes.distributions.distribution import Gamma, LogNormal, Normal
-from ridgebayes.errors import InputError
-from ridgebayes.model.joint_prior import JointPrior
+from ridgebayes import Gamma, InputError, LogNormal, Normal, Truncated, Uniform
 
 CASES = [
     (Uniform(-1.0, 3.0), stats.uniform(-1.0, 4.0)),
@@ -53,24 +50,6 @@ def test_score__inverts_value_at_and_slope_at_is_its_derivative(own, oracle):
     # Density and transform belong together.
     log_density = stats.norm.logpdf(u) - np.log(own.slope_at(u, x))
     np.testing.assert_allclose(own.log_pdf(x), log_density, atol=1e-9)
-
-
-def test_value_at__stays_between_the_bounds_however_far_out():
-    u = np.array([-200.0, -40.0, 40.0, 200.0])
-    for own, _ in CASES:
-        x = own.value_at(u)
-        assert np.all((x >= own.support[0]) & (x <= own.support[1]))
-
-
-def test_joint_prior__takes_bounded_ones_among_others():
-    priors = [LogNormal(1.0, 0.1), Uniform(0.0, 2.0), CASES[1][0], Uniform(1.0, 2.0)]
-    joint, u = JointPrior(priors), np.random.default_rng(1).standard_normal((7, 4))
-    theta = joint.at_scores(u)
-    for i, prior in enumerate(priors):
-        np.testing.assert_array_equal(theta[:, i], prior.value_at(u[:, i]))
-    np.testing.assert_allclose(joint.scores(theta), u, atol=1e-12)  # rounding
-    alone = sum(prior.log_pdf(theta[:, i]) for i, prior in enumerate(priors))
-    np.testing.assert_allclose(joint.log_pdf(theta), alone, rtol=1e-14)
 
 
 @pytest.mark.parametrize(

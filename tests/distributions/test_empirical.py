@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from ridgebayes.distributions.empirical import Empirical, read_sample
-from ridgebayes.errors import InputError
+from ridgebayes import Empirical, InputError
+from ridgebayes.distributions.empirical import read_sample
 
 
 @pytest.fixture(scope="module", params=["log-normal", "normal"])
@@ -36,19 +36,6 @@ def test_density__is_that_of_the_transform_and_integrates_to_one(sample):
         for low, high in itertools.pairwise(edges)
     ]
     assert sum(pieces) == pytest.approx(1, abs=1e-7)  # discretisation: quad's own tolerance
-
-
-def test_rvs__have_the_samples_mean_and_sd(sample):
-    draws = Empirical.of(sample).rvs(np.random.default_rng(2), 200_000)
-    # Monte Carlo: the sample's own error is 0.02 sd.
-    assert draws.mean() == pytest.approx(sample.mean(), abs=0.02 * sample.std())
-    assert draws.std() == pytest.approx(sample.std(), rel=0.03)
-
-
-def test_log_pdf__of_a_positive_sample_is_minus_infinity_off_the_support():
-    own = Empirical.of(np.linspace(1.0, 2.0, 50))
-    assert np.all(own.log_pdf(np.array([-1.0, 0.0])) == -np.inf)
-    assert np.isfinite(own.log_pdf(np.array([1.5])))
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,6 @@ from matplotlib.axes import Axes
 
 import ridgebayes as rb
 from ridgebayes.drawing import records
-from ridgebayes.predict.q_distribution import QDistribution
-from ridgebayes.scene.estimates import plan
 from tests.drawn import loads_of
 
 SURVIVAL = np.array([[1.0, 0.75, 0.25], [1.0, 1.0, 0.5]])
@@ -23,7 +21,7 @@ def _without_a_display():
 def q_distribution():
     places = {"a_over_R": 0.02, "b_over_R": 0.01, "nu": 0.5, "p_over_E": np.array([0.01, 0.02])}
     places = {name: np.broadcast_to(value, 2) for name, value in places.items()}
-    return QDistribution(SURVIVAL, np.zeros(2, np.uint8), 6, "simulation", places=places)
+    return rb.QDistribution(SURVIVAL, np.zeros(2, np.uint8), 6, "simulation", places=places)
 
 
 def load_distribution(log_mean=-5.0):
@@ -32,9 +30,9 @@ def load_distribution(log_mean=-5.0):
 
 DRAWN = {
     "table": rb.paper_sweep,
-    "plan": lambda: plan(rb.Scene.of([(0.02, 0.03)]))[0],
+    "plan": lambda: rb.plan(rb.Scene.of([(0.02, 0.03)]))[0],
     "counts": q_distribution,
-    "count": lambda: QDistribution(SURVIVAL[0], np.zeros((), np.uint8), 6, "curve"),
+    "count": lambda: rb.QDistribution(SURVIVAL[0], np.zeros((), np.uint8), 6, "curve"),
     "load": load_distribution,
 }
 

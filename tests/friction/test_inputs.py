@@ -2,7 +2,6 @@
 
 import json
 import tracemalloc
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,19 +9,15 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.contact import two_scale
-from ridgebayes.contact.axes import Spread
-from ridgebayes.errors import InputError
 from ridgebayes.friction.files import write_inputs
 from ridgebayes.friction.inputs import SMALL_STRAIN, InputDraws
 from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.predict.joint_draws import MOST_TEXTURES, PredictiveSampler, textures_of
 from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.predict.q_distribution import mix_q
-from ridgebayes.results import Fit
-from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.scene.scene import Texture
 from tests.drawn import drawn_posterior
 
 A, B = 0.022, 0.02
@@ -40,7 +35,7 @@ def average(paper):
     noises["classic"] = "step:student"
     data = Observations.from_table(paper)
     models = [Model(data, form_named(form), Noise.named(noise)) for form, noise in noises.items()]
-    parts = [Fit.of(drawn_posterior(model, n_draw=128, n_point=16)) for model in models]
+    parts = [rb.Fit.of(drawn_posterior(model, n_draw=128, n_point=16)) for model in models]
     return SimpleNamespace(averaged=list(zip(parts, (0.4, 0.3, 0.2, 0.1), strict=True)))
 
 
@@ -72,43 +67,11 @@ def test_friction_inputs__counts_are_those_of_predict(average, texture):
     # Where one of the forms is in two minds.
     hybrid = predict_load(average.averaged[0][0], *texture, np.array([4, 4, 6, 8, 10]), nu=nu)
     loads = hybrid.median() * [0.98, 1.0, 1.0, 1.0, 1.1]
-    drawn = rb.friction_inputs(average, Scene.of([texture], nu=nu), loads, n=n, rng=2)
+    drawn = rb.friction_inputs(average, rb.Scene.of([texture], nu=nu), loads, n=n, rng=2)
     q = predicted(average, *texture, loads, nu)
     assert_frequencies((drawn["Q"].values[..., None] == q.q).mean(axis=0), q.pmf, n)
     assert set(drawn["form"].values) == {"hybrid", "power-law", "modified", "classic"}
     assert np.all(np.diff(drawn["Q"].values, axis=1) >= 0)
-
-
-def sampler_of(fit, textures):
-    seen = Spread(MOST_TEXTURES)
-    seen.add(textures)
-    return PredictiveSampler(fit, seen)
-
-
-@pytest.mark.slow
-def test_sampler__of_many_textures_draws_what_predict_says_of_each(average):
-    rng, n = np.random.default_rng(4), 60
-    a, b = (width * np.exp(0.1 * rng.standard_normal(n)) for width in (A, B))
-    nu = np.where(np.arange(n) % 2, 0.5, 0.3)
-    p = (rng.uniform(0.95, 1.3, n) * (a + b) / 1.382) ** 2
-    index, textures = np.repeat(np.arange(n), 400), textures_of(a, b)
-    for fit, _ in average.averaged:
-        drawn = sampler_of(fit, textures).draw(textures[index], p[index, None], nu[index], rng)
-        pmf = predict_q(fit, a, b, p, nu=nu).pmf.mean(axis=0)
-        counts = (2 + 2 * np.arange(len(pmf)) == drawn.Q).mean(axis=0)
-        assert_frequencies(counts, pmf, len(index))
-
-
-def test_sampler__student_tails_reach_no_further_than_the_body(average):
-    fit = average.averaged[3][0]
-    heavy = replace(fit, others={})
-    heavy.draws[:, -1] = 0.2  # degrees of freedom: nearly anything may happen
-    assert fit.noise.tail == "student"
-    textures = textures_of(*np.full((2, 2_000), 0.1))
-    drawn = sampler_of(heavy, textures).draw(
-        textures, np.full((2_000, 1), 0.01), np.full(2_000, 0.5), np.random.default_rng(1)
-    )
-    assert drawn.Q.max() == 2 + 2 * int(0.95 / 0.2)
 
 
 def random_scene(rng, kind):
@@ -122,7 +85,7 @@ def random_scene(rng, kind):
         texture |= {"ridge_width": f"lognormal({a}, 5 %)", "groove_width": f"lognormal({b}, 5 %)"}
     load = float(rng.uniform(0.5, 8)) * (a + b) ** 2
     body = {"poissons_ratio": float(rng.uniform(0, 0.5))}
-    return Scene.from_dict({"body": body, "texture": texture, "load": {"p_over_E": load}}), load
+    return rb.Scene.from_dict({"body": body, "texture": texture, "load": {"p_over_E": load}}), load
 
 
 # Of ten scenes one has widths that are drawn, so many that their contacts are interpolated between
@@ -139,7 +102,7 @@ def test_friction_inputs__contacts_are_those_of_their_scenes(fit, n_scene):
         error, at = drawn.attrs["contact_relative_error"], float(one["p_over_E_mechanics"])
         widths = {name: float(one[name]) for name in ("a_over_R", "b_over_R")}
         texture = scene.textures[0].model_copy(update=widths)
-        own = Scene(textures=(texture,), nu=scene.nu)
+        own = rb.Scene(textures=(texture,), nu=scene.nu)
         solver = "two-scale" if own.nu >= 0.3 else "half-plane"
         found = rb.contact_at_loads(own, [at], solver=solver, rel_tol=1e-8).iloc[0]
         assert found["Q"] == int(one["Q"])
@@ -159,7 +122,7 @@ def test_friction_inputs__contacts_are_those_of_their_scenes(fit, n_scene):
 def test_friction_inputs__edges_are_those_of_edge_forces_scaled_to_the_load(fit):
     # Beside a transition, so that some draws have a count that the mechanics has at another load.
     load = 0.00905
-    drawn = rb.friction_inputs(fit, Scene.of([(A, B)]), [load], n=400, rng=1, edges=True)
+    drawn = rb.friction_inputs(fit, rb.Scene.of([(A, B)]), [load], n=400, rng=1, edges=True)
     error = drawn.attrs["contact_relative_error"]
     for one in (
         drawn.isel(draw=int(np.argmin(drawn["Q"].values)), load=0),
@@ -167,7 +130,7 @@ def test_friction_inputs__edges_are_those_of_edge_forces_scaled_to_the_load(fit)
     ):
         count = int(one["Q"])
         at = float(two_scale.half_plane_load(float(one["p_over_E_mechanics"])))
-        exact = rb.edge_forces(Scene.of([(A, B)]), [at])
+        exact = rb.edge_forces(rb.Scene.of([(A, B)]), [at])
         scale = load / at
         for name, column, factor in (
             ("edge_x", "x_over_R", 1.0),
@@ -183,7 +146,7 @@ def test_friction_inputs__edges_are_those_of_edge_forces_scaled_to_the_load(fit)
 
 
 def test_friction_inputs__of_a_largely_deformed_body_are_flagged_where_nothing_was_checked(fit):
-    drawn = rb.friction_inputs(fit, Scene.of([(A, B)]), [0.019, 0.3, 0.4], n=20, rng=7)
+    drawn = rb.friction_inputs(fit, rb.Scene.of([(A, B)]), [0.019, 0.3, 0.4], n=20, rng=7)
     assert not drawn["extrapolation"][:, 0].any()
     flags = drawn["extrapolation_of"].values
     assert ["strain" in text for text in flags[0]] == [False, False, True]
@@ -193,7 +156,7 @@ def test_friction_inputs__of_a_largely_deformed_body_are_flagged_where_nothing_w
 
 
 def test_friction_inputs__tell_units_provenance_and_extrapolation(fit):
-    scene = Scene.of([(A, B)], p_over_E=0.0155).model_copy(update={"nu": 0.29})
+    scene = rb.Scene.of([(A, B)], p_over_E=0.0155).model_copy(update={"nu": 0.29})
     drawn = rb.friction_inputs(fit, scene, 31, n=50, rng=7)
     assert drawn["load"].values.tolist() == pytest.approx([i / 31 for i in range(1, 32)])
     np.testing.assert_allclose(drawn["p_over_E"][0], 0.0155 * drawn["load"])
@@ -211,14 +174,14 @@ def test_friction_inputs__tell_units_provenance_and_extrapolation(fit):
 
 
 def test_friction_inputs__the_same_seed_gives_the_same_draws(fit):
-    scene = Scene.of([(A, B)])
+    scene = rb.Scene.of([(A, B)])
     one, same, other = (rb.friction_inputs(fit, scene, 3, n=60, rng=s) for s in (1, 1, 2))
     assert one.identical(same)
     assert not one["draw_index"].equals(other["draw_index"])
 
 
 def test_input_draws__keep_nothing_of_a_draw(fit):
-    scene = Scene.from_dict(
+    scene = rb.Scene.from_dict(
         {
             "body": {"poissons_ratio": "uniform(0.3, 0.5)"},
             "texture": {"ridge_width": A, "groove_width": f"normal({B}, 3 %)", "offset": 0.1},
@@ -241,23 +204,10 @@ def test_input_draws__keep_nothing_of_a_draw(fit):
 def test_input_draws__need_callables_that_draw_with_their_generator(fit):
     own = iter(np.linspace(0.9, 1.1, 4000) * B)
     texture = {"ridge_width": A, "groove_width": lambda _: next(own)}
-    scene = Scene.from_dict({"texture": texture, "load": {"p_over_E": 0.002}})
+    scene = rb.Scene.from_dict({"texture": texture, "load": {"p_over_E": 0.002}})
     draws = InputDraws(fit, scene, 1, n=40, rng=1)
-    with pytest.raises(InputError, match="a callable that draws with the generator it is given"):
+    with pytest.raises(rb.InputError, match="a callable that draws with the generator it is given"):
         list(draws.blocks())
-
-
-def test_write_inputs__parquet_has_groups_of_many_blocks(fit, tmp_path, monkeypatch):
-    from pyarrow import parquet
-
-    monkeypatch.setattr("ridgebayes.friction.inputs._BLOCK", 5)
-    monkeypatch.setattr("ridgebayes.friction.files._GROUP", 18)
-    draws = InputDraws(fit, Scene.of([(A, B)]), 2, n=23, rng=1)
-    write_inputs(draws.blocks(), tmp_path / "x.parquet")
-    file = parquet.ParquetFile(tmp_path / "x.parquet")
-    sizes = [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)]
-    assert sizes == [20, 20, 6]
-    assert file.read()["draw"].to_pylist() == np.repeat(np.arange(23), 2).tolist()
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".csv", ".parquet"])
@@ -266,8 +216,8 @@ def test_write_inputs__blocks_are_the_whole(fit, tmp_path, monkeypatch, suffix):
     import xarray as xr
 
     monkeypatch.setattr("ridgebayes.friction.inputs._BLOCK", 7)
-    make = lambda: InputDraws(fit, Scene.of([(A, B)]), 2, n=20, rng=1, edges=True)  # noqa: E731
-    whole = rb.friction_inputs(fit, Scene.of([(A, B)]), 2, n=20, rng=1, edges=True)
+    make = lambda: InputDraws(fit, rb.Scene.of([(A, B)]), 2, n=20, rng=1, edges=True)  # noqa: E731
+    whole = rb.friction_inputs(fit, rb.Scene.of([(A, B)]), 2, n=20, rng=1, edges=True)
     target = tmp_path / f"x{suffix}"
     write_inputs(make().blocks(), target)
     if suffix == ".nc":
@@ -285,24 +235,26 @@ def test_write_inputs__blocks_are_the_whole(fit, tmp_path, monkeypatch, suffix):
 def test_write_inputs__netcdf_of_too_many_draws_is_refused_at_once(fit, tmp_path, monkeypatch):
     monkeypatch.setattr("ridgebayes.friction.files.LARGEST_NETCDF", 10_000)
     monkeypatch.setattr("ridgebayes.friction.inputs._BLOCK", 7)
-    draws = InputDraws(fit, Scene.of([(A, B)]), 2, n=1_000, rng=1)
-    with pytest.raises(InputError, match=r"x.nc: 1,000 draws of .* expected at most \d+ in NetCDF"):
+    draws = InputDraws(fit, rb.Scene.of([(A, B)]), 2, n=1_000, rng=1)
+    with pytest.raises(
+        rb.InputError, match=r"x.nc: 1,000 draws of .* expected at most \d+ in NetCDF"
+    ):
         write_inputs(draws.blocks(), tmp_path / "x.nc")
     assert not list(tmp_path.iterdir())
 
 
 def test_friction_inputs__bad_input_is_one_clear_error(fit, tmp_path):
-    scene = Scene.of([(A, B)])
-    two = Scene.of([(A, B), (B, A)])
+    scene = rb.Scene.of([(A, B)])
+    two = rb.Scene.of([(A, B), (B, A)])
     for wanted, given, words in (
         (two, {}, "expected one texture, got 2"),
         (scene, {"loads": [0.01, -1.0]}, "loads: expected .* got -1.0"),
         (scene, {"loads": ["x"]}, "loads: expected a number of loads"),
         (scene, {"loads": 0}, "loads: expected 1 to"),
         (scene, {"n": 0}, "n: expected a whole number"),
-        (Scene(textures=(Texture(a_over_R=A, b_over_R=B, offset=0.5),)), {}, "counts are odd"),
+        (rb.Scene(textures=(Texture(a_over_R=A, b_over_R=B, offset=0.5),)), {}, "counts are odd"),
     ):
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(rb.InputError, match=words):
             rb.friction_inputs(fit, wanted, **given)
-    with pytest.raises(InputError, match=r"expected a file of .nc, .parquet, .csv"):
+    with pytest.raises(rb.InputError, match=r"expected a file of .nc, .parquet, .csv"):
         write_inputs(rb.friction_inputs(fit, scene, 1, n=2), tmp_path / "x.xlsx")

@@ -4,7 +4,6 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.errors import InputError
 
 GOOD = {"a_over_R": [0.022, None], "b_over_R": [0.02, None], "p_over_E": 0.01, "mu": [0.8, 1.1]}
 
@@ -37,7 +36,7 @@ def test_read__one_message_lists_every_bad_cell(tmp_path):
         "0.02,0.02,0.01,-0.5,inf,fit\n"
         ',,"1,5",,0,held-out\n'
     )
-    with pytest.raises(InputError) as error:
+    with pytest.raises(rb.InputError) as error:
         rb.read_friction_table(path)
     words = str(error.value)
     assert "10 values in 5 rows break the rules" in words
@@ -57,9 +56,9 @@ def test_read__one_message_lists_every_bad_cell(tmp_path):
 
 
 def test_read__refuses_what_is_no_table(tmp_path):
-    with pytest.raises(InputError, match="missing columns p_over_E, mu"):
+    with pytest.raises(rb.InputError, match="missing columns p_over_E, mu"):
         rb.read_friction_table(pd.DataFrame({"a_over_R": [1.0], "b_over_R": [1.0]}))
-    with pytest.raises(InputError, match="no rows below the header"):
+    with pytest.raises(rb.InputError, match="no rows below the header"):
         rb.read_friction_table(pd.DataFrame(GOOD).head(0))
-    with pytest.raises(InputError, match="expected a path, a FrictionTable"):
+    with pytest.raises(rb.InputError, match="expected a path, a FrictionTable"):
         rb.read_friction_table(3)

@@ -13,8 +13,6 @@ import numpy as np
 import pandas as pd
 
 import ridgebayes as rb
-from ridgebayes.commands.run_files import read_run
-from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.evidence import pairs as weighing
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.model.observations import Observations
@@ -51,7 +49,7 @@ def job(**options):
 RUN = """
 import sys
 command.command = lambda asked: job({options}) or Answer()
-sys.argv = ["ridgebayes", "compare", "few.csv", "-o", "out"]
+sys.argv = ["ridgebayes", "run", "--table", "few.csv", "--workers", "1", "-o", "out"]
 cli.main()
 """
 
@@ -406,13 +404,9 @@ def read_only_folder(folder):
     closed = folder / "closed"
     closed.mkdir()
     bands = ("--texture", "0.02,0.02", "--p-over-E", "0.001:0.01:5")
-    works = (
-        "from ridgebayes.comparison import compare\n"
-        "from ridgebayes.simulate import generation\n"
-        + (
-            "def worked(*given, **known):\n    raise SystemExit(99)\n"
-            "compare.weigh_pairs = generation.generate = worked\n"
-        )
+    works = "from ridgebayes import request\nfrom ridgebayes.simulate import generation\n" + (
+        "def worked(*given, **known):\n    raise SystemExit(99)\n"
+        "request.weigh_pairs = generation.generate = worked\n"
     )
     commands = [
         ("run", "--table", "few.csv", "-o", "closed/out"),
@@ -454,7 +448,7 @@ Checkpoint.save = saving
 
 HELD = """
 import time
-from ridgebayes.{package} import {module}
+from {package} import {module}
 def held(*given, **known):
     Path("at work").touch()
     time.sleep(100)
@@ -477,13 +471,13 @@ def two_at_once(folder):
         (
             "out",
             ("compare", "few.csv", "--forms", "modified", "--noise", "iid", "-o", "out"),
-            "comparison.compare",
+            "ridgebayes.request",
             "weigh_pairs",
         ),
-        ("t.csv", tuple(SWEEP), "simulate.generation", "map_ordered"),
+        ("t.csv", tuple(SWEEP), "ridgebayes.simulate.generation", "map_ordered"),
     ]
     for name, words, where, waits in pairs:
-        package, module = where.split(".")
+        package, _, module = where.rpartition(".")
         first = started(
             here, *words, before=path + HELD.format(package=package, module=module, name=waits)
         )
@@ -531,7 +525,7 @@ def damaged_chain(folder):
         path.write_bytes(damaged)
         try:
             return Checkpoint(path, {}).load()
-        except InputError as refusal:
+        except rb.InputError as refusal:
             told.add(str(refusal))
             return None
 
@@ -579,7 +573,7 @@ def damaged_chain(folder):
 def damaged_run(folder):
     files, rng = sound_run(), np.random.default_rng(4)
     load = {"a_over_R": 0.02, "b_over_R": 0.02, "p_over_E": 0.009}
-    expected = read_run(put(files, folder / "sound")).predict(**load).survival
+    expected = rb.read_run(put(files, folder / "sound")).predict(**load).survival
     n = same = 0
     told: list[tuple[str, str]] = []
     # Posteriors of one form: the other's are read by the same code.
@@ -598,8 +592,8 @@ def damaged_run(folder):
             n += 1
             (here / name).write_bytes(one)
             try:
-                found = read_run(here).predict(**load).survival
-            except InputError as refusal:
+                found = rb.read_run(here).predict(**load).survival
+            except rb.InputError as refusal:
                 told.append((name, str(refusal)))
             else:
                 same += 1
@@ -663,7 +657,7 @@ def killed_worker(folder):
             weighing.weigh = deadly
             message = refused(
                 lambda: weighed(pool),
-                ComputationError,
+                rb.ComputationError,
                 "evidence of classic, texture: 3 worker processes died on this task",
                 "signal 9",
                 "they may need more memory",

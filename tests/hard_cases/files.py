@@ -24,12 +24,9 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.commands.report import report_job
-from ridgebayes.commands.run_files import read_run
-from ridgebayes.errors import InputError
 from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
 from ridgebayes.report import render_report
-from ridgebayes.results import Fit
 from tests.hard_cases.case import hard_case, refused
 
 SOURCE = Path(__file__).parents[2] / "src" / "ridgebayes"
@@ -130,11 +127,13 @@ def pickles(folder):
     path = run / "posterior-hybrid.nc"
     with h5py.File(path, "r+") as file:
         file["sample_stats"]["bomb"] = np.void(payload)
-    seen = [refused(lambda: read_run(run), InputError, "posterior-hybrid.nc", "bomb", "numbers")]
+    seen = [
+        refused(lambda: rb.read_run(run), rb.InputError, "posterior-hybrid.nc", "bomb", "numbers")
+    ]
     with h5py.File(folder / "s.h5", "w") as file:
         file["x"] = np.array([[np.void(payload)]])
     xdmf = disk_xdmf(folder, "s.h5:/x")
-    seen.append(refused(lambda: import_series(xdmf), InputError, "s.h5", "a dataset of numbers"))
+    seen.append(refused(lambda: import_series(xdmf), rb.InputError, "s.h5", "a dataset of numbers"))
     np.save(folder / "t.npy", np.array([Bomb(mark)], dtype=object), allow_pickle=True)
     for suffix in (".npy", ".csv", ".parquet", ".pkl"):
         for content in ((folder / "t.npy").read_bytes(), payload):
@@ -144,7 +143,7 @@ def pickles(folder):
                 lambda table=table: rb.read_table(table),
                 lambda table=table: import_files([table], Given()),
             ):
-                seen.append(refused(call, InputError, f"bad{suffix}"))
+                seen.append(refused(call, rb.InputError, f"bad{suffix}"))
     import pyarrow
     import pyarrow.parquet
 
@@ -163,7 +162,7 @@ def pickles(folder):
     for call in (rb.read_table, lambda path: import_files([path], Given())):
         try:
             call(folder / "t.parquet")
-        except InputError as refusal:
+        except rb.InputError as refusal:
             seen.append(str(refusal))
     assert not mark.exists()
     return f"{len(seen)} readings, nothing ran"
@@ -237,18 +236,23 @@ def leading_out(folder):
             spoil(file)
         seen.append(
             refused(
-                lambda run=run: read_run(run), InputError, "posterior-hybrid.nc: '/x'", "expected"
+                lambda run=run: rb.read_run(run),
+                rb.InputError,
+                "posterior-hybrid.nc: '/x'",
+                "expected",
             )
         )
         with h5py.File(folder / "s.h5", "w") as file:
             spoil(file)
         xdmf = disk_xdmf(folder, "s.h5:/x")
-        seen.append(refused(lambda xdmf=xdmf: import_series(xdmf), InputError, "s.h5", "expected"))
+        seen.append(
+            refused(lambda xdmf=xdmf: import_series(xdmf), rb.InputError, "s.h5", "expected")
+        )
     (folder / "in").mkdir()
     (folder / "in" / "link.h5").symlink_to(secret)
     for name in ("../secret.h5", str(secret), "link.h5", "..\\secret.h5", "C:\\x.h5"):
         xdmf = disk_xdmf(folder / "in", f"{name}:/x")
-        seen.append(refused(lambda xdmf=xdmf: import_series(xdmf), InputError, "same folder"))
+        seen.append(refused(lambda xdmf=xdmf: import_series(xdmf), rb.InputError, "same folder"))
     deck = folder / "in" / "run.inp"
     (folder / "in" / "run.dat").write_text(
         " displacements (vx,vy,vz) for set RIM and time  0.1000000E+00\n", encoding="utf-8"
@@ -257,13 +261,13 @@ def leading_out(folder):
         deck.write_text(f"*INCLUDE, INPUT={name}\n", encoding="utf-8")
         given = Given(texture=(0.02, 0.02), nu="0.5", deck=deck, surface="RIM", reaction="TOP")
         call = functools.partial(import_files, [folder / "in" / "run.dat"], given)
-        seen.append(refused(call, InputError, "a file in the deck's own folder"))
+        seen.append(refused(call, rb.InputError, "a file in the deck's own folder"))
     for form in ("../../x", "/etc/passwd", "hybrid/../../x", "\0"):
         about = json.loads(sound_run()["run.json"])
         content = json.dumps({**about, "forms": [form]}).encode()
         run = put(folder / f"form{len(seen)}", **{"run.json": content})
         seen.append(
-            refused(lambda run=run: read_run(run), InputError, "run.json: form", "expected")
+            refused(lambda run=run: rb.read_run(run), rb.InputError, "run.json: form", "expected")
         )
     return f"{len(seen)} ways out refused"
 
@@ -411,7 +415,7 @@ def hostile_figures(folder):
     *_, figures = hostile_run()
     path = folder / "posterior-power-law.nc"
     path.write_bytes(figures["power-law"])
-    fit = Fit.from_netcdf(path)
+    fit = rb.Fit.from_netcdf(path)
     drawn = {name: content for name, content in figures.items() if "." in name}
     drawn["corner_of.svg"] = as_bytes(corner_of(fit), "svg")
     for name, content in drawn.items():
@@ -469,10 +473,10 @@ def edited_run(folder):
         quoted = json.dumps(new) if old.startswith('"') else new
         run = put(folder / str(number), **{name: content.replace(old, quoted).encode()})
         try:
-            comparison = read_run(run)
+            comparison = rb.read_run(run)
             kinds = (".md", ".html") if old in ("savage-dickey", "sigma") else (".md",)
             pages = [render_report(comparison, kind) for kind in kinds]
-        except InputError as refusal:
+        except rb.InputError as refusal:
             message = str(refusal)
             assert "\n" not in message, message
             told += 1
@@ -518,18 +522,18 @@ def large_hdf5(folder):
             spoil(file)
         xdmf = disk_xdmf(folder, "s.h5:/x")
         call = functools.partial(bounded, functools.partial(import_series, xdmf))
-        seen.append(refused(call, InputError, "s.h5", "expected "))
+        seen.append(refused(call, rb.InputError, "s.h5", "expected "))
         run = put(folder / f"run{number}")
         with h5py.File(run / "posterior-modified.nc", "r+") as file:
             spoil(file)
-        call = functools.partial(bounded, functools.partial(read_run, run))
-        seen.append(refused(call, InputError, "posterior-modified.nc: '/x'", "expected "))
+        call = functools.partial(bounded, functools.partial(rb.read_run, run))
+        seen.append(refused(call, rb.InputError, "posterior-modified.nc: '/x'", "expected "))
     # A chunk with a sound size but packed longer than numbers can be.
     small = zlib.compress(np.ones((1, 2)).tobytes())
     with h5py.File(folder / "s.h5", "w") as file:
         packed = small
         bomb(file)
-    message = refused(lambda: import_series(disk_xdmf(folder, "s.h5:/x")), InputError)
+    message = refused(lambda: import_series(disk_xdmf(folder, "s.h5:/x")), rb.InputError)
     assert "unpacks" not in message  # read, and refused for being no disk
     return f"{len(seen)} refused"
 
@@ -550,7 +554,7 @@ def zip_bombs(folder):
     for content in (honest, lying):
         book.write_bytes(content)
         call = functools.partial(bounded, lambda: import_files([book], Given()), 2**26)
-        seen.append(refused(call, InputError, "t.xlsx"))
+        seen.append(refused(call, rb.InputError, "t.xlsx"))
     header = np.array([1, 24, 0, 2**20], dtype="<u4")
     packed = zlib.compress(bytes(_UNPACKED), 9)
     header[3] = len(packed)
@@ -570,7 +574,7 @@ def zip_bombs(folder):
         path.write_text(vtu, encoding="utf-8")
     given = Given(texture=(0.02, 0.02), nu="0.5", symmetry="half", loads=(0.001, 0.002))
     call = functools.partial(bounded, lambda: import_files(paths, given), 2**26)
-    seen.append(refused(call, InputError, "1.vtu", "expected "))
+    seen.append(refused(call, rb.InputError, "1.vtu", "expected "))
     return f"{len(seen)} refused"
 
 
@@ -603,7 +607,7 @@ def wide_and_long(folder):
         for read in (rb.read_table, lambda path: import_files([path], Given())):
             try:
                 bounded(functools.partial(read, path))
-            except InputError as refusal:
+            except rb.InputError as refusal:
                 n += 1
                 message = str(refusal)
                 assert len(message) < 5000, len(message)
@@ -626,19 +630,19 @@ def deep(folder):
         path.write_text(text, encoding="utf-8")
         if not text.startswith("["):
             call = functools.partial(rb.Scene.from_toml, path)
-            seen.append(refused(call, InputError, "deep.toml"))
+            seen.append(refused(call, rb.InputError, "deep.toml"))
         table = folder / "t.csv"
         table.write_text(GOOD, encoding="utf-8")
         given = Given(map=(str(path),))
         call = functools.partial(import_files, [table], given)
-        seen.append(refused(call, InputError, "deep.toml"))
+        seen.append(refused(call, rb.InputError, "deep.toml"))
     with pytest.raises(
-        InputError, match="a = a value that is too deeply nested or too long: unknown key"
+        rb.InputError, match="a = a value that is too deeply nested or too long: unknown key"
     ):
         rb.Scene.from_toml(path)
     for text in (brackets, '{"forms": ' + digits + "}"):
         run = put(folder / f"run{len(seen)}", **{"run.json": text.encode()})
-        seen.append(refused(lambda run=run: read_run(run), InputError, "run.json: damaged"))
+        seen.append(refused(lambda run=run: rb.read_run(run), rb.InputError, "run.json: damaged"))
     return f"{len(seen)} refused"
 
 
@@ -667,12 +671,12 @@ def endless(folder):
             ),
         ):
             (folder / "t.csv").write_text(GOOD, encoding="utf-8")
-            seen.append(refused(functools.partial(read, path), InputError, path.name))
+            seen.append(refused(functools.partial(read, path), rb.InputError, path.name))
     for name in ("run.json", "evidence.csv", "table.csv", "posterior-hybrid.nc"):
         run = put(folder / f"run-{name}")
         (run / name).unlink()
         (run / name).symlink_to("/dev/zero")
-        seen.append(refused(lambda run=run: report_job(run), InputError, name))
+        seen.append(refused(lambda run=run: report_job(run), rb.InputError, name))
     return f"{len(seen)} refused"
 
 
@@ -696,7 +700,7 @@ def formulas(folder):
     said = []
     try:
         import_files([path], Given())
-    except InputError as refusal:
+    except rb.InputError as refusal:
         said.append(str(refusal))
     assert len(said) == 1
     assert "line 2" in said[0]
@@ -721,7 +725,7 @@ def formulas(folder):
         path.write_text(text, encoding="utf-8")
         try:
             rb.read_table(path)
-        except InputError as refusal:
+        except rb.InputError as refusal:
             said.append(str(refusal))
         assert words in said[-1], said[-1]
         assert "\x1b" not in said[-1]

@@ -33,7 +33,10 @@ def every_form(textures=TEXTURES):
     """Every form with its coefficients: the printed ones, and some K for each texture."""
     bound = rb.PowerLaw().bind(textures)
     own = np.array([2.7 / (a + b) for a, b in textures])
-    return [*((form, np.array(form.printed)) for form in (*PRINTED, rb.HalfPlane())), (bound, own)]
+    return [
+        *((form, np.array(form.published)) for form in (*PRINTED, rb.HalfPlane())),
+        (bound, own),
+    ]
 
 
 @functools.cache

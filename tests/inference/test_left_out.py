@@ -64,7 +64,7 @@ def test_without__scores_rows_as_quadrature_does(request, table, by, method):
 def test_without__a_texture_of_the_power_law_needs_no_draws_of_its_slope(
     rows, most_k, method, monkeypatch
 ):
-    monkeypatch.setattr(left_out, "_MAX_PARETO_K", most_k)
+    monkeypatch.setattr(left_out, "MAX_FINITE_VARIANCE_K", most_k)
     model = Model(rows, PowerLaw(), Noise())
     medians = [model.priors[name].median for name in model.form.parameter_names]
     all_rows = known(model)
@@ -89,9 +89,9 @@ def test_without__two_ways_agree_where_offsets_are_shared(rows, noise, is_bracke
         rows = replace(rows, log_load=load, log_lower=load - 0.02)
     all_rows = AllRows.drawn(Model(rows, Modified(), Noise.named(noise)), Effort().doubled, 1)
     left = rows.texture == 1
-    monkeypatch.setattr(left_out, "_MAX_PARETO_K", 0.7)
+    monkeypatch.setattr(left_out, "MAX_FINITE_VARIANCE_K", 0.7)
     found = all_rows.without(left, 3)
-    monkeypatch.setattr(left_out, "_MAX_PARETO_K", -np.inf)
+    monkeypatch.setattr(left_out, "MAX_FINITE_VARIANCE_K", -np.inf)
     other = all_rows.without(left, 4)
     assert (found.method, other.method) == ("weights", "evidences")
     assert other.status == "ok"

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ridgebayes.model.forms import Hybrid, PowerLaw
+import ridgebayes as rb
 from ridgebayes.predict.extrapolation import NAMES, CalibratedRange, names_of
 
 # Widths that are exact in binary: a/pitch from 1/4 to 3/4.
@@ -14,7 +14,7 @@ TEXTURES = ((0.25, 0.75), (0.75, 0.25), (0.5, 0.5))
 def calibrated(observed):
     def of(form=None):
         data = observed([0, 1, 2, 2], [4, 4, 6, 8], np.log([0.1, 0.2, 0.3, 0.4]), textures=TEXTURES)
-        fit = SimpleNamespace(model=SimpleNamespace(data=data), form=form or Hybrid())
+        fit = SimpleNamespace(model=SimpleNamespace(data=data), form=form or rb.Hybrid())
         return CalibratedRange.of(fit)
 
     return of
@@ -47,7 +47,7 @@ def test_texture_flags__of_a_calibrated_texture_never(calibrated):
 
 
 def test_texture_flags__of_a_texture_without_a_coefficient(calibrated):
-    found = calibrated(PowerLaw().bind(TEXTURES[:2]))
+    found = calibrated(rb.PowerLaw().bind(TEXTURES[:2]))
     assert named(found, [[0.25], [0.5]], [[0.75], [0.5]]) == [[""], ["texture"]]
 
 

@@ -2,23 +2,20 @@
 
 import numpy as np
 
-from ridgebayes.model.forms import Hybrid
-from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
-from ridgebayes.model.observations import Observations
+import ridgebayes as rb
 from ridgebayes.predict import posterior_loads
 from ridgebayes.predict.predict import predict_load, predict_q
-from tests.drawn import drawn_posterior
+from tests.drawn import drawn_posterior, model_of
 
 A, B = np.array([0.022, 0.02]), np.array([0.02, 0.016])
 P = np.geomspace(1e-3, 0.02, 7)[:, None]
 
 
 def test_predictions__from_some_draws_at_a_time_are_those_of_all(paper, monkeypatch):
-    model = Model(Observations.from_table(paper), Hybrid(), Noise.named("step-smooth:student"))
+    model = model_of(paper, rb.Hybrid(), "step-smooth:student")
     fit = drawn_posterior(model, n_draw=128)
     whole = predict_q(fit, A, B, P), predict_load(fit, A, B, 6)
-    monkeypatch.setattr(posterior_loads, "_HELD", 100 * model.offsets.n_smooth**2)
+    monkeypatch.setattr(posterior_loads, "NUMBERS_AT_ONCE", 6 * model.offsets.n_smooth**2)
     assert max(len(part) for part in posterior_loads.PosteriorLoads(fit).parts()) <= 100
     q, load = predict_q(fit, A, B, P), predict_load(fit, A, B, 6)
     # Algebra: the same mean; what falls with a further count is cut part by part, under 1e-6.

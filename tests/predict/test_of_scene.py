@@ -3,7 +3,6 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes.errors import InputError
 from ridgebayes.scene.units import with_error
 
 BODY = {"radius": "8 mm", "youngs_modulus": "60 kPa ± 20 %"}
@@ -91,7 +90,7 @@ def test_predict__of_several_textures_has_them_first(fit):
     alone = fit.predict(scene_of(texture=textures[1]), load=[0.1, 0.35])
     n = alone.survival.shape[-1]
     assert np.allclose(found.survival[1, :, :n], alone.survival, atol=0.01)  # Monte Carlo
-    with pytest.raises(InputError, match="scene: expected one texture, got 2"):
+    with pytest.raises(rb.InputError, match="scene: expected one texture, got 2"):
         fit.predict_load(scene, Q=8)
     assert fit.predict_load(scene.apart[1], Q=8).shape == ()
 
@@ -138,20 +137,20 @@ def test_predict__of_a_comparison_is_the_mixture():
     ],
 )
 def test_predict__refuses_what_a_scene_cannot_answer(fit, arguments, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(rb.InputError, match=message):
         fit.predict(scene_of(), **arguments)
 
 
 def test_predict__without_a_scene_needs_widths_and_loads(fit):
-    with pytest.raises(InputError, match="or a Scene"):
+    with pytest.raises(rb.InputError, match="or a Scene"):
         fit.predict(0.022, 0.02)
-    with pytest.raises(InputError, match="or a Scene and Q"):
+    with pytest.raises(rb.InputError, match="or a Scene and Q"):
         fit.predict_load(0.022, Q=8)
-    with pytest.raises(InputError, match="or a Scene and Q"):
+    with pytest.raises(rb.InputError, match="or a Scene and Q"):
         fit.predict_load(0.022, 0.02)
 
 
 @pytest.mark.parametrize("text", ["60 kPa ± 0 kPa", "60 kPa ± 2 mm", "60 kPa ± kPa", "1 ± 2 ± 3"])
 def test_with_error__refuses_what_is_no_error(text):
-    with pytest.raises(InputError, match="expected a value and its error"):
+    with pytest.raises(rb.InputError, match="expected a value and its error"):
         with_error(text)

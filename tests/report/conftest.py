@@ -1,4 +1,4 @@
-"""What the tests of the report share beside what all tests do."""
+"""Fixtures that the tests of the report share, beside those of all tests."""
 
 from dataclasses import replace
 

@@ -11,7 +11,7 @@ ROOMS = ("predict", "inference", "evidence", "contact", "model", "checks", "comp
 ALLOWED = {
     # The public function has a comparison, and the one builder makes of it all that is shown.
     "__init__.py": {"report_data"},
-    # What a solution of finite elements looks like: of it and not of a report.
+    # A picture of a finite-element solution shows the solution, not a report.
     "figures/bodies.py": {"nodal_fields", "surface_table", "first_height", "shapes"},
 }
 REPORT = Path(ridgebayes.__file__).parent / "report"

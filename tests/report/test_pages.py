@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ridgebayes.report import write_report
+import ridgebayes as rb
 from ridgebayes.report.wording import probability
 from tests.report.browser import CHROMIUM, Browser
 
@@ -80,7 +80,7 @@ def pages(comparison, reference, odd, failed, tmp_path_factory):
         if name not in written:
             comparison, second = made[name]
             written[name] = folder / f"{name}.html"
-            write_report(comparison, written[name], reference=second)
+            rb.write_report(comparison, written[name], reference=second)
         return written[name]
 
     return path
@@ -111,7 +111,7 @@ def test_page__is_short_and_its_first_screen_holds_the_answer(browser, pages, na
     browser.open(pages(name), 1280)
     assert browser.run(HEIGHT) <= (12 if name == "embedded" else 10) * SCREEN
     bottom = browser.run("document.querySelector('#answer').getBoundingClientRect().bottom")
-    # What is not complete is listed above the answer.
+    # Forms that are not complete are listed above the answer.
     assert bottom <= SCREEN or name == "failed"
     assert browser.pdf(tmp_path / "page.pdf") <= 12
 

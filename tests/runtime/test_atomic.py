@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.runtime.atomic import exclusive_lock, replacing
 
 

@@ -11,20 +11,14 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
 import distributed
-import numpy as np
-import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.checks.coverage import coverage
 from ridgebayes.commands.generate import sweep_job
-from ridgebayes.errors import ComputationError, WorkerLostError
-from ridgebayes.model.forms import Modified
+from ridgebayes.errors import WorkerLostError
 from ridgebayes.runtime.pool import executor_for, map_ordered
-from ridgebayes.scene.scene import Scene
-from ridgebayes.simulate.generation import generate
 
-SCENE = Scene.of([(0.012 + 0.001 * i, 0.03 - 0.001 * i) for i in range(20)], p_over_E=0.01)
+SCENE = rb.Scene.of([(0.012 + 0.001 * i, 0.03 - 0.001 * i) for i in range(20)], p_over_E=0.01)
 
 
 @contextmanager
@@ -85,33 +79,10 @@ def address():
 def test_sweep__dask_writes_the_bytes_of_one_process_and_of_two(tmp_path, address):
     sweep_job(tmp_path / "dask.csv", SCENE, scheduler=address)
     sweep_job(tmp_path / "two.csv", SCENE, workers=2)
-    generate(SCENE).write(tmp_path / "one.csv")
+    rb.generate(SCENE).write(tmp_path / "one.csv")
     expected = (tmp_path / "one.csv").read_bytes()
     assert (tmp_path / "two.csv").read_bytes() == expected
     assert (tmp_path / "dask.csv").read_bytes() == expected
-
-
-@pytest.mark.long
-def test_refits__are_the_same_on_dask(address, fe_table):
-    alone = coverage(fe_table, [Modified()], ["iid"], rng=1)
-    with executor_for(None, address) as executor:
-        shared = coverage(fe_table, [Modified()], ["iid"], rng=1, executor=executor)
-    pd.testing.assert_frame_equal(shared, alone, check_exact=True)
-
-
-def test_executor__passes_values_and_errors_and_counts_workers(address):
-    with executor_for(None, address) as executor:
-        assert executor.n_worker == 2
-        assert executor.submit(divmod, 7, 2).result(60) == (3, 1)
-        assert executor.submit(int, "11", base=2).result(60) == 3
-        with pytest.raises(ValueError, match="invalid literal"):
-            executor.submit(int, "eleven").result(60)
-        # Two calls with the same words are two calls.
-        first, second = (executor.submit(np.random.default_rng, None) for _ in range(2))
-        assert first.result(60).random() != second.result(60).random()
-        waiting = [executor.submit(time.sleep, 0.2) for _ in range(20)]
-        assert waiting[-1].cancel()
-        assert waiting[0].result(60) is None
 
 
 def test_version_of_workers__is_asked_for(address):
@@ -144,7 +115,7 @@ def test_cluster__without_the_package_is_told_to_install_it(address, tmp_path, m
 
 
 def test_sweep__a_dask_worker_killed_on_the_way_changes_nothing(tmp_path, address):
-    generate(SCENE).write(tmp_path / "one.csv")
+    rb.generate(SCENE).write(tmp_path / "one.csv")
     said = []
     with executor_for(None, address) as executor, dask_worker(address) as victim:
         where = third_worker(executor)
@@ -158,7 +129,7 @@ def test_sweep__a_dask_worker_killed_on_the_way_changes_nothing(tmp_path, addres
 
         for _ in range(40):  # on a busy machine the others may be done before it is given any
             said.clear()
-            generate(SCENE, executor=executor, progress=tell).write(tmp_path / "dask.csv")
+            rb.generate(SCENE, executor=executor, progress=tell).write(tmp_path / "dask.csv")
             if victim.poll() is not None:
                 break
         assert victim.poll() == -signal.SIGKILL
@@ -188,7 +159,7 @@ def test_lost_workers__too_many_of_them_name_the_task():
             executor.submit(os._exit, 1).result(60)
         with (
             dask_worker(where),
-            pytest.raises(ComputationError, match=r"^task 1: this task ended 1 workers"),
+            pytest.raises(rb.ComputationError, match=r"^task 1: this task ended 1 workers"),
         ):
             list(map_ordered(os._exit, [1], executor))
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.runtime.journal import Journal
 
 GIVEN = {"texture": {"a": 0.1, "offset": "uniform"}, "tol": 1e-8}
@@ -53,17 +53,6 @@ def test_find__what_is_damaged_counts_as_missing(journal, damage):
     assert (journal.n_found, journal.n_damaged) == (0, 1)
     journal.keep(GIVEN, [0.25])
     assert journal.find(GIVEN) == [0.25]
-
-
-def test_keep__leaves_whole_files_only(journal):
-    for i in range(5):
-        journal.keep({"i": i}, i)
-    names = [path.name for path in journal.folder.iterdir()]
-    assert len(names) == 5
-    assert all(len(name) == len("a" * 64 + ".json") for name in names)
-    journal.remove()
-    assert not journal.exists()
-    journal.remove()  # and again does no harm
 
 
 def test_keep__where_nothing_can_be_written_says_where(tmp_path):

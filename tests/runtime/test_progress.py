@@ -40,15 +40,6 @@ def test_stages__each_has_its_own_wall_and_cpu_time(clock):
     ]
 
 
-def test_stages__what_came_before_is_the_first(clock):
-    with Progress(2, io.StringIO(), began=97.0) as progress, progress.stage("evidence"):
-        clock.wall += 2.0
-    assert progress.stages == [
-        {"name": "start", "wall_s": 3.0, "cpu_s": 10.0},
-        {"name": "evidence", "wall_s": 2.0, "cpu_s": 0.0},
-    ]
-
-
 def test_plain__one_line_a_stage_and_nothing_else(clock):
     out = io.StringIO()
     with Progress(2, out) as progress:
@@ -77,15 +68,6 @@ def test_counts__are_told_as_much_as_asked_for(clock, level, told):
     VERBOSITY.reset(token)
     tell_count(1, 2)  # nobody's
     assert out.getvalue() == told
-
-
-def test_plain__a_stage_of_minutes_tells_how_far_it_is(clock):
-    out = io.StringIO()
-    with Progress(1, out) as progress, progress.stage("folds"):
-        clock.wall += 30.0
-        tell_count(1)
-        tell_count(2)
-    assert out.getvalue() == "folds: 1 done\nfolds: 30.00 s\n"
 
 
 def test_stage__that_raises_is_timed_and_its_error_goes_on(clock):
@@ -120,18 +102,3 @@ def test_terminal__a_bar_instead_of_lines(clock, monkeypatch):
     assert [stage["name"] for stage in progress.stages] == ["calibrate hybrid", "evidence hybrid"]
     assert "calibrate hybrid: " not in out.getvalue()
     assert "evidence hybrid" in out.getvalue()
-
-
-def test_terminal__the_bar_stops_when_the_work_raises(monkeypatch):
-    monkeypatch.setenv("TERM", "xterm")
-    progress, bars = Progress(1, Terminal()), []
-
-    def fail():
-        with progress:
-            bars.append(progress._bar)
-            raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        fail()
-    assert not bars[0].live.is_started
-    assert progress._bar is None

@@ -5,8 +5,8 @@ import sys
 import numpy as np
 import pytest
 
-from ridgebayes.errors import InputError
-from ridgebayes.runtime.randomness import seed_of, seeded, stream
+from ridgebayes import InputError
+from ridgebayes.runtime.randomness import seed_of, stream
 
 
 def test_seed_of__draws_from_a_generator_reproducibly_and_moves_it_on():
@@ -42,12 +42,3 @@ def test_stream__is_the_same_in_every_process():
         for seed in ("1", "2")
     ]
     assert found == [float(stream(3, "x").random()).hex()] * 2
-
-
-def test_seeded__passes_generators_through_and_refuses_nonsense():
-    rng = np.random.default_rng(1)
-    assert seeded(rng) is rng
-    with pytest.raises(
-        InputError, match="rng: expected a non-negative integer or a numpy Generator, got -1"
-    ):
-        seeded(-1)

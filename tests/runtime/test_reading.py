@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.runtime.reading import decoded, extra, read_toml, refusing
 
 

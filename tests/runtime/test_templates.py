@@ -15,10 +15,6 @@ def room(monkeypatch):
     monkeypatch.setattr(jinja2, "PackageLoader", lambda *_, **__: jinja2.DictLoader(pages))
 
 
-def test_rendered__lays_out_a_table():
-    assert templates.rendered("room", "page.md.jinja", rows=[["1", "<2"]]) == "| 1 | <2 |\n"
-
-
 def test_rendered__escapes_html():
     page = templates.rendered("room", "page.html.jinja", text="a < b", frame="<table></table>")
     assert page == "<li>a &lt; b</li><table></table>"

@@ -6,16 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ridgebayes import Scene, generate, plan, read_table
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.scene.effects import plan_label, plan_table
-from ridgebayes.scene.estimates import plan
-from ridgebayes.scene.scene import Scene, Texture
-from ridgebayes.simulate.generation import generate
+from ridgebayes.scene.effects import plan_table
+from ridgebayes.scene.scene import Texture
 from ridgebayes.table.datafiles import CALCULIX_FE, data_path
-from ridgebayes.table.table import read_table
 
 A, B, P = 0.02, 0.03, 0.006
 DEEPEST = 1.9e-3  # about how deep the surface hangs into the middle groove of (A, B) at P
@@ -89,16 +87,6 @@ def test_plan_table__has_exactly_these_columns_and_a_row_an_effect():
     assert list(plan_table([]).columns) == list(table.columns)
 
 
-def test_plan_label__writes_whole_numbers_as_tables_do():
-    assert plan_label(Texture(a_over_R=1.0, b_over_R=2.0)) == "a1_b2"
-    assert plan_label(Texture(a_over_R=1.0, b_over_R=0.5, offset=0.25)) == "a1_b0.5_offset0.25"
-
-
-def test_plan_table__is_the_same_twice():
-    both = [plan_table(plan(scene_with(relative=0.01, **FURTHER["offset"]))) for _ in range(2)]
-    pd.testing.assert_frame_equal(*both, check_exact=True)
-
-
 def test_plan__of_what_is_not_there_is_no_effect():
     _, effects = planned()
     for name in FURTHER:
@@ -135,29 +123,6 @@ def test_plan__weighs_together_what_it_neglects():
     effects = planned(**both, relative=relative)[1]
     assert (effects[large].simulated, effects[small].simulated) == (True, False)
     assert "with all that is neglected above the wanted" in effects[large].reason
-
-
-@pytest.mark.slow
-def test_plan__with_a_tighter_accuracy_simulates_more():
-    texture = {"offset": 0.002, "groove_depth_over_R": 0.7 * DEEPEST, "corner_radius_over_R": 5e-4}
-    chosen = [
-        set(planned(**texture, relative=relative)[0].simulated) for relative in (0.9, 0.1, 1e-3)
-    ]
-    assert chosen[0] <= chosen[1] < chosen[2]
-    assert chosen[0] == {"ridges", "Poisson's ratio"}
-    given = {"ridges", "offset", "groove floor", "corner radius", "Poisson's ratio"}
-    assert chosen[2] == {*given, FINITE_BODY}
-    # Large deformation only for a scene that says what it is worth.
-    assert set(planned(**texture)[0].simulated) == given
-    assert FINITE_BODY in planned(p_over_E=0.02, relative=1e-3)[0].simulated
-    assert FINITE_BODY not in planned(p_over_E=0.02)[0].simulated
-
-
-def test_plan__may_neglect_even_the_ridges():
-    one, effects = planned(0.05, 1e-4, relative=0.1)
-    assert not effects["ridges"].simulated
-    assert one.profile is None
-    assert planned(0.05, 1e-4, relative=1e-3)[0].profile == Profile(0.05, 1e-4)
 
 
 @pytest.mark.parametrize(("a", "b", "nu"), [(A, B, 0.5), (0.032, 0.01, 0.3), (0.012, 0.03, 0.0)])
@@ -223,46 +188,12 @@ def test_plan__estimates_floor_and_corners_beside_each_other():
         assert 0.5 * true <= effects[name].estimate <= 2 * true
 
 
-def test_plan__of_a_body_anywhere_is_that_of_the_largest_offset():
-    somewhere, anywhere = planned(offset=0.5), planned(offset="uniform")
-    assert anywhere[1]["offset"].estimate == somewhere[1]["offset"].estimate
-    assert anywhere[0].profile.offset == 0.5
-    left, right = (planned(offset=way * 0.2)[1]["offset"] for way in (-1, 1))
-    assert left.estimate == right.estimate
-    steps = [planned(offset=part)[1]["offset"].estimate for part in (0.01, 0.1, 0.3, 0.5)]
-    assert steps == sorted(steps)
-
-
 def test_plan__looks_at_the_load_of_the_texture_before_that_of_the_scene():
     given = ({"max_p_over_E": P, "p_over_E": 0.02}, {}, {"p_over_E": 0.02})
     # As tables, in which an unknown number is equal to an unknown number.
     own, scenes, larger = (plan_table([planned(**one)[0]]) for one in given)
     pd.testing.assert_frame_equal(own, scenes, check_exact=True)
     assert not own.equals(larger)
-
-
-@pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
-def test_plan__says_of_poissons_ratio_what_it_does_to_loads(nu):
-    loads = [generate(scene_with(nu=each, p_over_E=0.02)).frame["p_over_E"] for each in (nu, 0.5)]
-    _, effects = planned(nu=nu)
-    # Algebra: an exact factor, so rounding alone.
-    expected = abs(loads[0][0] / loads[1][0] - 1)
-    assert effects["Poisson's ratio"].estimate == pytest.approx(expected, rel=1e-12, abs=1e-15)
-    assert effects["Poisson's ratio"].simulated
-
-
-def test_plan__says_that_the_finite_body_grows_as_the_half_width_squared():
-    widths = (0.084, 0.168)  # just beyond a transition, grooves being next to nothing
-    ends = [
-        planned(0.04, 1e-4, p_over_E=float(hertz.load_of_half_width(width)))[1][FINITE_BODY]
-        for width in widths
-    ]
-    # Rounding.
-    assert [end.number for end in ends] == pytest.approx(widths, rel=1e-12)
-    # Order: loads go up in proportion to the load, with the next term of the body's deformation.
-    assert ends[1].estimate / ends[0].estimate == pytest.approx(4, rel=0.1)
-    assert not ends[0].simulated
-    assert ends[1].cost_s > ends[0].cost_s > 1e-3
 
 
 def test_plan__says_of_the_finite_body_what_finite_elements_find():

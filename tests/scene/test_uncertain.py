@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ridgebayes.errors import InputError
-from ridgebayes.scene.draws import draw_scene, scene_blocks
-from ridgebayes.scene.scene import Scene
-from ridgebayes.simulate.generation import generate
+from ridgebayes import InputError, Scene, generate
+from ridgebayes.scene.draws import draw_scene
 
 FILE = """
 [body]
@@ -125,42 +123,6 @@ def test_from_dict__refuses_a_callable_of_no_number():
         texture = {"ridge_width": lambda rng, given=given: given, "groove_width": 0.015}
         with pytest.raises(InputError, match="expected a callable that returns a number, got"):
             Scene.from_dict({"texture": texture})
-
-
-def test_scene_blocks__are_the_draws_of_the_whole():
-    rng = np.random.default_rng(1)
-    texture = {
-        "ridge_width": 0.03,
-        "groove_width": 0.015,
-        "groove_depth": lambda rng: 0.01 * (1 + rng.random()),
-        "corner_radius": rng.uniform(0.001, 0.002, 9),
-        "offset": "uniform",
-    }
-    body = {"poissons_ratio": "uniform(0.3, 0.5)"}
-    load = {"p_over_E": "lognormal(0.01, 10 %)"}
-    widths = ["texture.ridge_width", "texture.groove_width"]
-    joint = [
-        {"of": widths, "draws": rng.uniform(0.02, 0.03, (7, 2))},
-        {"of": ["body.poissons_ratio", "load.p_over_E"], "correlation": [[1, 0.5], [0.5, 1]]},
-    ]
-    scene = Scene.from_dict({"body": body, "texture": texture, "load": load, "joint": joint})
-    whole, blocks = draw_scene(scene, 25, 3), list(scene_blocks(scene, 25, 3, 7))
-    assert [len(one.nu) for one in blocks] == [7, 7, 7, 4]
-    for name, column in whole.profile.items():
-        assert np.concatenate([one.profile[name] for one in blocks]).tolist() == column.tolist()
-    for name in ("nu", "p_over_E"):
-        parts = np.concatenate([getattr(one, name) for one in blocks])
-        # Rounding: products of correlated scores of other lengths.
-        np.testing.assert_allclose(parts, getattr(whole, name), rtol=1e-14)
-
-
-def test_draw_scene__lengths_of_a_texture_are_over_the_radius(read):
-    lengths = 'corner_radius = "20 um"\ngroove_depth = "0.4 mm"\n[load]'
-    drawn = draw_scene(read(("8 mm", "normal(8 mm, 3 %)"), ("[load]", lengths)), 9, 3)
-    radius = drawn.physical["radius"]
-    assert np.ptp(radius) > 0
-    np.testing.assert_allclose(drawn.profile["corner"], 20e-6 / radius)
-    np.testing.assert_allclose(drawn.profile["depth"], 0.4e-3 / radius)
 
 
 def test_draw_scene__a_uniform_offset_is_anywhere():

@@ -5,14 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from ridgebayes.contact import smooth, two_scale
+from ridgebayes import InputError, Scene, contact_at_loads, generate, plan
+from ridgebayes.contact import two_scale
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.contact.two_scale import CHECKED, REACH, load_of, relative_error, width_ratio
-from ridgebayes.errors import InputError
-from ridgebayes.scene.estimates import plan
-from ridgebayes.scene.scene import Scene, Texture
-from ridgebayes.simulate.generation import generate
-from ridgebayes.simulate.responses import contact_at_loads, ridge_forces
+from ridgebayes.contact.two_scale import CHECKED, REACH, load_of, relative_error
+from ridgebayes.scene.scene import Texture
 from ridgebayes.table.datafiles import data_path
 
 A, B = 0.0625, 0.05
@@ -86,30 +83,11 @@ def test_contact_at_loads__counts_change_at_two_scale_loads():
     assert (found["rel_se"] > 0).all()
 
 
-def test_contact_at_loads__at_small_loads_is_the_half_planes():
-    p = [1e-5, 1e-4]
-    one, other = (contact_at_loads(HARD, p, solver=s) for s in ("two-scale", "half-plane"))
-    assert one["half_width_over_R"].to_numpy() == pytest.approx(
-        other["half_width_over_R"].to_numpy(), rel=2e-4
-    )
-    assert (other["rel_se"] == 0).all()
-
-
 def test_contact_at_loads__says_what_is_beyond():
     found = contact_at_loads(HARD, [0.1, 0.4, REACH * 1.01])
     assert [text.split(":")[0] for text in found["status"]] == ["ok", "not checked", "not computed"]
     assert found["half_width_over_R"].notna().tolist() == [True, True, False]
     assert math.isnan(found["rel_se"].iloc[2])
-
-
-def test_ridge_forces__carry_the_load_at_large_deformation():
-    found = ridge_forces(HARD, [0.1], solver="two-scale")
-    width = found["right_over_R"] - found["left_over_R"]
-    assert (found["mean_pressure_over_E"] * width).sum() == pytest.approx(0.1, rel=1e-9)
-    small = ridge_forces(HARD, [0.1 * float(width_ratio(0.1)) ** 2], solver="half-plane")
-    ratio = found["penetration_over_R"] / small["penetration_over_R"]
-    # Algebra: a groove's depth under a pressure that is larger by 1/r^2.
-    assert ratio.dropna().to_numpy() == pytest.approx(float(width_ratio(0.1)) ** -2, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -153,12 +131,6 @@ def test_plan__weighs_the_material(narrowed):
     assert (effect.number, effect.estimate, effect.simulated) == (2.0, 0.0, False)
 
 
-def test_plan__takes_finite_elements_where_no_smooth_body_is_known(narrowed):
-    (one,) = plan(of_material(nu=0.2))
-    assert one.solver == "cylinder-fe"
-    assert math.isnan(next(e for e in one.effects if e.name == "material").estimate)
-
-
 @pytest.mark.parametrize("solver", ["auto", "two-scale"])
 def test_generate__takes_the_material_along(narrowed, solver):
     found = generate(of_material(), solver=solver).frame
@@ -169,28 +141,10 @@ def test_generate__takes_the_material_along(narrowed, solver):
     assert found["source"].str.contains("effects=ridges.material").all()
 
 
-def test_generate__leaves_out_a_material_within_the_accuracy(narrowed):
-    found = generate(of_material(relative=0.3)).frame
-    assert not found["source"].str.contains("material").any()
-
-
 def test_generate__refuses_loads_beyond_a_materials_own_reach(narrowed):
     scene = of_material().model_copy(update={"p_over_E": 0.45})
     with pytest.raises(InputError, match=r"expected at most p/E = 0\.4, as far as its material"):
         generate(scene, solver="two-scale")
-
-
-def test_contact_at_loads__takes_the_material_along(narrowed):
-    widths = [
-        contact_at_loads(of_material(ogden), [0.3], solver="two-scale")["half_width_over_R"].iloc[0]
-        for ogden in (STIFF, ((1.0, 2.0),))
-    ]
-    assert widths[0] < 0.99 * widths[1]
-
-
-def test_loads_of_other_materials__are_checked_less_far(narrowed):
-    found = contact_at_loads(of_material(), [0.19, 0.21], solver="two-scale")["status"]
-    assert (found == "ok").tolist() == [True, False]
 
 
 @pytest.mark.parametrize("relative", [None, 0.01])
@@ -206,19 +160,3 @@ def test_contact_at_loads__computes_no_high_loads_of_such_bodies():
     low, high = contact_at_loads(scene, [0.02, 0.2])["status"]
     assert low == "ok"
     assert high.startswith("not computed")
-
-
-def test_generate__finds_a_bodys_stiffening_once(monkeypatch):
-    bodies = []
-
-    def stiffening(nu, ogden):
-        bodies.append((nu, ogden))
-        return np.array([0.0, 0.0, -0.2, 0.0]), 0.4
-
-    monkeypatch.setattr(smooth, "stiffening", stiffening)
-    two_scale.stiffening_of.cache_clear()
-    scene = Scene.of([(A, B), (A, 0.5 * B)], p_over_E=0.02)
-    scene = scene.model_copy(update={"ogden": STIFF})
-    generate(scene, solver="two-scale")
-    two_scale.stiffening_of.cache_clear()
-    assert bodies == [(0.5, STIFF)]

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.goals import LARGEST, Case, Load, parse_goals
 

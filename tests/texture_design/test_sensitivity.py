@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes.runtime.randomness import stream
 from ridgebayes.texture_design.bodies import Bodies, Tolerance
 from ridgebayes.texture_design.drawn_loads import drawn_loads
 from ridgebayes.texture_design.goal_values import Value
 from ridgebayes.texture_design.goals import parse_goals
-from ridgebayes.texture_design.next_simulation import _information, next_simulation
+from ridgebayes.texture_design.next_simulation import next_simulation
 from ridgebayes.texture_design.sensitivity import SIMULATION, Sources, sobol_shares, what_to_measure
 
 TEXTURE = (0.022, 0.02)
@@ -52,42 +51,6 @@ def first_order(share, t):
     p = stats.norm.sf(t)
     both = stats.multivariate_normal(cov=[[1, share], [share, 1]]).cdf([-t, -t])
     return (both - p**2) / (p - p**2)
-
-
-class Linear:
-    """Q = 2 x + y + z and failure = x > 1, of three normal sources, y and z in one group."""
-
-    def __init__(self):
-        self.groups = {"first": ["x"], "second": ["y", "z"]}
-
-    def draw(self, n, seed):
-        return {name: stream(seed, name).standard_normal(n) for name in "xyz"}
-
-    def outcome(self, draws):
-        return 2 * draws["x"] + draws["y"] + draws["z"], (draws["x"] > 1).astype(float)
-
-
-def test_sobol_shares__of_a_linear_function_are_its_squared_coefficients():
-    found = sobol_shares(Linear(), 3).set_index(["of", "source"])
-    expected = {("Q", "first"): 4 / 6, ("Q", "second"): 2 / 6}
-    expected |= {("failure", "first"): 1.0, ("failure", "second"): 0.0}
-    for key, share in expected.items():
-        row = found.loc[key]
-        # Monte Carlo: three standard errors.
-        assert row["first_order"] == pytest.approx(share, abs=3 * row["first_order_se"] + 1e-12)
-        assert row["total_order"] == pytest.approx(share, abs=3 * row["total_order_se"] + 1e-12)
-        assert row["first_order_se"] < 0.05
-
-
-class Rare(Linear):
-    """Two draws in a thousand fail: too few for shares with a standard error."""
-
-    def outcome(self, draws):
-        return super().outcome(draws)[0], (draws["x"] > 2.9).astype(float)
-
-
-def test_sobol_shares__of_what_hardly_varies_are_not_told():
-    assert set(sobol_shares(Rare(), 3)["of"]) == {"Q"}
 
 
 def test_sobol_shares__of_a_failure_by_normal_logs(fit, log_load):
@@ -150,16 +113,3 @@ def test_next_simulation__of_two_forms_that_differ_is_where_they_differ(fits, fi
     same = next_simulation([fit.averaged, fit.averaged], textures, 1)
     assert same["information"].max() == pytest.approx(0, abs=1e-12)
     assert next_simulation([fit.averaged], textures, 1).empty
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("apart", "expected"), [(0.0, 0.0), (2.0, None), (50.0, np.log(2))])
-def test_information__of_two_normals_is_their_divergence_from_the_mixture(apart, expected):
-    forms = [(np.full(2_000, centre), np.ones(2_000)) for centre in (0.0, apart)]
-    found = _information(forms, np.random.default_rng(1))
-    if expected is None:
-        y = np.linspace(-9, 9 + apart, 20_001)
-        one, other = stats.norm.pdf(y), stats.norm.pdf(y - apart)
-        expected = integrate.trapezoid(one * np.log(2 * one / (one + other)), y)
-    # Monte Carlo: 4,000 terms of sd under 0.5; some four standard errors.
-    assert found == pytest.approx(expected, abs=0.03)

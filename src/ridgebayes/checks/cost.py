@@ -13,7 +13,7 @@ from ridgebayes._types import FloatArray, Rng
 from ridgebayes.contact import halfplane
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.inference.importance import Drawn, importance_sample
+from ridgebayes.inference.importance import Drawn, at_least, importance_sample
 from ridgebayes.inference.presets import PRESETS, REFERENCE
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.forms import Form, Hybrid
@@ -65,8 +65,9 @@ def cost(
     -------
     pandas.DataFrame
         Columns task, method, preset, target_error, error, cpu_s, status. Errors of a ``posterior``
-        are the largest of a mean, sd, 5 or 95 % quantile, in posterior sds; of an ``evidence`` in
-        ln Z; of ``loads`` the largest relative one of the first three transitions. Posteriors and
+        are the largest of a mean, sd, 5 or 95 % quantile, in posterior sds, of as many draws as a
+        fit keeps; of an ``evidence`` in ln Z; of ``loads`` the largest relative one of the first
+        three transitions. Posteriors and
         evidences are compared with some hundred thousand draws, half-plane loads with 24
         coefficients a strip, finite elements with the finest mesh, whose own error is NaN.
         `status`: ``ok``, or why there is no number.
@@ -111,9 +112,13 @@ def _posterior(
 ) -> Iterator[_Row]:
     """Draw a posterior, and compare with many more draws."""
     preset, method = PRESETS[name], "importance sampling"
-    drawn, cpu_s = _timed(
-        lambda: importance_sample(ModelTarget(model, seed), preset.effort, seed), repeats
-    )
+    target = ModelTarget(model, seed)
+
+    def draws() -> Drawn:
+        drawn = importance_sample(target, preset.effort, seed)
+        return at_least(drawn, target, preset.n_kept, preset.effort, seed + 2)  # as fits have them
+
+    drawn, cpu_s = _timed(draws, repeats)
     error = float((np.abs(_moments(model, drawn) - exact) / exact[1]).max())
     yield "posterior", method, name, preset.moment_error, error, cpu_s, "ok"
     error = abs(drawn.evidence.value - log_evidence)

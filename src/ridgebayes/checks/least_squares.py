@@ -47,7 +47,7 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     Parameters
     ----------
     form : Form
-        With printed coefficients to start from: not the power law.
+        With published coefficients to start from: not the power law.
     table : ContactTable
         Transitions of role calibration and status ok are used.
 
@@ -59,7 +59,7 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     Raises
     ------
     InputError
-        If the form has no printed coefficients, or there are fewer rows than coefficients.
+        If the form has no published coefficients, or there are fewer rows than coefficients.
     ComputationError
         If the rows lead to coefficients at which the rate of a texture is not positive.
 
@@ -76,11 +76,11 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     """
     frame = table.calibration.frame
     frame = frame[frame["kind"] == "transition"]
-    start = form.printed
+    start = form.published
     if start is None or len(frame) < len(start):
         raise InputError(
-            f"{form.name}: expected a form with printed coefficients and at least as many rows as "
-            f"coefficients, got {len(frame)} rows"
+            f"{form.name}: expected a form with published coefficients and at least as many rows "
+            f"as coefficients, got {len(frame)} rows"
         )
     p, a, b, nu = (frame[c].to_numpy() for c in ("p_over_E", "a_over_R", "b_over_R", "nu"))
     q = frame["Q"].to_numpy(float)
@@ -93,7 +93,7 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
             )
         return value
 
-    # In units of the printed coefficients c1 and c2 differ by little, not by a factor of 85.
+    # In units of the published coefficients c1 and c2 differ by little, not by a factor of 85.
     solution = least_squares(residual, np.ones(len(start)), xtol=1e-14, ftol=1e-14, gtol=1e-14)
     theta = solution.x * start
     spare = len(q) - len(start)

@@ -14,6 +14,7 @@ import pandas as pd
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray, Rng
 from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.diagnostics import stacking_weights
 from ridgebayes.inference.importance import Effort
 from ridgebayes.inference.left_out import AllRows, LeftOut
@@ -34,11 +35,11 @@ from ridgebayes.table.table import ContactTable
 LEFT_OUT_COLUMNS = ["form", "noise", "leave", "n_fold", "log_score", "log_score_se", "mean_crps"]
 LEFT_OUT_COLUMNS += ["stacking_weight", "failed"]
 # Each takes a posterior for every form: above, ten folds of many tell as much.
-_MOST_FOLDS = {"texture": 24, "step": 24, "series": 24, "row": 50}
+_MOST_FOLDS = dict.fromkeys(("texture", "step", "series"), 24) | {"row": 50}
 _N_GROUP = 10
 # Draws behind a CRPS, whose standard error is about 1 % of a predictive sd; of very many rows,
 # whose mean is looked at, fewer.
-_MAX_DRAWS, _MIN_DRAWS, _MAX_LOADS = 10_240, 1_024, 2**22
+_LEAST_DRAWS, _MOST_LOADS = N_KEPT // 10, 2**22
 _T = TypeVar("_T")
 
 
@@ -322,7 +323,7 @@ def row_crps(fit: Posterior, data: Observations, rng: np.random.Generator) -> Fl
     exact = data.take(data.is_exact)
     if not len(exact):
         return np.zeros(0)
-    n = int(np.clip(_MAX_LOADS // len(exact), _MIN_DRAWS, _MAX_DRAWS))
+    n = int(np.clip(_MOST_LOADS // len(exact), _LEAST_DRAWS, N_KEPT))
     return crps_of_draws(np.log(row_loads(fit, exact).rvs(n, rng)), exact.log_load)
 
 

@@ -10,11 +10,10 @@ from ridgebayes.comparison.bands import loads_table, predicted_rows
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.model.forms import PowerLaw
+from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE
 
-PAPER_TEXTURES: tuple[Texture, ...] = ((0.032, 0.01), (0.012, 0.03), (0.012, 0.09))
-_SHOWN = len(PAPER_TEXTURES)
+_SHOWN = 3  # textures, a panel each in a row
 _PROB = 0.9
-_AT_ONCE = 256  # textures
 
 
 def held_out_loads(comparison: Comparison) -> pd.DataFrame:
@@ -56,16 +55,13 @@ def shown_textures(comparison: Comparison) -> tuple[Texture, ...]:
     Returns
     -------
     tuple of (float, float)
-        All if there are at most three; those of the study's Figs 5 and 6 if the table has them;
-        else those of the narrowest and the widest grooves for their ridges, and one held out or
-        between.
+        All if there are at most three; else those of the narrowest and the widest grooves for
+        their ridges, and one held out or between.
     """
     ok = predicted_rows(comparison.table)
     present = list(dict.fromkeys(zip(ok["a_over_R"], ok["b_over_R"], strict=True)))
     if len(present) <= _SHOWN:
         return tuple(present)
-    if set(PAPER_TEXTURES) <= set(present):
-        return PAPER_TEXTURES
     ordered = sorted(present, key=lambda texture: texture[1] / texture[0])
     held_out = [t for t in comparison.table.held_out.textures if t in present]
     middle = ordered[len(ordered) // 2]
@@ -87,7 +83,7 @@ def percent_errors(
     Returns
     -------
     pandas.DataFrame
-        Columns form, coefficients (calibrated: posterior means; printed: those of the study),
+        Columns form, coefficients (calibrated: posterior means; published: those of the study),
         a_over_R, b_over_R, Q, role, p_over_E, percent. Positive: the form asks for too much load.
         The power law has no row where a texture has no K.
     """
@@ -103,8 +99,8 @@ def percent_errors(
             means = fit.summary["mean"].to_numpy()[: fit.model.n_coefficient]
             # A file gives back 15 digits: equal figures need fewer.
             sets = {"calibrated": np.array([float(f"{mean:.12g}") for mean in means])}
-            if fit.form.printed is not None:
-                sets["printed"] = np.array(fit.form.printed)
+            if fit.form.published is not None:
+                sets["published"] = np.array(fit.form.published)
             for coefficients, theta in sets.items():
                 error = 100 * (fit.form.load(q, a, b, theta, nu) / p - 1)
                 blocks.append(rows.assign(form=name, coefficients=coefficients, percent=error))
@@ -135,8 +131,9 @@ def slopes_table(comparison: Comparison) -> pd.DataFrame:
             continue
         theta = fit.draws[:, : fit.model.n_coefficient]
         textures = np.array(fit.model.data.textures)
-        for i in range(0, len(textures), _AT_ONCE):
-            a, b = textures[i : i + _AT_ONCE].T
+        step = max(NUMBERS_AT_ONCE // len(theta), 1)
+        for i in range(0, len(textures), step):
+            a, b = textures[i : i + step].T
             slope = fit.form.slope(a, b, theta)
             lower, upper = np.quantile(slope, [0.5 - _PROB / 2, 0.5 + _PROB / 2], axis=0)
             values = (a, b, a + b, slope.mean(axis=0), lower, upper)

@@ -6,13 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from ridgebayes.checks import load_errors
 from ridgebayes.checks.least_squares import LeastSquares, fit_by_least_squares
-from ridgebayes.checks.load_errors import (
-    held_out_loads,
-    percent_errors,
-    shown_textures,
-    slopes_table,
-)
 from ridgebayes.checks.power_scaling import power_scaling
 from ridgebayes.checks.predictive_checks import PredictiveChecks, posterior_checks, prior_bands
 from ridgebayes.checks.repeat import Repeat, against_priors, is_cheap, repeat_posterior
@@ -178,21 +173,19 @@ def report_data(comparison: Comparison) -> ReportData:
     fit = comparison.fits[shown]
     frame, none = comparison.table.frame, pd.DataFrame()
     seen = frame[frame["status"] == "ok"]
-    transitions = seen[seen["kind"] == "transition"]
-    textures = shown_textures(comparison)
-    ranked, verdict = ranking.forms_by_probability(comparison), comparison.verdict
+    textures = load_errors.shown_textures(comparison)
+    verdict = comparison.verdict
     # With prior odds the form that is shown may be the second by evidence.
     compared = () if verdict is None else (verdict.over, verdict.form)
     over = next((name for name in compared if name != shown), "")
     bands = _panel_bands(comparison, [shown, *([over] if over else [])], seen, textures)
     own_bands = bands[bands["form"] == shown]
-    is_exact = bool(fit.model.data.is_exact.any())
     return ReportData(
         comparison,
         preset,
         best,
         shown,
-        tuple(ranked),
+        tuple(ranking.forms_by_probability(comparison)),
         verdict,
         ranking.problems(comparison),
         comparison.cautions,
@@ -200,15 +193,15 @@ def report_data(comparison: Comparison) -> ReportData:
         none if best is None else ranking.sensitivity_factors(comparison, best),
         ranking.predicting(comparison),
         mean_evidence(comparison.evidence),
-        transitions,
+        seen[seen["kind"] == "transition"],
         own_bands.reset_index(drop=True),
         consequence_of(bands, shown, over, seen[seen["role"] == "calibration"]),
-        held_out_loads(comparison),
+        load_errors.held_out_loads(comparison),
         textures,
-        percent_errors(comparison, textures),
-        slopes_table(comparison),
+        load_errors.percent_errors(comparison, textures),
+        load_errors.slopes_table(comparison),
         _least_squares(comparison),
-        posterior_checks(fit, rng=fit.seed) if is_exact else None,
+        posterior_checks(fit, rng=fit.seed) if fit.model.data.is_exact.any() else None,
         prior_bands(fit.model, rng=fit.seed) if preset.extras else none,
         power_scaling(fit),
         repeat_posterior(fit) if preset.extras and is_cheap(fit) else None,

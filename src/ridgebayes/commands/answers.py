@@ -2,33 +2,27 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
 
 import pandas as pd
 
 from ridgebayes.commands.run_files import summary_table, verdicts
-from ridgebayes.commands.terminal import Answer, files_in
+from ridgebayes.commands.terminal import MOST_SHOWN, Answer, files_in
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.ranking import forms_by_probability
+from ridgebayes.report.first_screen import EQUAL, headline, lead, prior_words, why
 from ridgebayes.results import Fit
 from ridgebayes.runtime.text import count, short_label
-
-_MOST_NOISES = 3  # error models of one form, on one line
-_MOST_ROWS = 4  # of one form's parameters: a power law has one a texture
 
 
 def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
     """Return the verdict, forms by probability, and their coefficients."""
     verdict, shares, parts = done.verdict, done.probabilities, [_rows_text(done, out, then)]
     if verdict is not None:
-        # This imports all drawing modules: a fit, which has no verdict, need not wait for them.
-        words = import_module("ridgebayes.report.first_screen")
-        why = f" Why: {words.why(verdict)}." if verdict.grade == "undecided" else ""
-        grade = f"Grade: {verdict.grade}.{why}"
-        told = words.headline(verdict, done.probabilities_at_equal_odds)
-        parts.append(f"{told} {words.lead(verdict)} {grade}")
-        if (prior := words.prior_words(done)) != words.EQUAL:
+        reason = f" Why: {why(verdict)}." if verdict.grade == "undecided" else ""
+        sentence = headline(verdict, done.probabilities_at_equal_odds)
+        parts.append(f"{sentence} {lead(verdict)} Grade: {verdict.grade}.{reason}")
+        if (prior := prior_words(done)) != EQUAL:
             parts.append(f"Probabilities are {prior}.")
     ranked = [done.fits[name] for name in forms_by_probability(done)]
     forms = [
@@ -56,7 +50,7 @@ def fit_answer(done: Comparison, out: Path) -> Answer:
     state = "converged" if fit.converged else "NOT converged"
     state_text = f"{fit.form.name}, error model {fit.noise.name}, drawn by {fit.sampler}: {state}"
     return Answer(
-        (_rows_text(done, out), state_text, pd.DataFrame(_rows(fit, fit.summary))),
+        (_rows_text(done, out), state_text, _rounded(fit.summary)),
         summary_table([fit]),
         files_in(out),
         details=(fit.summary,),
@@ -77,42 +71,38 @@ def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
 
 def _coefficients(fits: Sequence[Fit]) -> list[str | pd.DataFrame]:
     """Return the coefficients of each form; of many textures' K only where they are."""
-    rows: list[dict[str, str]] = []
+    tables: list[pd.DataFrame] = []
     more: list[str | pd.DataFrame] = []
     for fit in fits:
         coefficients = fit.summary[fit.summary["parameter"].isin(fit.form.parameter_names)]
-        if len(coefficients) > _MOST_ROWS:
+        if len(coefficients) > MOST_SHOWN:
             more.append(f"{fit.form.name}: {len(coefficients)} coefficients, see summary.csv")
         else:
-            rows += [{"form": fit.form.name} | row for row in _rows(fit, coefficients)]
-    if not rows:
+            tables.append(_rounded(coefficients))
+            tables[-1].insert(0, "form", fit.form.name)
+    if not tables:
         return more
-    return [f"Coefficients under error model {fits[0].noise.name}:", pd.DataFrame(rows), *more]
+    return [f"Coefficients under error model {fits[0].noise.name}:", pd.concat(tables), *more]
 
 
-def _rows(fit: Fit, summary: pd.DataFrame) -> list[dict[str, str]]:
-    """Return parameters as they are printed: two digits of the sd, and the rest to match."""
+def _rounded(summary: pd.DataFrame) -> pd.DataFrame:
+    """Return parameters to read: two digits of the sd, and the rest to match."""
     rows = []
     for row in summary.to_dict("records"):
         places = 3
         if 0 < row["sd"] < math.inf:
             places = max(1 - math.floor(math.log10(row["sd"])), 0)
-        low, high = (f"{row[name]:.{places}f}" for name in ("eti_lower", "eti_upper"))
-        rows.append(
-            {
-                "parameter": short_label(str(row["parameter"])),
-                "mean": f"{row['mean']:.{places}f}",
-                "sd": f"{row['sd']:.{places}f}",
-                f"{100 * row['prob']:g} % interval": f"{low} to {high}",
-            }
-        )
-    return rows
+        cells = {name: f"{row[name]:.{places}f}" for name in ("mean", "sd")}
+        ends = " to ".join(f"{row[name]:.{places}f}" for name in ("eti_lower", "eti_upper"))
+        parameter = {"parameter": short_label(str(row["parameter"]))}
+        rows.append(parameter | cells | {f"{100 * row['prob']:g} % interval": ends})
+    return pd.DataFrame(rows)
 
 
 def _heaviest(weights: Mapping[str, float]) -> str:
     """Return the error models of most weight; all are in run.json."""
     ranked = sorted(weights.items(), key=lambda item: -item[1])
-    shown = [f"{noise} {weight:.2g}" for noise, weight in ranked[:_MOST_NOISES]]
+    shown = [f"{noise} {weight:.2g}" for noise, weight in ranked[:MOST_SHOWN]]
     more = [f"{len(ranked) - len(shown)} more"] if len(ranked) > len(shown) else []
     return ", ".join([*shown, *more])
 

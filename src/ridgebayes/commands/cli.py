@@ -25,7 +25,7 @@ import typer
 
 from ridgebayes.commands import options, table_options
 from ridgebayes.commands.shared_options import Output, help_of, parameters_of
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError, InputError, OutputError
 
 _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "run": ("run", options.Run),
@@ -43,13 +43,7 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "report": ("report", options.Report),
 }
 # Modules that workers of a run import while this process does; in a quick run they do not draw.
-_OF_A_RUN = (
-    "ridgebayes.commands.run",
-    "h5netcdf",
-    "scipy.stats",
-    "xarray",
-    "arviz_stats.base",
-)
+_OF_A_RUN = ("ridgebayes.commands.run", "h5netcdf", "scipy.stats", "xarray", "arviz_stats.base")
 _OF_FIGURES = (
     *(f"ridgebayes.drawing.{name}" for name in ("coverage", "forms", "posterior", "predictions")),
     "corner",
@@ -114,7 +108,7 @@ def _done(name: str, module: str, asked: Any, output: Output) -> int:
         code, error = (1 if answer.problem else 0), answer.problem
     except InputError as bad:
         code, error = 2, str(bad)
-    except ComputationError as failed:
+    except (ComputationError, OutputError) as failed:
         code, error = 1, str(failed)
     except OSError as failed:
         code, error = 1, _words(failed)

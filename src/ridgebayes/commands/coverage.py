@@ -40,8 +40,8 @@ def command(asked: Coverage) -> Answer:
         Progress(len(request.forms) * len(models) + 1) as progress,
         executor_for(n_worker, asked.scheduler) as executor,
     ):
-        known: dict[str, Any] = {"rng": asked.seed, "executor": executor}
-        shares = coverage(request.table, request.forms, models, progress=progress.stage, **known)
+        how: dict[str, Any] = {"rng": asked.seed, "executor": executor}
+        shares = coverage(request.table, request.forms, models, progress=progress.stage, **how)
         if shares.empty:
             raise InputError(
                 f"{request.table.where}: expected a row that gives the load itself, got only "
@@ -67,9 +67,9 @@ def _answer(shares: pd.DataFrame, out: Path) -> Answer:
     columns = ["form", "noise", "n", "covered", "share", "share_se", "mean_width"]
     failed = shown[shown["n_failed"] > 0]
     rows = zip(failed["form"], failed["noise"], failed["failed"], strict=True)
-    told = f"{out}: {len(shares)} rows; look at {out / 'coverage.png'}"
+    summary = f"{out}: {len(shares)} rows; look at {out / 'coverage.png'}"
     return Answer(
-        ("Bands of 90 %:", shown[columns].round(3), told),
+        ("Bands of 90 %:", shown[columns].round(3), summary),
         shares,
         files_in(out),
         problem="\n".join(f"{form}, {name}: {why}" for form, name, why in rows),

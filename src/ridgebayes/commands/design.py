@@ -1,6 +1,5 @@
 """`ridgebayes design`: textures that meet a goal, from a finished run and a scene."""
 
-import re
 from pathlib import Path
 
 import pandas as pd
@@ -14,6 +13,7 @@ from ridgebayes.report.design_page import design_page, drawn_design
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import percent
 from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.texture_text import has_unit
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Tolerance
 from ridgebayes.texture_design.design import design
@@ -28,17 +28,16 @@ def command(asked: options.DesignOptions) -> Answer:
     """Do what the command line asks for."""
     scene = Scene.from_toml(asked.scene)
     body = scene.body
+    typed = {"a": (asked.a, _bounds), "b": (asked.b, _bounds), "step": (asked.step, _length)}
     sizes: dict[str, object] = {
-        name: _bounds(text, f"--{name}", body)
-        for name, text in (("a", asked.a), ("b", asked.b))
+        name: parse(text, f"--{name}", body)
+        for name, (text, parse) in typed.items()
         if text is not None
     }
-    if asked.step is not None:
-        sizes["step"] = _length(asked.step, "--step", body)
     tolerance = Tolerance.parse(asked.tolerance, lambda text: _over_radius(text, body))
     parse_goals(asked.goal, body=body)  # before the run is read, which takes seconds
     with new_folder(asked.out, force=asked.force, about=_ABOUT) as folder:
-        found = design(
+        result = design(
             read_run(asked.folder),
             scene,
             asked.goal,
@@ -48,17 +47,13 @@ def command(asked: options.DesignOptions) -> Answer:
             objective=asked.objective,
             rng=asked.seed,
         )
-        _write(found, folder, body)
-    return _answer(found, asked.out, body)
+        _write(result, folder, body)
+    return _answer(result, asked.out, body)
 
 
 def _over_radius(text: str, body: Body) -> float:
     """Return a length over the radius, of a text with a unit or a number."""
-    return body.over_radius(text) if _has_unit(text) else float(text)
-
-
-def _has_unit(text: str) -> bool:
-    return re.search(r"[^\W\d_eE]", text) is not None
+    return body.over_radius(text) if has_unit(text) else float(text)
 
 
 def _length(text: str, option: str, body: Body) -> float:
@@ -77,24 +72,24 @@ def _bounds(text: str, option: str, body: Body) -> tuple[float, float]:
     low, colon, high = text.partition(":")
     if not colon:
         raise InputError(f"{option} {text!r}: expected LO:HI, such as 0.01:0.04 or '80 um:320 um'")
-    if _has_unit(low) != _has_unit(high):
+    if has_unit(low) != has_unit(high):
         raise InputError(f"{option} {text!r}: expected two lengths with units, or two over R")
     return _length(low, option, body), _length(high, option, body)
 
 
-def _write(found: Design, folder: Path, body: Body) -> None:
-    write_csv(found.designs, folder / "designs.csv")
-    write_text(found.to_json(), folder / _ABOUT)
-    figure = {kind: drawn_design(found, kind) for kind in ("png", "svg")}
-    for kind, content in figure.items():
-        (folder / f"design.{kind}").write_bytes(content)
-    write_text(design_page(found, figure["png"], body), folder / "design.html")
+def _write(result: Design, folder: Path, body: Body) -> None:
+    write_csv(result.designs, folder / "designs.csv")
+    write_text(result.to_json(), folder / _ABOUT)
+    for kind in ("svg", "png"):
+        figure = drawn_design(result, kind)
+        (folder / f"design.{kind}").write_bytes(figure)
+    write_text(design_page(result, figure, body), folder / "design.html")
 
 
-def _answer(found: Design, out: Path, body: Body) -> Answer:
-    row, check = found.best, found.check
+def _answer(result: Design, out: Path, body: Body) -> Answer:
+    row, check = result.best, result.check
     columns = {
-        "": ["recommended" if found.feasible else "nearest"],
+        "": ["recommended" if result.feasible else "nearest"],
         "a/R": [row["a_over_R"]],
         "b/R": [row["b_over_R"]],
         "value": [row["probability"]],
@@ -104,34 +99,29 @@ def _answer(found: Design, out: Path, body: Body) -> Answer:
     if "load" in row:
         columns["load"] = [row["load"]]
     if body.radius is not None:
-        micrometres = 1e6 * float(body.radius)
         columns |= {
-            "a (um)": [row["a_over_R"] * micrometres],
-            "b (um)": [row["b_over_R"] * micrometres],
+            f"{name} (um)": [row[f"{name}_over_R"] * 1e6 * float(body.radius)] for name in "ab"
         }
-    n = int(found.designs["feasible"].sum())
-    told = f"{out}: {n} of {len(found.designs)} textures meet the goal"
-    if found.limits is not None:
-        told += f"; the nearest misses it by {-row['margin']:.3g}. {found.limits['why']}"
-    told += f"\n{found.conditions}"
-    warnings = []
-    if row["extrapolation"]:
-        warnings.append(f"the texture lies beyond what was calibrated: {row['extrapolation_of']}")
-    shares = found.shares[found.shares["of"] == "Q"].sort_values("total_order", ascending=False)
-    orders = {"first_order": "alone", "total_order": "with interactions"}
-    shown = shares[["source", *orders]].rename(columns=orders)
-    for name in orders.values():
-        shown[name] = [percent(min(max(share, 0.0), 1.0)) for share in shown[name]]
-    parts: list[str | pd.DataFrame] = [told, pd.DataFrame(columns)]
-    if len(shown):
+    n = int(result.designs["feasible"].sum())
+    summary = f"{out}: {n} of {len(result.designs)} textures meet the goal"
+    if result.limits is not None:
+        summary += f"; the nearest misses it by {-row['margin']:.3g}. {result.limits['why']}"
+    parts: list[str | pd.DataFrame] = [f"{summary}\n{result.conditions}", pd.DataFrame(columns)]
+    shares = result.shares[result.shares["of"] == "Q"].sort_values("total_order", ascending=False)
+    if len(shares):
+        orders = {"first_order": "alone", "total_order": "with interactions"}
+        clipped = shares[[*orders]].clip(0.0, 1.0).map(percent)
+        shown = shares[["source"]].join(clipped).rename(columns=orders)
         parts += ["Shares of the variance of Q:", shown]
     else:
         parts.append("Q varies in too few draws to divide its variance among sources.")
-    if len(found.measure):
-        first = found.measure.iloc[0]
-        would = f"known exactly, it would remove {percent(first['resolved'])} of the uncertainty"
-        is_little = first["resolved"] < _LITTLE
-        little = "nothing: no source, known exactly, would remove 1 % of the uncertainty"
-        what = little if is_little else f"{first['measure']} ({would})"
+    if len(result.measure):
+        first = result.measure.iloc[0]
+        what = "nothing: no source, known exactly, would remove 1 % of the uncertainty"
+        if first["resolved"] >= _LITTLE:
+            share = percent(first["resolved"])
+            what = f"{first['measure']} (known exactly, it would remove {share} of the uncertainty)"
         parts.append(f"What to measure next: {what}")
-    return Answer(parts, found.to_dict(), files_in(out), warnings=warnings)
+    beyond = f"the texture lies beyond what was calibrated: {row['extrapolation_of']}"
+    warnings = [beyond] if row["extrapolation"] else []
+    return Answer(parts, result.to_dict(), files_in(out), warnings=warnings)

@@ -10,7 +10,7 @@ from typing import Any
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import medians_taken, refuse_existing
 from ridgebayes.commands.terminal import Answer, files_in, warn
-from ridgebayes.errors import InputError, RidgebayesError
+from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import exclusive_lock
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import executor_for, map_ordered
@@ -70,7 +70,7 @@ def command(asked: options.Generate) -> Answer:
         (summary, *medians_taken(wanted.uncertain_names), *left_out),
         {"rows": len(table), "textures": len(table.textures), "not_ok": failed},
         [asked.out, *(files_in(asked.fields) if asked.fields else ())],
-        told=warned,
+        early=warned,
         problem=f"{failed} rows are not ok, see column status of {asked.out}" if failed else "",
     )
 
@@ -129,17 +129,14 @@ def sweep_job(
                 f"{journal.folder}: left by an earlier sweep; use --resume to continue it, or "
                 "--force to start again"
             )
-        with who as executor:
+        with who as executor, _journal_report(journal, n, resume):
             if not resume:
                 journal.remove()
-            with _journal_report(journal, n, resume), Progress(1, name="textures"):
+            with Progress(1, name="textures"):
                 table = generation.generate(scene, executor=executor, journal=journal, **solving)
+            _print_taken(journal, n, resume)
             left_out = _neglected_effects(scene, executor, **solving)
-        try:
             table.write(out)
-        except RidgebayesError:  # a full disk, after all that work
-            _print_kept(journal, n)
-            raise
         journal.remove()
     return table, left_out
 
@@ -174,19 +171,16 @@ def _journal_report(journal: Journal, n_texture: int, resume: bool) -> Iterator[
             journal.remove()
         raise
     except BaseException:
-        _print_kept(journal, n_texture)
+        if n := journal.n_found + journal.n_kept:
+            kept = f"{n} of {n_texture} textures are in {journal.folder}"
+            print(f"{kept}: continue with --resume", file=sys.stderr, flush=True)
         raise
+
+
+def _print_taken(journal: Journal, n_texture: int, resume: bool) -> None:
     if journal.n_damaged:
-        _print_error(f"{journal.folder}: {journal.n_damaged} damaged textures, computed again")
+        damaged = f"{journal.folder}: {journal.n_damaged} damaged textures, computed again"
+        print(damaged, file=sys.stderr, flush=True)
     if resume:
-        _print_error(f"{journal.n_found} of {n_texture} textures taken from the journal")
-
-
-def _print_kept(journal: Journal, n_texture: int) -> None:
-    n = journal.n_found + journal.n_kept
-    if n:
-        _print_error(f"{n} of {n_texture} textures are in {journal.folder}: continue with --resume")
-
-
-def _print_error(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
+        taken = f"{journal.n_found} of {n_texture} textures taken from the journal"
+        print(taken, file=sys.stderr, flush=True)

@@ -25,16 +25,17 @@ def command(asked: options.Import) -> Answer:
     for path in (asked.write_map, None if asked.dry_run else asked.out):
         if path is not None:
             refuse_existing(path, asked.force)
-    known = {
-        one.name: getattr(asked, one.name) for one in fields(Given) if hasattr(asked, one.name)
+    facts = vars(asked) | {
+        "map": tuple(asked.mapping or ()),
+        "empty": tuple(asked.empty or ()),
+        "skip_rows": asked.skip_rows or 0,
+        "texture": None if asked.texture is None else parse_texture(asked.texture, asked.R),
+        "loads": parse_numbers(asked.loads, "--loads"),
+        "closed_is": _codes(asked.closed_is),
     }
-    known |= {"map": tuple(asked.mapping or ()), "empty": tuple(asked.empty or ())}
-    known["skip_rows"] = asked.skip_rows or 0
-    known["texture"] = None if asked.texture is None else parse_texture(asked.texture, asked.R)
-    known["loads"] = parse_numbers(asked.loads, "--loads")
-    known["closed_is"] = _codes(asked.closed_is)
+    facts_typed = Given(**{fact.name: facts[fact.name] for fact in fields(Given)})
     try:
-        found = import_files(asked.file, Given(**known), program=asked.program, role=asked.role)
+        imported = import_files(asked.file, facts_typed, program=asked.program, role=asked.role)
     except FileError as error:
         wrote = ""
         if asked.write_map is not None:
@@ -49,22 +50,24 @@ def command(asked: options.Import) -> Answer:
         raise InputError(f"{error}{wrote}\n{first}{marks}{check}:\n  {again}") from None
     files = []
     if asked.write_map is not None:
-        _write_map(asked.write_map, found.known, {}, asked)
+        _write_map(asked.write_map, imported.known, {}, asked)
         files.append(asked.write_map)
-    size = {"rows": len(found.table), "textures": len(found.table.textures)}
+    size = {"rows": len(imported.table), "textures": len(imported.table.textures)}
     if asked.dry_run:
-        return Answer(found.messages, size, files, warnings=found.cautions)
+        return Answer(imported.messages, size, files, warnings=imported.cautions)
     if asked.out is None:
-        lines = "\n".join(found.messages)
+        lines = "\n".join(imported.messages)
         raise InputError(
             f"-o: missing; expected the table to write, or --dry-run\n{lines}\nrun:\n"
             f"  {_again(asked)}"
         )
-    found.table.write(asked.out)
-    told = f"{asked.out}: {count(size['rows'], 'row')}, {count(size['textures'], 'texture')}."
-    if len(found.table.calibration):  # held-out rows alone cannot be fitted
-        told += f" next: ridgebayes run --table {shlex.quote(str(asked.out))}"
-    return Answer((*found.messages, told), size, [*files, asked.out], warnings=found.cautions)
+    imported.table.write(asked.out)
+    summary = f"{asked.out}: {count(size['rows'], 'row')}, {count(size['textures'], 'texture')}."
+    if len(imported.table.calibration):  # held-out rows alone cannot be fitted
+        summary += f" next: ridgebayes run --table {shlex.quote(str(asked.out))}"
+    return Answer(
+        (*imported.messages, summary), size, [*files, asked.out], warnings=imported.cautions
+    )
 
 
 def _codes(text: str) -> tuple[int, ...]:
@@ -78,10 +81,10 @@ def _again(
     asked: options.Import, more: Mapping[str, str] | None = None, mapping: Mapping[str, str] = {}
 ) -> str:
     """Return the command line that was typed, with more options, as a shell takes it."""
-    values = {one.name: getattr(asked, one.name) for one in fields(asked)} | dict(more or {})
+    values = vars(asked) | dict(more or {})
     files = [str(path) for path in values.pop("file")]
     values["out"] = values["out"] or f"{Path(files[0]).stem}-table.csv"
-    typed = [one for one in asked.mapping or () if one.partition("=")[0].strip() not in mapping]
+    typed = [word for word in asked.mapping or () if word.partition("=")[0].strip() not in mapping]
     values["mapping"], values["skip_empty"] = None, bool(values["skip_empty"])
     values["map"] = [*typed, *(f"{key}={header}" for key, header in mapping.items())]
     if isinstance(values["empty"], str):
@@ -93,7 +96,7 @@ def _again(
             words.append(option)
         elif value is not False and value not in (None, "", []):
             some = value if isinstance(value, list) else [value]
-            words += [word for one in some for word in (option, str(one))]
+            words += [word for part in some for word in (option, str(part))]
     return shlex.join(words)
 
 

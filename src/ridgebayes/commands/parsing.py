@@ -98,6 +98,11 @@ def parse_loads(
     """Return the loads p/E of one load, LO:HI:N or log:LO:HI:N, shape (N,).
 
     `number` makes p/E of what is typed for a load.
+
+    Examples
+    --------
+    >>> [parse_loads(text).tolist() for text in ("0.01", "0.01:0.03:2", "log:0.0001:0.01:3")]
+    [[0.01], [0.01, 0.03], [0.0001, 0.001, 0.01]]
     """
     is_log, parts = text.startswith("log:"), text.removeprefix("log:").split(":")
     if len(parts) == 1 and not is_log:

@@ -11,6 +11,7 @@ from ridgebayes.commands.parsing import medians_taken, refuse_existing, refuse_s
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.atomic import write_text
+from ridgebayes.runtime.templates import environment_of
 from ridgebayes.runtime.text import duration, percent
 from ridgebayes.scene.effects import Plan, beyond_reach, plan_table
 from ridgebayes.scene.estimates import plan
@@ -54,7 +55,7 @@ def command(asked: options.PlanOptions) -> Answer:
             named = isinstance(error, RidgebayesError)  # which says the file itself
             problem = str(error) if named else f"{error.filename}: {error.strerror}"
     return Answer(
-        parts, plan_table(plans), files, (reasons,), warnings=failed, told=warned, problem=problem
+        parts, plan_table(plans), files, (reasons,), warnings=failed, early=warned, problem=problem
     )
 
 
@@ -66,8 +67,8 @@ def _new_scene(asked: options.PlanOptions) -> Answer:
     refuse_suffix(path, (".toml",))
     refuse_existing(path, asked.force)
     write_text(data_path("scenes/template.toml").read_text(encoding="utf-8"), path)
-    told = f"{path}: a scene to start from. Change its values, then: ridgebayes plan {path}"
-    return Answer((told,), files=[path])
+    summary = f"{path}: a scene to start from. Change its values, then: ridgebayes plan {path}"
+    return Answer((summary,), files=[path])
 
 
 def _draw(scene: Scene, plans: Sequence[Plan], folder: Path) -> list[str]:
@@ -89,24 +90,23 @@ def scene_text(scene: Scene, planned: Plan) -> list[str | pd.DataFrame]:
     planned : Plan
         Plan of one of its textures.
     """
-    texture = planned.texture
-    lines = [f"a/R = {texture.a_over_R:g}, b/R = {texture.b_over_R:g}: {_expected(scene, planned)}"]
+    p = scene.highest_load(planned.texture)
+    alone = scene.model_copy(update={"textures": (planned.texture,)})
+    (contact,) = contact_at_loads(alone, [p]).to_dict("records")
+    width = 2 * contact["half_width_over_R"]
     simulated = [effect for effect in planned.effects if effect.simulated]
-    wanted = f"loads right to {percent(scene.relative)}" if scene.relative else "its loads"
-    sizes = ", ".join(
-        f"{effect.name} ({percent(effect.estimate)})"
-        for effect in simulated
-        if effect.estimate != 0
+    environment = environment_of("ridgebayes.commands", "plan.txt.jinja")
+    environment.filters["percent"] = percent
+    text = environment.get_template("plan.txt.jinja").render(
+        scene=scene,
+        planned=planned,
+        p=p,
+        contact=contact,
+        width=None if math.isnan(width) else width,
+        simulated=simulated,
+        method=_METHODS[planned.solver],
+        cost=duration(sum(effect.cost_s for effect in simulated)),
     )
-    cost = duration(sum(effect.cost_s for effect in simulated))
-    cost = cost if cost.startswith("under") else f"about {cost}"
-    how = _METHODS[planned.solver]
-    lines.append(f"To compute {wanted}, simulate: {sizes}. By {how} that takes {cost}.")
-    if planned.left_out:
-        names = ", ".join(
-            f"{effect.name} ({percent(effect.estimate)})" for effect in planned.left_out
-        )
-        lines.append(f"Not simulated, though it may matter: {names}.")
     rows = [
         {
             "effect": effect.name,
@@ -118,29 +118,5 @@ def scene_text(scene: Scene, planned: Plan) -> list[str | pd.DataFrame]:
         if not math.isnan(effect.cost_s)
     ]
     unknown = ", ".join(effect.name for effect in planned.effects if math.isnan(effect.cost_s))
+    lines = filter(None, text.splitlines())
     return [*lines, pd.DataFrame(rows), f"Not modelled: {unknown}."]
-
-
-def _expected(scene: Scene, planned: Plan) -> str:
-    """Say which count and contact the highest load gives."""
-    p = scene.highest_load(planned.texture)
-    load = f"p/E = {p:.3g}"
-    body = scene.body
-    if body.load and p == scene.p_over_E:
-        load = f"{body.load} ({load})"
-    alone = scene.model_copy(update={"textures": (planned.texture,)})
-    (contact,) = contact_at_loads(alone, [p]).to_dict("records")
-    if math.isnan(contact["half_width_over_R"]):
-        return f"Q at {load} is not known: {contact['status']}."
-    width = 2 * contact["half_width_over_R"]
-    size = f"{width:.2g} R"
-    if body.radius is not None:
-        size += f" ({1e3 * width * float(body.radius):.2g} mm)"
-    mean = " on average over offsets" if planned.texture.offset == "uniform" else ""
-    words = f"at {load} expect Q = {contact['Q']:.3g}{mean} in a contact {size} wide"
-    words += f", of which {percent(contact['contact_fraction'])} touches."
-    if contact["rel_se"]:
-        words += (
-            f" Standard error of the load: {percent(contact['rel_se'])}, of lengths half of it."
-        )
-    return words if contact["status"] == "ok" else f"{words} This is {contact['status']}."

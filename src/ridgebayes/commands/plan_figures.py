@@ -22,7 +22,6 @@ from ridgebayes.runtime.text import one_line_message
 from ridgebayes.scene.effects import HIGHEST_LOAD, Plan, full_profile, plan_label, plan_table
 from ridgebayes.scene.scene import Scene
 
-_TOLERANCE = 1e-5  # of the curves
 _EDGES = 10.0  # a ridge, of the mesh
 
 
@@ -81,7 +80,7 @@ def _counts(profile: Profile, sharp: Profile, scene: Scene, planned: Plan) -> Fi
 def _deformed(profile: Profile, scene: Scene, planned: Plan, p_max: float) -> Figure:
     if planned.solver != "cylinder-fe":
         p = _half_plane_load(scene, planned, p_max)
-        return plot_pressed(solve_contact(profile, load_factor(scene.nu) * p, rel_tol=_TOLERANCE))
+        return plot_pressed(solve_contact(profile, load_factor(scene.nu) * p))
     if p_max > HIGHEST_LOAD:  # it would take minutes to find out
         raise ComputationError(f"p/E = {p_max:.2g} is above {HIGHEST_LOAD:g}")
     nu, friction, ogden = scene.nu, scene.friction, scene.ogden
@@ -101,7 +100,7 @@ def _half_plane_load(scene: Scene, planned: Plan, p_max: float) -> float:
 
 def _curve(profile: Profile, scene: Scene, p_max: float) -> tuple[FloatArray, FloatArray]:
     factor = load_factor(scene.nu)
-    events = reaching_loads(profile, W_max=factor * p_max, n_max=200, rel_tol=_TOLERANCE)
+    events = reaching_loads(profile, W_max=factor * p_max, n_max=200)
     ok = np.array([status == "ok" for status in events.status], dtype=bool)
     return events.W[ok] / factor, events.Q[ok].astype(float)
 

@@ -18,7 +18,7 @@ from ridgebayes.commands.parsing import (
     refuse_suffix,
 )
 from ridgebayes.commands.run_files import read_run
-from ridgebayes.commands.terminal import Answer
+from ridgebayes.commands.terminal import MOST_SHOWN, Answer
 from ridgebayes.comparison.bands import bands_table, scene_bands
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact import scaling
@@ -30,7 +30,7 @@ from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import count
 from ridgebayes.scene.scene import Scene, Texture
-from ridgebayes.scene.texture_text import parse_texture
+from ridgebayes.scene.texture_text import has_unit, parse_texture
 from ridgebayes.scene.units import (
     Body,
     first_quantity,
@@ -43,41 +43,52 @@ from ridgebayes.table.files import check_name, write_frame
 
 _MOST_DRAWN = 200  # the count up to which transitions are drawn where they are
 _BESIDE = 1e-9  # of a load: next to it, and further than rounding
-_MOST_LOADS = 5  # of each texture on the terminal
 _ERROR = "0.005 (from the number of draws)"
 
 
 def command(asked: options.Predict) -> Answer:
     """Do what the command line asks for."""
     check_name(asked.out)
-    for file in filter(None, (asked.out, asked.plot)):
+    files = [asked.out] if asked.plot is None else [asked.out, asked.plot]
+    for file in files:
         refuse_existing(file, asked.force)
     if asked.plot is not None:
         refuse_suffix(asked.plot, (".png", ".svg", ".pdf"))
     elif asked.width is not None:
         raise InputError(f"--width {asked.width!r}: needs --plot, the figure that it is of")
-    width = None if asked.width is None else parse_inches(asked.width, "--width")
+    width = drawing.style.WIDTH if asked.width is None else parse_inches(asked.width, "--width")
     if asked.kind not in (*KINDS, "both"):
         raise InputError(f"--kind {asked.kind!r}: expected curve, simulation or both")
-    kinds = KINDS if asked.kind == "both" else (asked.kind,)
-    uncertain = _uncertain_scene(asked)
-    if uncertain is not None:
-        return _of_scene(asked, uncertain, kinds, width)
-    textures, loads, nu, unit = _where(asked)
-    run, form = read_run(asked.folder), parse_form(asked.form)
-    what: dict[str, Any] = {
-        "textures": textures,
-        "nu": nu,
-        "forms": [form],
+    if asked.p_over_E is not None and asked.load is not None:
+        raise InputError("--p-over-E and --load: expected one of them, got both")
+    if not asked.texture and asked.scene is None:
+        raise InputError("no textures; expected --texture A,B or --scene")
+    if asked.p_over_E is None and asked.load is None and asked.scene is None:
+        raise InputError("no loads; expected --p-over-E, --load or --scene")
+    how: dict[str, Any] = {
         "prob": asked.prob,
-        "kinds": kinds,
+        "kinds": KINDS if asked.kind == "both" else (asked.kind,),
     }
-    bands = bands_table(run, loads=loads, **what)
+    scene = _uncertain_scene(asked)
+    if scene is None:
+        textures, loads, how["nu"], unit = _where(asked)
+        run, form = read_run(asked.folder), parse_form(asked.form)
+        how |= {"textures": textures, "forms": [form]}
+        bands = drawn = bands_table(run, loads=loads, **how)
+    else:
+        how |= _scene_loads(asked, scene)
+        run, form = read_run(asked.folder), parse_form(asked.form)
+        bands = drawn = scene_bands(run, scene, form, **how)
+        unit = _unit_of(bands)
     write_frame(bands, asked.out)
     if asked.plot is not None:
-        loads = with_transitions(run, form, bands, textures)
-        _draw(bands_table(run, loads=loads, **what), run, form, asked.plot, unit, width)
-    files = [file for file in (asked.out, asked.plot) if file is not None]
+        if scene is None:
+            drawn = bands_table(run, loads=with_transitions(run, form, bands, textures), **how)
+        rows = run.table.frame
+        seen = rows[rows["status"] == "ok"]
+        figure = drawing.predictions.plot_bands(drawn, seen, form, unit=unit, width=width)
+        kind = asked.plot.suffix.lower().removeprefix(".")
+        write_bytes(drawing.style.as_bytes(figure, kind), asked.plot)
     return _answer(bands, files, unit)
 
 
@@ -90,10 +101,10 @@ def _uncertain_scene(asked: options.Predict) -> Scene | None:
                 "--scene, and --R or --E or --thickness: expected one of them, got both"
             )
         scene = Scene.from_toml(asked.scene)
-        if scene.uncertain is None and all(one.offset == 0 for one in scene.textures):
+        if scene.uncertain is None and all(texture.offset == 0 for texture in scene.textures):
             return None
-        for option, given in (("--texture", asked.texture), ("--nu", asked.nu)):
-            if given:
+        for option, value in (("--texture", asked.texture), ("--nu", asked.nu)):
+            if value:
                 raise InputError(
                     f"--scene and {option}: expected the scene's own where it has distributions or "
                     "an offset, got both"
@@ -101,15 +112,13 @@ def _uncertain_scene(asked: options.Predict) -> Scene | None:
         return scene
     if not any(is_uncertain(text) for text in (asked.load, *typed.values()) if text):
         return None
-    if not asked.texture:
-        raise InputError("no textures; expected --texture A,B or --scene")
     return _typed_scene(asked)
 
 
 def _typed_scene(asked: options.Predict) -> Scene:
     """Return the scene of values with errors as they were typed."""
-    shares = any(all(map(_is_number, text.split(","))) for text in asked.texture or ())
-    if shares and asked.R is not None and is_uncertain(asked.R):
+    varies = asked.R is not None and is_uncertain(asked.R)
+    if varies and not all(map(has_unit, asked.texture or ())):
         raise InputError(
             f"--R {asked.R!r}: expected textures with units beside an uncertain radius, such "
             "as --texture '0.3 mm,0.25 mm'"
@@ -131,59 +140,40 @@ def _typed_scene(asked: options.Predict) -> Scene:
         load[{"pressure": "max", "line load": "line", "force": "force"}[kind]] = highest
     textures, exact = [], []
     for text in asked.texture or ():
+        a, b = parse_texture(text, "1 m" if varies else asked.R)
         parts = [part.strip() for part in text.split(",")]
-        if all(map(_is_number, parts)):
-            a, b = parse_texture(text)
+        if not varies:
             exact.append(Texture(a_over_R=a, b_over_R=b))
             size = float(to_si(radius, "length"))
             parts = [f"{width * size!r} m" for width in (a, b)]
-        elif len(parts) != 2:
-            parse_texture(text)
         textures.append(dict(zip(("ridge_width", "groove_width"), parts, strict=True)))
     data = {"body": {k: v for k, v in body.items() if v is not None}, "texture": textures}
     scene = Scene.from_dict({**data, "load": load} if load else data)
     return scene.model_copy(update={"textures": tuple(exact)}) if exact else scene
 
 
-def _is_number(text: str) -> bool:
-    try:
-        return float(text) is not None
-    except ValueError:
-        return False
-
-
-def _of_scene(
-    asked: options.Predict, scene: Scene, kinds: Sequence[str], width: float | None
-) -> Answer:
-    """Answer for a scene whose distributions are drawn together with the posterior."""
-    if asked.p_over_E is not None and asked.load is not None:
-        raise InputError("--p-over-E and --load: expected one of them, got both")
-    where: dict[str, Any] = {"prob": asked.prob, "kinds": kinds}
+def _scene_loads(asked: options.Predict, scene: Scene) -> dict[str, Any]:
+    """Return the loads at which a scene is predicted whose distributions are drawn; none: its."""
     if asked.p_over_E is not None:
-        where["p_over_E"] = parse_loads(asked.p_over_E)
-    elif asked.load is not None and not is_uncertain(asked.load):
-        own = load_unit(scene)
-        if own == NO_UNIT:
+        return {"p_over_E": parse_loads(asked.p_over_E)}
+    if asked.load is not None and not is_uncertain(asked.load):
+        unit = load_unit(scene)
+        if unit == NO_UNIT:
             raise InputError(f"--load {asked.load!r}: needs a load with a unit in --scene")
-        size = scene.body.p_over_E(f"1 {own}")
-        where["load"] = parse_loads(
-            asked.load, "--load", lambda text: scene.body.p_over_E(text) / size
-        )
-    elif asked.load is None and asked.scene is None:
-        raise InputError("no loads; expected --p-over-E, --load or --scene")
-    elif asked.load is not None and asked.scene is not None:
+        size = scene.body.p_over_E(f"1 {unit}")
+        loads = parse_loads(asked.load, "--load", lambda text: scene.body.p_over_E(text) / size)
+        return {"load": loads}
+    if asked.load is not None and asked.scene is not None:
         raise InputError("--load with an error: expected it in the scene, as load.max")
-    run, form = read_run(asked.folder), parse_form(asked.form)
-    bands = scene_bands(run, scene, form, **where)
-    write_frame(bands, asked.out)
-    unit = None
-    if bands["load_unit"].iloc[0] != NO_UNIT:
-        first = bands.iloc[0]
-        unit = float(first["load"] / first["p_over_E"]), str(first["load_unit"])
-    if asked.plot is not None:
-        _draw(bands, run, form, asked.plot, unit, width)
-    files = [file for file in (asked.out, asked.plot) if file is not None]
-    return _answer(bands, files, unit)
+    return {}
+
+
+def _unit_of(bands: pd.DataFrame) -> tuple[float, str] | None:
+    """Return the load at which p = E in the unit of a scene's loads, and that unit."""
+    first = bands.iloc[0]
+    if first["load_unit"] == NO_UNIT:
+        return None
+    return float(first["load"] / first["p_over_E"]), str(first["load_unit"])
 
 
 def _where(
@@ -195,21 +185,15 @@ def _where(
     else:
         scene = Scene.from_toml(asked.scene)
         body = scene.body
-    if not asked.texture and scene is None:
-        raise InputError("no textures; expected --texture A,B or --scene")
-    if asked.p_over_E is not None and asked.load is not None:
-        raise InputError("--p-over-E and --load: expected one of them, got both")
     textures = [parse_texture(text, body) for text in asked.texture or ()]
-    own = [] if textures or scene is None else scene.textures
-    textures += [(one.a_over_R, one.b_over_R) for one in own]
+    of_scene = [] if textures or scene is None else scene.textures
+    textures += [(texture.a_over_R, texture.b_over_R) for texture in of_scene]
     if asked.load is not None:
         loads = parse_loads(asked.load, "--load", body.p_over_E)
-    elif asked.p_over_E is not None:
-        loads = parse_loads(asked.p_over_E)
-    elif scene is None:
-        raise InputError("no loads; expected --p-over-E, --load or --scene")
+    elif asked.p_over_E is not None or scene is None:
+        loads = parse_loads(asked.p_over_E or "")
     else:
-        highest = [scene.highest_load(one) for one in own] or [scene.p_over_E]
+        highest = [scene.highest_load(texture) for texture in of_scene] or [scene.p_over_E]
         loads = np.array(highest)[:, None]
     nu = 0.5 if scene is None else scene.nu
     unit = _unit(asked.load or body.load, body)
@@ -255,41 +239,21 @@ def with_transitions(
         p/E, rising, from the first to the last load of each texture.
     """
     source = run if form == "average" else run.fits[form]
-    known = CalibratedRange.of(source.averaged[0][0])  # all are of the same rows
+    calibrated = CalibratedRange.of(source.averaged[0][0])  # all are of the same rows
     Q = np.arange(4, min(int(bands["q_upper"].max()), _MOST_DRAWN) + 4, 2)
-    tail, found = (1 - bands["prob"].iloc[0]) / 2, []
+    tail, loads_of = (1 - bands["prob"].iloc[0]) / 2, []
     for a, b in textures:
         part = bands[(bands["a_over_R"] == a) & (bands["b_over_R"] == b)]
         p = np.unique(part["p_over_E"].to_numpy(float))
         nu = float(part["nu"].iloc[0])
-        loads = [np.array([known.load_max / reduced_load(1.0, nu)])]
+        loads = [np.array([calibrated.load_max / reduced_load(1.0, nu)])]
         for kind in part["kind_of_band"].unique():
             at = source.predict_load(a, b, Q, nu=nu, kind=kind)
             loads += [at.quantile(share) for share in (tail, 0.5, 1 - tail)]
         # On both sides, so that what is extrapolated begins there, too, and not at the next load.
         sides = [np.concatenate(loads) * (1 + side) for side in (-_BESIDE, _BESIDE)]
-        found.append(np.sort(np.clip(np.concatenate([p, *sides]), p[0], p[-1])))
-    return np.array(found)
-
-
-def _draw(
-    bands: pd.DataFrame,
-    run: Comparison,
-    form: str,
-    path: Path,
-    unit: tuple[float, str] | None,
-    width: float | None,
-) -> None:
-    rows = run.table.frame
-    figure = drawing.predictions.plot_bands(
-        bands,
-        rows[rows["status"] == "ok"],
-        form,
-        unit=unit,
-        width=width or drawing.style.WIDTH,
-    )
-    kind = path.suffix.lower().removeprefix(".")
-    write_bytes(drawing.style.as_bytes(figure, kind), path)
+        loads_of.append(np.sort(np.clip(np.concatenate([p, *sides]), p[0], p[-1])))
+    return np.array(loads_of)
 
 
 def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] | None) -> Answer:
@@ -311,20 +275,20 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] 
     if len(set(bands["kind_of_band"])) > 1:
         columns = {"band of the": shown["kind_of_band"], **columns}
     beyond = bands["extrapolation_of"][bands["extrapolation"]]
-    told = f"{files[0]}: {count(len(bands), 'row')}; error of probabilities up to {_ERROR}"
+    summary = f"{files[0]}: {count(len(bands), 'row')}; error of probabilities up to {_ERROR}"
     if len(shown) < len(bands):
-        told += f". {len(shown)} of the rows:"
+        summary += f". {len(shown)} of the rows:"
     warnings = []
     if len(beyond):
-        names = dict.fromkeys(name for names in beyond.unique() for name in names.split(","))
+        names = ",".join(beyond.unique()).split(",")
         warnings.append(
             f"{len(beyond)} of {len(bands)} rows lie beyond the calibrated range of "
             f"{', '.join(name for name in NAMES if name in names)}"
         )
-    return Answer((told, pd.DataFrame(columns)), bands, files, warnings=warnings)
+    return Answer((summary, pd.DataFrame(columns)), bands, files, warnings=warnings)
 
 
 def _thinned(part: pd.DataFrame) -> pd.DataFrame:
     """Return the first load, the last and some between."""
-    places = np.unique(np.linspace(0, len(part) - 1, min(len(part), _MOST_LOADS)).astype(int))
+    places = np.unique(np.linspace(0, len(part) - 1, min(len(part), MOST_SHOWN)).astype(int))
     return part.iloc[places]

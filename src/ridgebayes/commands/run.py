@@ -18,8 +18,8 @@ from ridgebayes.checks.left_out import left_out_scores
 from ridgebayes.checks.report_data import ReportData, report_data
 from ridgebayes.commands import BEGAN, options
 from ridgebayes.commands.answers import comparison_answer, fit_answer
-from ridgebayes.commands.pages import command_line, write_pages
 from ridgebayes.commands.parsing import parse_form, parse_forms, parse_odds
+from ridgebayes.commands.report import command_line, write_pages
 from ridgebayes.commands.run_files import (
     EMBEDDED,
     REFERENCE,
@@ -50,9 +50,12 @@ from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.datafiles import paper_sweep, reference_fe
 
 EMBEDDED_FE = "finite-element reference rows"
-# Stages of each command, beside walks: evidences, posteriors; prior sensitivity, leave-one-out;
-# bands, what the report shows, files, figures and report.
-_FILES = {"fit": 2, "compare": 4, "run": 8}
+# Stages of each command, beside walks; a run with extras has others, too.
+_FIT = ("evidences", "posteriors")
+_COMPARE = (*_FIT, "prior sensitivity", "leave-one-out")
+_RUN = (*_COMPARE, "files of posteriors", "bands", "what the report shows", "figures and report")
+_STAGES = {"fit": _FIT, "compare": _COMPARE, "run": _RUN}
+_EXTRAS = ("textures and steps left out", "coverage of the bands", "what accuracy costs")
 
 
 def command(asked: options.Run | options.Compare | options.FitOne) -> Answer:
@@ -145,8 +148,8 @@ def run(
     >>> again.best == done.best == "hybrid", again.evidence.equals(done.evidence)
     (True, True)
     """
-    if command not in _FILES:
-        raise InputError(f"command: expected one of {', '.join(_FILES)}, got {command!r}")
+    if command not in _STAGES:
+        raise InputError(f"command: expected one of {', '.join(_STAGES)}, got {command!r}")
     preset, seed = Preset.named(accuracy), seed_of(rng)
     if time_limit is not None and (settings or preset.walks):
         settings = replace(settings or preset.settings, time_limit=time_limit)
@@ -174,8 +177,8 @@ def run(
     }
     if command == "fit":
         typed["form"] = ",".join(typed.pop("forms"))
-    # Start and second comparison, if any; walks, and what each command adds.
-    n_stage = _FILES[command] + 3 * extras + len(request.walked) + bool(began) + bool(second)
+    stages = [*_STAGES[command], *(_EXTRAS if extras else ()), *request.walked]
+    n_stage = len(stages) + bool(began) + bool(second)  # the start, and the second comparison
     if command == "run" and scheduler is None:
         workers = workers or n_cpu()
     with (
@@ -280,12 +283,14 @@ def _thinned(comparison: Comparison) -> Comparison:
     n_kept, fits = Preset.named(comparison.accuracy).n_kept, {}
     for name, fit in comparison.fits.items():
         posteriors = fit.posteriors.values()
-        n = min(n_kept, N_SHARED) if any(one.noise.factors for one in posteriors) else n_kept
+        share_offsets = any(posterior.noise.factors for posterior in posteriors)
+        n = min(n_kept, N_SHARED) if share_offsets else n_kept
         if comparison.probabilities.get(name, 1.0) < MIN_FORM_PROBABILITY:
             n //= 4
-        share = n / sum(len(one.draws) for one in posteriors)
+        share = n / sum(len(posterior.draws) for posterior in posteriors)
         others = {
-            noise: one.thinned(round(share * len(one.draws))) for noise, one in fit.others.items()
+            noise: other.thinned(round(share * len(other.draws)))
+            for noise, other in fit.others.items()
         }
         fits[name] = replace(fit.thinned(round(share * len(fit.draws))), others=others)
     return replace(comparison, fits=fits)
@@ -301,6 +306,8 @@ def _write(
     """Write a comparison and its predictions; return its figures, whose drawing has started."""
     data, begun = submit_or_defer(executor, _shown, comparison), None
     loads = [submit_or_defer(executor, loads_table, comparison, kinds=[kind]) for kind in KINDS]
+    with progress.stage("files of posteriors"):  # first: they stay if the disk is full
+        write_comparison(comparison, folder, executor)
     with progress.stage("bands"):
         bands = bands_table(comparison, executor=executor)
         write_csv(bands, folder / "bands.csv", executor)
@@ -308,8 +315,6 @@ def _write(
     with progress.stage("what the report shows"):
         if drawing is not None:  # else it is computed when it is drawn
             begun = Gallery(replace(data(), comparison=comparison), drawing)
-    with progress.stage("files of posteriors"):
-        write_comparison(comparison, folder, executor)
     return begun
 
 

@@ -20,6 +20,7 @@ from ridgebayes.comparison.citations import citations
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS
 from ridgebayes.errors import InputError
+from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, error_model_weights, used_evidence
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
@@ -34,7 +35,7 @@ from ridgebayes.runtime.text import clipped, versions
 from ridgebayes.table.table import ContactTable, read_table
 
 EMBEDDED, REFERENCE = "embedded sweep", "reference-fe"
-OTHERS = "posteriors"  # folder of the fits under error models that are not printed
+OTHERS = "posteriors"  # folder of the fits under error models that are not selected
 # Tables of a comparison beside its evidences, by attribute: file and columns.
 _TABLES = {
     "bayes_factors": ("bayes_factors.csv", BAYES_FACTOR_COLUMNS),
@@ -45,11 +46,7 @@ _TABLES = {
     "cost": ("costs.csv", COST_COLUMNS),
 }
 # Commands that write other folders, by a file that identifies each.
-_OTHER_FOLDERS = {
-    "coverage.json": "coverage",
-    "cost.csv": "cost",
-    "design.json": "design",
-}
+_OTHER_FOLDERS = {"coverage.json": "coverage", "cost.csv": "cost", "design.json": "design"}
 _ONLY_IF_ANY = ("left_out", "coverage", "cost")
 _FORM = ("form", "form_a", "form_b")  # columns of forms of the run
 _TEXT = (
@@ -77,10 +74,10 @@ def write_fits(comparison: Comparison, folder: Path, executor: Executor | None =
         for noise, posterior in fit.others.items():
             (folder / OTHERS).mkdir(exist_ok=True)
             tasks.append((posterior, folder / other_file(name, noise), False))
-    for _ in map_ordered(_write_posterior, tasks, executor, name=lambda task: task[1].name):
-        pass
     write_csv(summary_table(comparison.fits.values()), folder / "summary.csv")
     write_csv(comparison.evidence, folder / "evidence.csv")
+    for _ in map_ordered(_write_posterior, tasks, executor, name=lambda task: task[1].name):
+        pass
 
 
 def _write_posterior(task: tuple[Posterior, Path, bool]) -> None:
@@ -105,7 +102,7 @@ def write_comparison(
 
 
 def other_file(form: str, noise: str) -> str:
-    """Return the file of a posterior under an error model that is not printed."""
+    """Return the file of a posterior under an error model that is not selected."""
     return f"{OTHERS}/{form}--{noise.replace(':', '-')}.nc"
 
 
@@ -161,52 +158,56 @@ def about_run(
 
 
 def verdicts(comparison: Comparison) -> dict[str, Any]:
-    """Return what a program wants to know of a comparison: its verdict, its fits, its state."""
-    verdict = comparison.verdict
-    return {
-        "verdict": None if verdict is None else verdict.to_dict(),
-        "fits": fits_list(comparison),
-        "verdicts": _state(comparison),
-    }
+    """Return what a program wants to know of a comparison: its verdict, its fits, its state.
 
-
-def fits_list(comparison: Comparison) -> list[dict[str, Any]]:
-    """Return form, noise, weight, sampler and state of every fit that predictions rest on."""
-    pairs = used_evidence(comparison.evidence).set_index(["form", "noise"])
-    used = pairs["model_probability"]
-    return [
-        {
-            "form": form,
-            "noise": noise,
-            "weight": float(used.get((form, noise), 0.0)),
-            "sampler": posterior.sampler,
-            "converged": posterior.converged,
-            "why": "; ".join(posterior.convergence_failures),
-        }
-        for form, fit in comparison.fits.items()
+    Fits are form, noise, weight, sampler and state of every posterior that predictions rest on.
+    """
+    verdict, fits, shares = comparison.verdict, comparison.fits, comparison.probabilities
+    used = used_evidence(comparison.evidence).set_index(["form", "noise"])["model_probability"]
+    posteriors = [
+        (form, noise, posterior)
+        for form, fit in fits.items()
         for noise, posterior in fit.posteriors.items()
     ]
-
-
-def _state(comparison: Comparison) -> dict[str, Any]:
     return {
-        "complete": comparison.complete,
-        "best": comparison.best if comparison.probabilities else None,
-        "probabilities": comparison.probabilities,
-        "prior_probabilities": comparison.prior_probabilities,
-        "converged": {name: fit.converged for name, fit in comparison.fits.items()},
-        "missing": {
-            name: fit.convergence_failures
-            for name, fit in comparison.fits.items()
-            if fit.convergence_failures
+        "verdict": None if verdict is None else verdict.to_dict(),
+        "fits": [
+            {
+                "form": form,
+                "noise": noise,
+                "weight": float(used.get((form, noise), 0.0)),
+                "sampler": posterior.sampler,
+                "converged": posterior.converged,
+                "why": "; ".join(_failures(posterior, shares.get(form, 1.0))),
+            }
+            for form, noise, posterior in posteriors
+        ],
+        "verdicts": {
+            "complete": comparison.complete,
+            "best": comparison.best if shares else None,
+            "probabilities": shares,
+            "prior_probabilities": comparison.prior_probabilities,
+            "converged": {name: fit.converged for name, fit in fits.items()},
+            "missing": {
+                name: fit.convergence_failures for name, fit in fits.items() if not fit.converged
+            },
+            "failures": comparison.failures,
+            "noise": comparison.noise.name,
+            "caution": comparison.noise.caution,
+            "n_calibration": len(comparison.table.calibration),
+            "n_held_out": len(comparison.table.held_out),
+            "n_left_out": len(comparison.table.left_out),
         },
-        "failures": comparison.failures,
-        "noise": comparison.noise.name,
-        "caution": comparison.noise.caution,
-        "n_calibration": len(comparison.table.calibration),
-        "n_held_out": len(comparison.table.held_out),
-        "n_left_out": len(comparison.table.left_out),
     }
+
+
+def _failures(posterior: Posterior, share: float) -> tuple[str, ...]:
+    """Return what a posterior lacks, and why it got no more draws where nothing rests on it."""
+    lacks = posterior.convergence_failures
+    if not lacks or share >= MIN_FORM_PROBABILITY:
+        return lacks
+    negligible = f"the form's probability is below {MIN_FORM_PROBABILITY:g}"
+    return (*lacks, f"no more draws were taken: {negligible}, and nothing rests on it")
 
 
 def read_run(folder: str | os.PathLike[str]) -> Comparison:
@@ -272,22 +273,19 @@ def read_command(folder: Path) -> tuple[str, dict[str, Any], int]:
         If it is not a run folder, or run.json is damaged.
     """
     about = _read_about(folder)
-    origin = about.get("command"), about.get("options"), about.get("seed")
-    if not all(map(isinstance, origin, (str, dict, int))):
-        raise _foreign(folder / RUN_JSON)
     return about["command"], about["options"], about["seed"]
 
 
 def _read_fit(
     folder: Path, form: str, noise: str, listed: Sequence[dict[str, Any]], evidence: pd.DataFrame
 ) -> Fit:
-    """Read the posterior of a form's printed error model, and of the others that carry weight."""
-    printed = _read_posterior(folder / f"posterior-{form}.nc", form, noise)
-    drawn = {noise: printed}
-    for other in (one["noise"] for one in listed if one["form"] == form):
+    """Read the posterior of a form's selected error model, and of the others that carry weight."""
+    selected = _read_posterior(folder / f"posterior-{form}.nc", form, noise)
+    drawn = {noise: selected}
+    for other in (entry["noise"] for entry in listed if entry["form"] == form):
         if other not in drawn:
             drawn[other] = _read_posterior(folder / other_file(form, other), form, other)
-    return Fit.of(printed, error_model_weights(evidence, form), drawn)
+    return Fit.of(selected, error_model_weights(evidence, form), drawn)
 
 
 def _read_posterior(path: Path, form: str, noise: str) -> Posterior:
@@ -310,14 +308,16 @@ def _read_about(folder: Path) -> dict[str, Any]:
     try:
         named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
         named += [about["verdicts"]["failures"], about.setdefault("nugget", NUGGET)]
-        fits = [(one["form"], one["noise"]) for one in about["fits"]]
+        named += [about["command"], about["options"], about["seed"]]
+        fits = [(entry["form"], entry["noise"]) for entry in about["fits"]]
     except KeyError as error:
         raise InputError(f"{path}: damaged, key {error} is missing; run again") from None
     except TypeError:
         raise _foreign(path) from None
     failures = about["verdicts"]["failures"]
-    if not all(map(isinstance, named, (list, str, str, str, dict, float))) or not all(
-        isinstance(one, str) for one in (*about["forms"], *failures, *failures.values())
+    kinds = (list, str, str, str, dict, float, str, dict, int)
+    if not all(map(isinstance, named, kinds)) or not all(
+        isinstance(text, str) for text in (*about["forms"], *failures, *failures.values())
     ):
         raise _foreign(path)
     # Parts of files' names below, which must not lead elsewhere.

@@ -15,6 +15,7 @@ from ridgebayes._types import __version__
 from ridgebayes.commands.shared_options import Output
 from ridgebayes.runtime.progress import VERBOSITY
 
+MOST_SHOWN = 5  # loads of a texture; coefficients, or error models, of a form
 _MOST_NAMES = 16  # files and folders that one line lists
 
 
@@ -34,7 +35,7 @@ class Answer:
         Sentences and tables shown with --verbose alone.
     warnings : sequence of str, optional
         Warnings to print on standard error.
-    told : sequence of str, optional
+    early : sequence of str, optional
         Warnings that were printed before the work.
     problem : str, optional
         Failures to compute or to converge: the program ends with exit code 1.
@@ -45,7 +46,7 @@ class Answer:
     files: Sequence[Path] = ()
     details: Sequence[str | pd.DataFrame] = ()
     warnings: Sequence[str] = ()
-    told: Sequence[str] = ()
+    early: Sequence[str] = ()
     problem: str = ""
 
 
@@ -71,7 +72,7 @@ def tell(command: str | None, answer: Answer, code: int, error: str, output: Out
             "command": command,
             "version": __version__,
             "exit_code": code,
-            "messages": [*answer.told, *sentences, *answer.warnings],
+            "messages": [*answer.early, *sentences, *answer.warnings],
             "files": answer.files,
             "result": answer.result,
         } | ({"error": error} if error else {})

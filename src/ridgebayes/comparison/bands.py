@@ -1,6 +1,7 @@
 """Bands on Q and on loads as tables: what `bands.csv` and `loads.csv` hold."""
 
 import itertools
+import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from copy import copy
@@ -29,7 +30,7 @@ from ridgebayes.table.table import ContactTable
 AVERAGE = "average"
 _KEPT = 100_000  # bands of each posterior up to which all are kept; of more, some are made twice
 _N_LOAD, _FEWEST = 200, 10  # loads of a texture: fewer where bands would be more than are kept
-_DECIMALS = 6  # of probabilities, those of NEGLIGIBLE; their Monte Carlo error is 0.005
+_DECIMALS = round(-math.log10(NEGLIGIBLE))  # of probabilities
 _DRAWN = 2**24  # draws times rows of a form's loads, beyond which there are fewer draws
 
 
@@ -90,8 +91,8 @@ def bands_table(
     _check(comparison, wanted, prob)
     chosen = comparison.table.textures if textures is None else tuple(textures)
     a, b = np.array(chosen).T[:, :, None]
-    own = _nu_of_textures(comparison) if nu is None else {}
-    poisson = np.array([[own.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
+    of_table = _nu_of_textures(comparison) if nu is None else {}
+    poisson = np.array([[of_table.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
     if loads is None:
         n_load = int(np.clip(_KEPT // len(chosen), _FEWEST, _N_LOAD))
         loads = default_loads(comparison, n_load)
@@ -99,27 +100,19 @@ def bands_table(
     mixtures = _mixtures(comparison, wanted)
     where = {"a_over_R": a, "b_over_R": b, "p_over_E": p, "nu": poisson}
     share_of = _largest_shares(mixtures)
-    known: dict[int, dict[str, QDistribution]] = {}
-    if np.broadcast(a, p).size <= _KEPT:
-        # A form's own mixture and the average share posteriors.
-        every = itertools.chain.from_iterable(mixtures.values())
-        posteriors = list({id(one): one for one, _ in every}.values())
-        tasks = [(one, share_of[id(one)]) for one in posteriors]
-        predicted = partial(_bands_of, kinds=kinds, where=where)
-        found = map_ordered(predicted, tasks, executor, name=lambda task: task[0].form.name)
-        known = {id(one): bands for one, bands in zip(posteriors, found, strict=True)}
+    tasks = {id(fit): (fit, share_of[id(fit)]) for parts in mixtures.values() for fit, _ in parts}
+    kept: dict[int, dict[str, QDistribution]] = {}
+    if np.broadcast(a, p).size <= _KEPT:  # a form's own mixture and the average share posteriors
+        bands_of = partial(_bands_of, kinds=kinds, where=where)
+        bands = map_ordered(bands_of, [*tasks.values()], executor, name=lambda x: x[0].form.name)
+        kept = dict(zip(tasks, bands, strict=True))
     blocks = []
-    for kind in kinds:
-        for name, parts in mixtures.items():
-            each = (
-                known[id(one)][kind]
-                if known
-                else _bands_of((one, share_of[id(one)]), [kind], where)[kind]
-                for one, _ in parts
-            )
-            q = mix_q(each, [weight for _, weight in parts])
-            blocks.append(_of_form(name, parts, q.to_dataframe(prob)))
-    known.clear()  # as large as the frame, which is held twice while it is put together
+    for kind, (name, parts) in itertools.product(kinds, mixtures.items()):
+        numbers = (id(fit) for fit, _ in parts)
+        each_q = ((kept.get(i) or _bands_of(tasks[i], [kind], where))[kind] for i in numbers)
+        q = mix_q(each_q, [weight for _, weight in parts])
+        blocks.append(_of_form(name, parts, q.to_dataframe(prob)))
+    kept.clear()  # as large as the frame, which is held twice while it is put together
     return _joined(blocks)
 
 
@@ -196,15 +189,15 @@ def loads_table(
     few = min(_DRAWN / (N_SHARED * max(len(frame), 1)), 1.0)
 
     @cache
-    def predicted(one: Posterior, kind: str) -> LoadDistribution:
-        share = few * share_of[id(one)]
-        return predict_load(one, a, b, q, nu=nu, kind=kind, share=share)
+    def predicted(fit: Posterior, kind: str) -> LoadDistribution:
+        share = few * share_of[id(fit)]
+        return predict_load(fit, a, b, q, nu=nu, kind=kind, share=share)
 
     for kind in kinds:
-        known = frame["rel_se"].to_numpy() * (kind == "simulation")
+        rel_se = frame["rel_se"].to_numpy() * (kind == "simulation")
         for name, parts in mixtures.items():
             weights = [weight for _, weight in parts]
-            load = mix_loads([predicted(one, kind).widened(known) for one, _ in parts], weights)
+            load = mix_loads([predicted(fit, kind).widened(rel_se) for fit, _ in parts], weights)
             blocks.append(_of_form(name, parts, load.to_dataframe(prob)))
             blocks[-1]["p_over_E_observed"] = frame["p_over_E"].to_numpy()
     return pd.concat(blocks, ignore_index=True)
@@ -247,22 +240,22 @@ _Mixture = list[tuple[Posterior, float]]
 
 def _mixtures(comparison: Comparison, wanted: Sequence[str]) -> dict[str, _Mixture]:
     """Return the posteriors that each form's bands, and those of the average, are mixed of."""
-    found: dict[str, _Mixture] = {}
+    mixtures: dict[str, _Mixture] = {}
     for name in wanted:
         if name != AVERAGE:
-            found[name] = comparison.fits[name].averaged
+            mixtures[name] = comparison.fits[name].averaged
         elif comparison.probabilities:  # else there is no evidence to weigh forms by
-            found[AVERAGE] = comparison.averaged
-    return found
+            mixtures[AVERAGE] = comparison.averaged
+    return mixtures
 
 
 def _largest_shares(mixtures: dict[str, _Mixture]) -> dict[int, float]:
     """Return the largest weight that each posterior has in a mixture."""
-    found: dict[int, float] = {}
+    largest: dict[int, float] = {}
     for parts in mixtures.values():
-        for (one, _), share in zip(parts, shares([w for _, w in parts]).tolist(), strict=True):
-            found[id(one)] = max(found.get(id(one), 0.0), share)
-    return found
+        for (fit, _), share in zip(parts, shares([w for _, w in parts]).tolist(), strict=True):
+            largest[id(fit)] = max(largest.get(id(fit), 0.0), share)
+    return largest
 
 
 def _noise_of(parts: _Mixture) -> str:
@@ -279,14 +272,9 @@ def _of_form(name: str, parts: _Mixture, rows: pd.DataFrame) -> pd.DataFrame:
 
 def _joined(blocks: list[pd.DataFrame]) -> pd.DataFrame:
     """Join forms, zeros for the tails that others have, up to the first negligible column."""
-    highest: dict[str, float] = {}
-    for block in blocks:
-        for name, value in block.filter(regex="^p_q_ge_").max().items():
-            highest[str(name)] = max(float(value), highest.get(str(name), 0.0))
-    tail = sorted(highest, key=lambda name: int(name.removeprefix("p_q_ge_")))
-    kept = next((i for i, c in enumerate(tail) if highest[c] < NEGLIGIBLE), len(tail) - 1)
-    names = [name for name in blocks[0] if name not in highest] + tail[: kept + 1]
-    for i, block in enumerate(blocks):
-        digits = dict.fromkeys(["q_mean", *tail[: kept + 1]], _DECIMALS)
-        blocks[i] = block.reindex(columns=names, fill_value=0.0).round(digits)
-    return pd.concat(blocks, ignore_index=True)
+    frame = pd.concat(blocks, ignore_index=True)
+    tail = frame.filter(regex="^p_q_ge_").columns
+    n_kept = int((frame[tail].max() >= NEGLIGIBLE).sum()) + 1
+    frame, kept = frame.drop(columns=tail[n_kept:]), list(map(str, tail[:n_kept]))
+    frame[kept] = frame[kept].fillna(0.0)
+    return frame.round(dict.fromkeys(["q_mean", *kept], _DECIMALS))

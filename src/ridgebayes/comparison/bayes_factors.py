@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -13,16 +13,8 @@ from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.model.noise import Noise
 
 SUMMED = "summed out"  # the noise column of Bayes factors that hold for no error model alone
-BAYES_FACTOR_COLUMNS = [
-    "form_a",
-    "form_b",
-    "noise",
-    "method",
-    "ln_bf",
-    "ln_bf_se",
-    "log10_bf",
-    "reading",
-]
+BAYES_FACTOR_COLUMNS = ["form_a", "form_b", "noise", "method", "ln_bf", "ln_bf_se", "log10_bf"]
+BAYES_FACTOR_COLUMNS += ["reading"]
 
 
 def reading(ln_bf: float, ln_bf_se: float, form_a: str, form_b: str, caution: str | None) -> str:
@@ -53,44 +45,12 @@ def reading(ln_bf: float, ln_bf_se: float, form_a: str, form_b: str, caution: st
     return f"{words}; {caution}" if caution else words
 
 
-def factor_row(
-    form_a: str,
-    form_b: str,
-    noise: str,
-    method: str,
-    ln_bf: float,
-    ln_bf_se: float,
-    caution: str | None,
-) -> dict[str, object]:
-    """Return one row of `bayes_factors.csv`."""
-    return {
-        "form_a": form_a,
-        "form_b": form_b,
-        "noise": noise,
-        "method": method,
-        "ln_bf": ln_bf,
-        "ln_bf_se": ln_bf_se,
-        "log10_bf": ln_bf / math.log(10),
-        "reading": reading(ln_bf, ln_bf_se, form_a, form_b, caution),
-    }
-
-
 def bayes_factor_table(evidence: pd.DataFrame, forms: Sequence[str], noise: Noise) -> pd.DataFrame:
     """Return the Bayes factor of each pair of forms under an error model."""
-    mine = evidence[evidence["used"] & (evidence["noise"] == noise.name)]
-    used = {row["form"]: row for row in mine.to_dict("records")}
-    rows: list[dict[str, object]] = []
-
-    def add(a: str, b: str, method: str, ln_bf: float, se: float) -> None:
-        rows.append(factor_row(a, b, noise.name, method, ln_bf, se, noise.caution))
-
-    for a, b in itertools.combinations(forms, 2):
-        if a in used and b in used:
-            methods = dict.fromkeys([used[a]["method"], used[b]["method"]])
-            errors = [used[form]["log_evidence_se"] for form in (a, b)]
-            ln_bf = used[a]["log_evidence"] - used[b]["log_evidence"]
-            add(a, b, "/".join(methods), ln_bf, math.hypot(*errors))
-    return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)
+    used = evidence[evidence["used"] & (evidence["noise"] == noise.name)].set_index("form")
+    columns = used[["log_evidence", "log_evidence_se", "method"]]
+    rows = {form: tuple(columns.loc[form]) for form in forms if form in used.index}
+    return _pairs(rows, noise.name, noise.caution)
 
 
 def summed_bayes_factors(evidence: pd.DataFrame) -> pd.DataFrame:
@@ -104,15 +64,24 @@ def summed_bayes_factors(evidence: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Columns of `bayes_factors.csv`; the noise is ``summed out``.
+        Columns of `bayes_factors.csv`; the noise is ``summed out``. Empty where one error model
+        alone was weighed.
     """
-    if used_evidence(evidence)["noise"].nunique() < 2:
-        return pd.DataFrame(columns=BAYES_FACTOR_COLUMNS)
-    sums = summed_evidence(evidence)
-    rows = [
-        factor_row(a, b, SUMMED, "sum", first - second, math.hypot(se, other_se), None)
-        for (a, (first, se)), (b, (second, other_se)) in itertools.combinations(sums.items(), 2)
-    ]
+    several = len(set(used_evidence(evidence)["noise"])) > 1
+    sums = summed_evidence(evidence) if several else {}
+    return _pairs({form: (*value_and_se, "sum") for form, value_and_se in sums.items()}, SUMMED)
+
+
+def _pairs(
+    evidences: Mapping[str, tuple[float, float, str]], noise: str, caution: str | None = None
+) -> pd.DataFrame:
+    """Return a row for each pair of forms, given ln evidence, its error and its method."""
+    rows = []
+    for (a, first), (b, second) in itertools.combinations(evidences.items(), 2):
+        ln_bf, se = first[0] - second[0], math.hypot(first[1], second[1])
+        method = "/".join(dict.fromkeys([first[2], second[2]]))
+        words = reading(ln_bf, se, a, b, caution)
+        rows.append((a, b, noise, method, ln_bf, se, ln_bf / math.log(10), words))
     return pd.DataFrame(rows, columns=BAYES_FACTOR_COLUMNS)
 
 

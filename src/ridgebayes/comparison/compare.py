@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from ridgebayes._types import Rng
-from ridgebayes.cautions import warn_of
+from ridgebayes.cautions import cautions, warn_of
 from ridgebayes.comparison.bayes_factors import bayes_factor_table, summed_bayes_factors
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
@@ -26,7 +26,7 @@ from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.noise import AUTO, Noise
 from ridgebayes.request import DEFAULT_FORMS, FormsLike, PriorsLike, Request, TableLike
 from ridgebayes.results import Fit, chain_checkpoint
-from ridgebayes.runtime.pool import map_ordered, submit_or_defer
+from ridgebayes.runtime.pool import submit_or_defer
 
 MOST_APART = 4.0  # joint standard errors of a posterior's two evidences
 
@@ -139,27 +139,37 @@ def compared(request: Request) -> Comparison:
     evidences = {
         key: [pair.evidence] for key, pair in weighed.weighed.items() if key[0] not in failures
     }
-    for name, (posterior, bridge) in _walked(request, weighed, posteriors, selected).items():
+    walks = _begun_walks(request, weighed, posteriors, selected)
+    sensitivity = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
+    if request.scores:  # while walks, which are few, leave other workers idle
+        with stage("prior sensitivity"):
+            sensitivity = prior_sensitivity(weighed, executor=executor)
+    for name, walk in walks.items():
+        with stage(f"walk {name}") as add_cpu:
+            (posterior, bridge), seconds = walk()
+            if executor is not None:
+                add_cpu(seconds)
         posteriors[name][selected.name] = posterior
         evidences[name, selected.name].append(bridge)
     evidence = evidence_table(evidences, request.prior_odds)
+    shown = {name: posteriors[name][selected.name] for name in names if name not in failures}
+    sentences = cautions(request.table, [noise.name for noise in request.noises], selected, shown)
     fits = {
-        name: Fit.of(of_form[selected.name], error_model_weights(evidence, name), of_form)
-        for name, of_form in posteriors.items()
-        if name not in failures
+        name: Fit.of(
+            replace(posterior, cautions=sentences[name]),
+            error_model_weights(evidence, name),
+            posteriors[name],
+        )
+        for name, posterior in shown.items()
     }
     factors = bayes_factor_table(evidence, list(fits), selected)
     summed = summed_bayes_factors(evidence)
     if len(summed):
         factors = pd.concat([factors, summed], ignore_index=True)
     loo = pd.DataFrame(columns=LOO_COLUMNS)
-    sensitivity = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
     if request.scores:
-        loo_later = submit_or_defer(executor, loo_table, fits)
-        with stage("prior sensitivity"):
-            sensitivity = prior_sensitivity(weighed, executor=executor)
         with stage("leave-one-out"):
-            loo = loo_later()
+            loo = submit_or_defer(executor, loo_table, fits)()
     tables = (evidence, factors, loo, sensitivity)
     return Comparison(
         request.table, selected, fits, *tables, failures=failures, accuracy=accuracy.name
@@ -179,39 +189,28 @@ class _Check:
     progress: ProgressCallback | None
     scores: bool
 
-    @property
-    def name(self) -> str:
-        return f"walk of {self.pair.form.name}"
 
-
-def _walked(
+def _begun_walks(
     request: Request,
     weighed: WeighedPairs,
     posteriors: Mapping[str, Mapping[str, Posterior]],
     selected: Noise,
-) -> dict[str, tuple[Posterior, LogEvidence]]:
-    """Walk what is selected and not negligible; return posteriors and evidences by form."""
+) -> dict[str, Callable[[], tuple[tuple[Posterior, LogEvidence], float]]]:
+    """Begin to walk what is selected and not negligible; return what waits, by form."""
     # A progress callback cannot be sent to another process.
     progress = None if request.executor else request.progress
     digest = request.table.calibration.digest()
     settings = request.settings or request.accuracy.settings
-    tasks = []
+    walks = {}
     for form in (form.name for form in request.walked):
         drawn = weighed.weighed[form, selected.name].drawn
         if drawn is None or weighed.form_share(form) < MIN_FORM_PROBABILITY:
             continue
         pair, posterior = weighed.pairs[form, selected.name], posteriors[form][selected.name]
         where = (digest, settings, request.checkpoints, progress, request.scores)
-        tasks.append(_Check(pair, drawn, posterior, *where))
-    walked = {}
-    results = map_ordered(_check, tasks, request.executor, name=lambda task: task.name)
-    for task in tasks:
-        form = task.pair.form.name
-        with request.stage(f"walk {form}") as add_cpu:
-            walked[form], seconds = next(results)
-            if request.executor is not None:
-                add_cpu(seconds)
-    return walked
+        task = _Check(pair, drawn, posterior, *where)
+        walks[form] = submit_or_defer(request.executor, _check, task)
+    return walks
 
 
 def _check(task: _Check) -> tuple[tuple[Posterior, LogEvidence], float]:

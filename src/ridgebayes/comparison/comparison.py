@@ -39,7 +39,7 @@ class Comparison(Predictive, Tabular):
     table : ContactTable
         The table as used.
     noise : Noise
-        Error model under which parameters are printed.
+        Error model under which parameters are shown.
     fits : dict of str to Fit
         By form name.
     evidence : pandas.DataFrame
@@ -151,8 +151,8 @@ class Comparison(Predictive, Tabular):
     def cautions(self) -> tuple[str, ...]:
         """Reasons to doubt the answer, a sentence each: units, copies, independence, priors."""
         shares, noises = self.probabilities, set(self.evidence["noise"])
-        best = max(self.fits, key=lambda name: shares.get(name, -1.0), default="")
-        return cautions(self.table, noises, self.noise, self.fits.get(best))
+        best = max(self.fits, key=lambda name: shares.get(name, -1.0))
+        return cautions(self.table, noises, self.noise, {best: self.fits[best]})[best]
 
     @property
     def own_evidence(self) -> pd.DataFrame:
@@ -201,7 +201,7 @@ class Comparison(Predictive, Tabular):
             self.evidence,
             self.prior_sensitivity,
             self.noise,
-            lambda one, other: same_loads(self.fits[one], self.fits[other]),
+            lambda form, other: same_loads(self.fits[form], self.fits[other]),
             self.failures,
             series_are_textures=data.one_texture_per_series,
         )

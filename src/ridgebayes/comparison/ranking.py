@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from ridgebayes.comparison.bayes_factors import SUMMED
+from ridgebayes.comparison.bayes_factors import SUMMED, summed_evidence
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.model.noise import SMOOTH
 
@@ -38,35 +38,19 @@ def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
     pandas.DataFrame
         Columns form, method, ln_bf (= ln Z_form - ln Z_against), ln_bf_se (NaN where the method
         has none). First with the error models summed out, where several were weighed; the methods
-        are of the printed one.
+        are of the selected one.
     """
+    columns = ["form", "method", "log_evidence", "log_evidence_se"]
     usable = comparison.own_evidence.query("status == 'ok'").drop_duplicates(["form", "method"])
-    other = usable[usable["form"] == against].set_index("method")
-    every = comparison.bayes_factors
-    rows = _against(every[every["noise"] == SUMMED].assign(method=SUMMED), against)
-    for row in usable[usable["form"] != against].to_dict("records"):
-        if row["method"] in other.index:
-            theirs = other.loc[row["method"]]
-            rows.append(
-                (
-                    row["form"],
-                    row["method"],
-                    row["log_evidence"] - theirs["log_evidence"],
-                    float(np.hypot(row["log_evidence_se"], theirs["log_evidence_se"])),
-                )
-            )
-    return pd.DataFrame(rows, columns=["form", "method", "ln_bf", "ln_bf_se"])
-
-
-def _against(factors: pd.DataFrame, against: str) -> list[tuple[str, str, float, float]]:
-    """Return form, method, ln BF over one form and its error, of pairs with that form."""
-    rows = []
-    for row in factors.to_dict("records"):
-        sign = {row["form_a"]: 1.0, row["form_b"]: -1.0}
-        if against in sign:
-            form = next(name for name in sign if name != against)
-            rows.append((form, row["method"], sign[form] * row["ln_bf"], row["ln_bf_se"]))
-    return rows
+    sums = summed_evidence(comparison.evidence) if len(comparison.components) else {}
+    summed = [(form, SUMMED, *value_and_se) for form, value_and_se in sums.items()]
+    frame = pd.DataFrame([*summed, *usable[columns].itertuples(index=False)], columns=columns)
+    pairs = frame.merge(frame[frame["form"] == against], on="method", suffixes=("", "_of_other"))
+    pairs = pairs[pairs["form"] != against].assign(
+        ln_bf=lambda x: x["log_evidence"] - x["log_evidence_of_other"],
+        ln_bf_se=lambda x: np.hypot(x["log_evidence_se"], x["log_evidence_se_of_other"]),
+    )
+    return pairs[["form", "method", "ln_bf", "ln_bf_se"]].reset_index(drop=True)
 
 
 @dataclass(frozen=True)
@@ -88,8 +72,8 @@ class Predicting:
 def predicting(comparison: Comparison) -> Predicting | None:
     """Return how well the best form and its smooth offset predict textures left out.
 
-    None where the printed error model has no smooth offset, Classic was not compared or is the best
-    form, or textures were not left out.
+    None where the selected error model has no smooth offset, Classic was not compared or is the
+    best form, or textures were not left out.
     """
     scores, widths, best = comparison.left_out, comparison.coverage, best_form(comparison) or ""
     if SMOOTH not in comparison.noise.factors or best in ("", _PLAINEST):
@@ -126,18 +110,13 @@ def sensitivity_factors(comparison: Comparison, against: str) -> pd.DataFrame:
     table = comparison.prior_sensitivity
     if not len(table) or against not in set(table["form"]):
         return pd.DataFrame(columns=columns)
-    varies = table.groupby("prior")["log_evidence"].transform(
-        lambda x: x.groupby(table.loc[x.index, "form"]).transform(np.ptp).max() > 0
-    )
-    wide = table[varies.astype(bool)].pivot_table(
+    wide = table.pivot_table(
         index=["prior", "factor"], columns="form", values="log_evidence", sort=False
     )
-    if against not in wide:
-        return pd.DataFrame(columns=columns)
-    ratio = wide.drop(columns=against).sub(wide[against], axis=0)
-    return ratio.melt(ignore_index=False, var_name="form", value_name="ln_bf").reset_index()[
-        columns
-    ]
+    varies = wide.groupby(level="prior").transform(np.ptp).max(axis=1) > 0
+    ratio = wide[varies].drop(columns=against).sub(wide.loc[varies, against], axis=0)
+    ratio = ratio.melt(ignore_index=False, var_name="form", value_name="ln_bf")
+    return ratio.reset_index()[columns]
 
 
 def problems(comparison: Comparison) -> tuple[str, ...]:

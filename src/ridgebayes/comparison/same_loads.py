@@ -16,7 +16,7 @@ _MANY = 200  # coefficients beyond which not all textures are looked at, but so 
 _N_HALVED = 30  # steps towards a draw, until a form has loads there
 
 
-def same_loads(one: Posterior, other: Posterior) -> bool:
+def same_loads(first: Posterior, other: Posterior) -> bool:
     """Return whether each of two forms can reach all loads that the other can, at the fitted rows.
 
     Three sets of coefficients of each, far apart, are looked for in the other: by least squares of
@@ -24,7 +24,7 @@ def same_loads(one: Posterior, other: Posterior) -> bool:
 
     Parameters
     ----------
-    one, other : Posterior
+    first, other : Posterior
         Posteriors of two forms, given the same rows.
 
     Returns
@@ -39,18 +39,18 @@ def same_loads(one: Posterior, other: Posterior) -> bool:
     >>> same_loads(found.fits["modified"], found.fits["hybrid"])  # textures of several a/pitch
     False
     """
-    apart = _apart(one.model.rows, other.model.rows, len(one.model.data.textures))
+    apart = _apart(first.model.rows, other.model.rows, len(first.model.data.textures))
     if apart is None:
         return False
     n = len(apart)
-    if max(one.model.n_coefficient, other.model.n_coefficient) > _MANY and n > _MANY:
+    if max(first.model.n_coefficient, other.model.n_coefficient) > _MANY and n > _MANY:
         chosen = np.linspace(0, n - 1, _MANY).astype(np.int64)
     else:
         chosen = np.arange(n)
-    first, second = _Reachable.of(one, chosen), _Reachable.of(other, chosen)
+    near, far = _Reachable.of(first, chosen), _Reachable.of(other, chosen)
     shift = apart[chosen]
-    return second.holds(first.log_rates(first.points) + shift) and first.holds(
-        second.log_rates(second.points) - shift
+    return far.holds(near.log_rates(near.points) + shift) and near.holds(
+        far.log_rates(far.points) - shift
     )
 
 

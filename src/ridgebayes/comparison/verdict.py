@@ -44,7 +44,7 @@ class Verdict:
         Smallest prior probability of the form, the others sharing the rest, at which its posterior
         one is 0.95.
     error_model : str
-        The one that is printed.
+        The selected one.
     error_model_weights : dict of str to float
         Posterior probabilities, forms summed out, of those above one per cent.
     why : str
@@ -79,7 +79,7 @@ class Verdict:
 def verdict_of(
     evidence: pd.DataFrame,
     sensitivity: pd.DataFrame,
-    printed: Noise,
+    selected: Noise,
     same_loads: Callable[[str, str], bool],
     failed: Collection[str] = (),
     *,
@@ -93,8 +93,8 @@ def verdict_of(
         `evidence.csv`.
     sensitivity : pandas.DataFrame
         `prior_sensitivity.csv`; may be empty.
-    printed : Noise
-        Error model of the printed fits.
+    selected : Noise
+        Error model of the fits that are shown.
     same_loads : callable
         Whether two forms, by name, can reach the same loads at all fitted rows, see
         `ridgebayes.comparison.same_loads`.
@@ -129,7 +129,7 @@ def verdict_of(
         ln_bf_range=(low, high),
         over=over,
         min_prior_probability=_min_prior_probability(*ranked.values()),
-        error_model=printed.name,
+        error_model=selected.name,
         error_model_weights={
             str(name): float(w) for name, w in weights.items() if w > MIN_PAIR_WEIGHT
         },

@@ -25,8 +25,6 @@ from ridgebayes.contact.ridge_row import RidgeRow, felt
 from ridgebayes.contact.rigid_profile import Profile
 
 _MOST_ROUNDS = 40
-_SWEEPS, _STEADY = 2, 1e-3  # more steps a round while these are over this share of a contact
-_GROUP = 1000  # unknowns of the first group of events; the others touch more ridges
 _HISTORY = 5  # rounds that the next one is made from
 _KEPT = 0.05  # of a force at least from round to round: no ridge pulls
 _DEEP = 0.9  # of a groove: beyond, its floor may be touched
@@ -91,11 +89,10 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
         except np.linalg.LinAlgError as error:
             why = f"not computed: {error}"
             break
-        parts = np.array_split(np.arange(n), min(math.ceil(n * m / _GROUP), n))
-        groups = [_Rounds(row.first(int(part[-1]) + 1), rel_tol, part) for part in parts]
-        W, ok = map(np.concatenate, zip(*(group.events() for group in groups), strict=True))
+        rounds = _Rounds(row, rel_tol)
+        W, ok = rounds.events()
         ok &= np.diff(W, prepend=0.0) > 0
-        if any(group.cut_off for group in groups):
+        if rounds.cut_off:
             bearing *= 4
         elif n == n_max or not ok[-1] or W[-1] > W_max:
             why = ""
@@ -111,14 +108,13 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
 
 
 class _Rounds:
-    """Events on their way to their loads: those that have arrived leave."""
+    """All events of a row on their way to their loads."""
 
-    def __init__(self, row: RidgeRow, rel_tol: float, events: IntArray) -> None:
-        self._row, self._tol, n = row, rel_tol, len(events)
+    def __init__(self, row: RidgeRow, rel_tol: float) -> None:
+        self._row, self._tol, n = row, rel_tol, row.n
         self._W, self._ok = np.full(n, np.nan), np.zeros(n, dtype=bool)
-        self._first, self._live = int(events[0]), events
-        self._ends = np.ones((2, row.n, n))  # of contact, by ridge and event
-        self._moving = np.ones((row.n, n), dtype=bool)
+        self._events, self._left = np.arange(n), np.ones(n, dtype=bool)
+        self._ends = np.ones((2, n, n))  # of contact, by ridge and event
         self._nearest = np.full(n, -1.0)  # place over the ridge ahead: t of its corner
         self._mixing = _Mixing()
         w, corner, half = row.half_width, row.profile.corner, 0.5 * row.profile.a
@@ -129,100 +125,70 @@ class _Rounds:
 
     def _begin(self) -> FloatArray:
         """Return moments of sharp ridges covered in full; none of them pulls."""
-        row, live = self._row, self._live
-        moments, self._by_approach, _ = row.covered_in_full(live)
-        smooth = 0.5 * (np.abs(row.centre[live + 1]) - row.half_width) ** 2
-        least = _KEPT * row.within[:, live] * smooth / (math.pi * row.weight.sum())
+        row = self._row
+        moments, self._by_approach, _ = row.covered_in_full()
+        smooth = 0.5 * (np.abs(row.centre[self._events + 1]) - row.half_width) ** 2
+        least = _KEPT * row.within * smooth / (math.pi * row.weight.sum())
         moments[:, 0] = np.maximum(moments[:, 0], least)
         return moments
 
     def events(self) -> tuple[FloatArray, BoolArray]:
         """Return the load of each event, and whether all conditions hold there."""
         for _ in range(_MOST_ROUNDS):
-            arrived = self._round()
-            if arrived.all():
+            self._round()
+            if not self._left.any():
                 break
-            if arrived.any():
-                self._keep(~arrived)
         return self._W, self._ok
 
-    def _round(self) -> BoolArray:
-        """Move all events once; those that have arrived are noted."""
-        row, live = self._row, self._live
-        event, ridge = np.nonzero(row.within[:, live].T)
+    def _round(self) -> None:
+        """Move all events once; those that arrive are noted."""
+        row = self._row
+        event, ridge = np.nonzero((row.within & self._left).T)  # others stay as they are
         field = row.fields(self._moments)
         self._nearest, fallen = self._over(field, 1)
-        x = row.places(self._nearest, live + 1)
+        x = row.places(self._nearest, self._events + 1)
         potentials = row.potentials(x)
         approach = 0.5 * x**2 + fallen + felt(potentials, self._moments)
         here = field.transpose(1, 0, 2)[:, ridge, event] + row.shape.T[:, ridge]
         force = self._moments[ridge, 0, event]
-        contacts = self._contacts(here, force, ridge, event)
+        contacts = RidgeContacts(here, force, self._ends[:, ridge, event], self._radius, self._flat)
+        self._ends[:, ridge, event] = contacts.ends + contacts.steps
         residual = np.zeros_like(self._moments)
         residual[ridge, 0, event] = math.pi * (contacts.level + row.shift * force - approach[event])
         apart = self._moments[ridge, 1:, event] - contacts.moments[1:].T
         residual[ridge, 1:, event] = row.energies[1:] * apart
-        change = -row.covered(residual, live)
-        change += self._by_approach * self._approach(potentials, felt(potentials, change))
+        change = -row.covered(residual)
+        # By the approach at which the surface at the ridge ahead is as high as its corner.
+        lift = 1 - felt(potentials, self._by_approach)
+        change += self._by_approach * felt(potentials, change) / lift
         beyond = contacts.ends - self._flat  # beyond a kink pressure falls to zero within it
         scale = np.where(beyond > 0, np.minimum(beyond, contacts.share), contacts.share)
         moving = (np.abs(contacts.steps) > 0.3 * TENSION * math.sqrt(self._tol) * scale).any(axis=0)
         load = row.load(self._moments)
-        arrived: BoolArray = np.abs(row.load(change)) <= 0.1 * self._tol * load
+        arrived = self._left & (np.abs(row.load(change)) <= 0.1 * self._tol * load)
         # A load may stand still by chance: its shares have to as well.
         arrived &= row.load(np.abs(change)) <= self._tol * load
-        arrived &= np.bincount(event, moving, minlength=len(live)) == 0
+        arrived &= np.bincount(event, moving, minlength=row.n) == 0
         if arrived.any():
-            self._W[live[arrived] - self._first] = row.load(self._moments + change)[arrived]
+            self._W[arrived] = row.load(self._moments + change)[arrived]
             holds = self._holds(contacts, event, arrived) & self._free(field, approach)
-            self._ok[live[arrived] - self._first] = holds[arrived]
+            self._ok[arrived] = holds[arrived]
+            self._left &= ~arrived
         self._moments = self._mixing.mixed(self._moments, change)
-        return arrived
-
-    def _approach(self, potentials: FloatArray, height: FloatArray) -> FloatArray:
-        """Return the approach at which a height at the ridge ahead becomes that of its corner."""
-        value: FloatArray = height / (1 - felt(potentials, self._by_approach))
-        return value
 
     def _over(self, field: FloatArray, ahead: int) -> tuple[FloatArray, FloatArray]:
         """Return where surfaces are nearest to ridges ahead, and how deep these are there."""
-        row, ridges = self._row, self._live + ahead
+        row, ridges = self._row, self._events + ahead
         seen = field[ridges, :, np.arange(len(ridges))] + row.shape[ridges]
         return _nearest(row.outward(seen, ridges), self._nearest, self._radius, self._flat)
 
-    def _contacts(
-        self, field: FloatArray, force: FloatArray, ridge: IntArray, event: IntArray
-    ) -> RidgeContacts:
-        """Return contacts, and move their ends."""
-        ends = self._ends[:, ridge, event]
-        some = np.flatnonzero(self._moving[ridge, event])
-        for _ in range(_SWEEPS):
-            if not len(some):
-                break
-            here = RidgeContacts(
-                field[:, some], force[some], ends[:, some], self._radius, self._flat
-            )
-            ends[:, some] += here.steps
-            some = some[_far(here)]
-        contacts = RidgeContacts(field, force, ends, self._radius, self._flat)
-        self._ends[:, ridge, event] = ends + contacts.steps
-        self._moving[ridge, event] = _far(contacts)
-        return contacts
-
     def _holds(self, contacts: RidgeContacts, event: IntArray, arrived: BoolArray) -> BoolArray:
         """Return whether pressures of arrived events are resolved, and none is a tension."""
-        some = arrived[event]
-        ends = contacts.ends[:, some]
-        here = RidgeContacts(
-            contacts.field[:, some], contacts.force[some], ends, self._radius, self._flat
-        )
-        holds = (here.tail**2 <= self._tol) & (
-            here.smallest_pressure >= -max(TENSION * math.sqrt(self._tol), 1e-6)
-        )
-        count, event = len(arrived), event[some]
-        sound: BoolArray = np.bincount(event, ~holds, minlength=count) == 0
+        n, least = len(arrived), -max(TENSION * math.sqrt(self._tol), 1e-6)
+        holds = (contacts.tail**2 <= self._tol) & (contacts.smallest_pressure >= least)
+        sound: BoolArray = np.bincount(event, ~holds, minlength=n) == 0
         if self._cut:
-            inside = np.bincount(event, (ends >= 1.0).any(axis=0), minlength=count) == 0
+            inside = np.bincount(event, (contacts.ends >= 1.0).any(axis=0), minlength=n) == 0
             inside &= self._nearest > -1.0
             self.cut_off |= bool((arrived & ~inside).any())
             sound &= inside
@@ -230,34 +196,15 @@ class _Rounds:
 
     def _free(self, field: FloatArray, approach: FloatArray) -> BoolArray:
         """Return whether nothing is touched that an event leaves out, (n_live,)."""
-        profile, free = self._row.profile, np.ones(len(self._live), dtype=bool)
+        profile, free = self._row.profile, np.ones(self._row.n, dtype=bool)
         if not profile.mirrored:
             t, fallen = self._over(field, 2)
-            x = self._row.places(t, self._live + 2)
+            x = self._row.places(t, self._events + 2)
             up = felt(self._row.potentials(x), self._moments)
             free &= 0.5 * x**2 + fallen + up >= approach
         if math.isfinite(profile.depth):
             free &= self._row.hanging(self._moments, approach) < _DEEP * profile.depth
         return free
-
-    def _keep(self, still: BoolArray) -> None:
-        """Go on with some of the events, and with the ridges that they touch."""
-        self._live = self._live[still]
-        n = int(self._live[-1]) + 1
-        if n < self._row.n:
-            self._row = self._row.first(n)
-        self._moments = self._moments[:n, :, still]
-        self._by_approach = self._by_approach[:n, :, still]
-        self._ends = self._ends[:, :n, still]
-        self._moving = self._moving[:n, still]
-        self._nearest = self._nearest[still]
-        self._mixing.keep(n, still)
-
-
-def _far(contacts: RidgeContacts) -> BoolArray:
-    """Return whether ends of contacts are so far from their final places that a step errs."""
-    far: BoolArray = np.abs(contacts.steps).max(axis=0) > _STEADY * contacts.share
-    return far
 
 
 @functools.cache
@@ -301,7 +248,7 @@ class _Mixing:
             self._moved = [*self._moved, at - self._last[0]][-_HISTORY:]
             self._changed = [*self._changed, change - self._last[1]][-_HISTORY:]
         self._last = at, change
-        found = at + change
+        moments = at + change
         if self._moved:
             changed = np.stack(self._changed)
             gram = np.einsum("anmk,bnmk->kab", changed, changed)
@@ -309,14 +256,6 @@ class _Mixing:
             least = 1e-13 * np.trace(gram, axis1=1, axis2=2) + 1e-300
             gram += least[:, None, None] * np.eye(len(changed))
             share = np.linalg.solve(gram, along[..., None])[..., 0]
-            found -= np.einsum("anmk,ka->nmk", np.stack(self._moved) + changed, share)
-        found[:, 0] = np.maximum(found[:, 0], _KEPT * at[:, 0])
-        return found
-
-    def keep(self, n: int, still: BoolArray) -> None:
-        """Go on with some events on the first n ridges."""
-        self._moved = [step[:n, :, still] for step in self._moved]
-        self._changed = [step[:n, :, still] for step in self._changed]
-        if self._last is not None:
-            at, change = self._last
-            self._last = at[:n, :, still], change[:n, :, still]
+            moments -= np.einsum("anmk,ka->nmk", np.stack(self._moved) + changed, share)
+        moments[:, 0] = np.maximum(moments[:, 0], _KEPT * at[:, 0])
+        return moments

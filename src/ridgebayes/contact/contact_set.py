@@ -13,10 +13,11 @@ from ridgebayes._types import FloatArray
 from ridgebayes.contact.intervals import Intervals, PressureSolution
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
-_SHRINK = 0.1  # a contact keeps at least this share of its width in one step
+SHRINK = 0.1  # a contact keeps at least this share of its width in one step
 TENSION = 0.1  # times the root of the tolerance, of the mean pressure: free ends err by as much
 BEGUN, _ROUNDING = 1e-6, 1e-9  # of the load
 _STEP = 1e-13  # of a contact's width: shorter steps are rounding
+_N_LOOK, _LOOKS = 17, 8  # places on a segment; each look is at an eighth of the one before
 _NOTHING = 1e-11  # of a segment's width: narrower is no contact
 
 
@@ -108,7 +109,7 @@ class ContactSet:
         stuck = [place == at for place, at in zip(self._ends[segment], limits, strict=True)]
         if stuck[side] and strength >= -self._tol * mean:  # (5)
             return end
-        most = (1 - _SHRINK) * width * (1.0 if sum(stuck) == 1 else 0.5)  # (9)
+        most = (1 - SHRINK) * width * (1.0 if sum(stuck) == 1 else 0.5)  # (9)
         step = float(np.nan_to_num(pressing.outward[side][i], nan=0.0))  # (7)
         if strength > 0 and step <= 0:  # no zero of pressure ahead (8)
             step = width
@@ -141,58 +142,41 @@ class ContactSet:
         others = [segment for segment in self._segments if segment not in self._ends]
         if not others:
             return False
-        places = [_places(segment) for segment in others]
-        surface = pressing.surface(np.concatenate(places))
-        parts = np.split(surface, np.cumsum([len(x) for x in places])[:-1])
-        for segment, x, above in zip(others, places, parts, strict=True):
-            gap, (low, high) = above + segment.height(x), segment.flat
-            i = int(np.argmin(gap))
-            if gap[i] > np.ptp(gap[max(i - 1, 0) : i + 2]):  # none is hidden between places
-                continue
-            for _ in range(3):
-                x, gap = with_vertex(pressing, segment, x, gap)
+        _, gaps, slack = nearest_gaps(pressing, others, looks=1)
+        others = [others[i] for i in np.flatnonzero(gaps <= slack)]
+        if not others:
+            return False
+        x, gaps, _ = nearest_gaps(pressing, others)
+        for segment, at, gap in zip(others, x.tolist(), gaps.tolist(), strict=True):
             # On a sloping surface a contact that is too narrow to be kept penetrates by this much.
             start, stop = segment.start, segment.stop
-            if gap.min() < -max(scale, 100 * _NOTHING * (stop - start) * max(-start, stop)):
-                inside = x[gap < 0]
-                if segment.ridge is not None and segment.corner == 0:
-                    self._ends[segment] = self._first(segment, pressing.load)
-                    continue
-                middle, half = 0.5 * float(inside[0] + inside[-1]), 0.5 * float(np.ptp(inside))
-                least = math.sqrt(-segment.corner * float(gap.min()))
-                half = max(0.5 * half, least or 0.02 * (high - low))
-                self._ends[segment] = self._within(segment, middle - half, middle + half)
+            if gap >= -max(scale, 100 * _NOTHING * (stop - start) * max(-start, stop)):
+                continue
+            if segment.ridge is not None and segment.corner == 0:
+                self._ends[segment] = self._first(segment, pressing.load)
+            else:
+                half = math.sqrt(-segment.corner * gap) or 0.02 * (stop - start)
+                self._ends[segment] = self._within(segment, at - half, at + half)
         return len(self._ends) > before
 
 
-def _places(segment: RigidSegment) -> FloatArray:
-    """Return where to look for penetration of a segment, in rising order."""
-    low, high = segment.flat
-    x = np.linspace(low, high, 33 if segment.ridge is None else 9)
-    if segment.corner:  # a round corner is touched before the flat is
-        into = np.linspace(0, segment.corner, 33)[:0:-1]
-        # And one place just inside each kink: a parabola finds no vertex beside a far one.
-        near = np.array([low + into[-1], high - into[-1]])
-        x = np.concatenate([low - into, x, near[(low < near) & (near < high)], high + into[::-1]])
-    return np.unique(x)
+def nearest_gaps(
+    pressing: PressureSolution, segments: Sequence[RigidSegment], looks: int = _LOOKS
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return where the gap to each of some segments that are not touched is least, and the gap.
 
-
-def with_vertex(
-    pressing: PressureSolution, segment: RigidSegment, x: FloatArray, gap: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return places and gaps with the lowest point of the parabola through the lowest three."""
-    if len(x) < 3:
-        return x, gap
-    i = int(np.clip(np.argmin(gap), 1, len(x) - 2))
-    near, far = x[i] - x[i - 1], x[i + 1] - x[i]
-    left, right = (gap[i] - gap[i - 1]) / near, (gap[i + 1] - gap[i]) / far
-    bend = right - left
-    if not bend > 0:
-        return x, gap
-    at = 0.5 * (x[i] + x[i - 1]) - left * 0.5 * (near + far) / bend
-    at = float(np.clip(at, x[i - 1], x[i + 1]))
-    place = int(np.searchsorted(x, at))
-    if at in (x[i - 1], x[i], x[i + 1]):
-        return x, gap
-    lowest = pressing.surface(np.array([at])) + segment.height(np.array([at]))
-    return np.insert(x, place, at), np.insert(gap, place, lowest[0])
+    The last is by how much less it may be between the places that were looked at.
+    """
+    rows = np.arange(len(segments))
+    start, stop = np.array([(s.start, s.stop) for s in segments]).T
+    x = np.linspace(start, stop, _N_LOOK, axis=1)
+    # Where no pressure acts the surface is convex, as ridges are: one minimum.
+    for _ in range(looks):
+        heights = [segment.height(at) for segment, at in zip(segments, x, strict=True)]
+        gap = pressing.surface(x) + heights
+        lowest = np.argmin(gap, axis=1)
+        nearest, least = x[rows, lowest], gap[rows, lowest]
+        i = np.clip(lowest, 1, _N_LOOK - 2)
+        slack = np.ptp(gap[rows, [i - 1, i, i + 1]], axis=0)
+        x = np.linspace(x[rows, i - 1], x[rows, i + 1], _N_LOOK, axis=1)
+    return nearest, least, slack

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.contact.contact_set import BEGUN, TENSION, ContactSet
+from ridgebayes.contact.contact_set import BEGUN, TENSION, ContactSet, nearest_gaps
 from ridgebayes.contact.intervals import (
     Intervals,
     PressureSolution,
@@ -22,8 +22,8 @@ from ridgebayes.contact.rigid_profile import Kinks, Profile, RigidSegment, falls
 from ridgebayes.errors import InputError
 
 _MAX_ITERATIONS = 200  # ends take steps in turn, more of them where few coefficients are used
-_N_LOOK, _LOOKS = 17, 5  # places in a groove; each look is at an eighth of the one before
 MOST_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
+DEFAULT_REL_TOL = 1e-8  # of loads and of contact ends
 
 
 def load_factor(nu: float) -> float:
@@ -97,20 +97,9 @@ class ContactSolution:
     def nearest_gaps(self, segments: Sequence[RigidSegment]) -> tuple[FloatArray, FloatArray]:
         """Return where the gap to each of some segments that are not touched is least, and the gap.
 
-        Shape (n_segment,), over R. A ridge is nearest over the corner towards the centre.
+        Shape (n_segment,), over R.
         """
-        rows = np.arange(len(segments))
-        low, high = np.array([_nearest_part(segment) for segment in segments]).T
-        x = np.linspace(low, high, _N_LOOK, axis=1)
-        # Where no pressure acts the surface is convex: one minimum.
-        for _ in range(_LOOKS):
-            heights = [segment.height(at) for segment, at in zip(segments, x, strict=True)]
-            gap = self.pressing.surface(x) + heights
-            lowest = np.argmin(gap, axis=1)
-            nearest, least = x[rows, lowest], gap[rows, lowest]
-            i = np.clip(lowest, 1, _N_LOOK - 2)
-            x = np.linspace(x[rows, i - 1], x[rows, i + 1], _N_LOOK, axis=1)
-        return nearest, least
+        return nearest_gaps(self.pressing, segments)[:2]
 
     def rise_to_touch(self, segments: Sequence[RigidSegment]) -> float:
         """Return by how much more load the first of some segments is touched: Newton's step."""
@@ -130,22 +119,11 @@ class ContactSolution:
         return dict(zip(grooves, (-self.nearest_gaps(floors)[1]).tolist(), strict=True))
 
 
-def _nearest_part(segment: RigidSegment) -> tuple[float, float]:
-    """Return the ends of the part of a segment that the surface comes nearest to."""
-    if segment.ridge is None:
-        return segment.start, segment.stop
-    low, high = segment.flat
-    # Not by the flat's ends: corners of half a ridge leave none.
-    if abs(segment.start) < abs(segment.stop):
-        return low - segment.corner, low
-    return high, high + segment.corner
-
-
 def solve_contact(
     profile: Profile,
     W: float,
     *,
-    rel_tol: float = 1e-8,
+    rel_tol: float = DEFAULT_REL_TOL,
     n_coefficients: int | None = None,
     start: ContactSolution | None = None,
     ridges: range | None = None,
@@ -308,7 +286,7 @@ def smallest_pressure(pressing: PressureSolution) -> float:
 
 
 def solve_many_contacts(
-    profile: Profile, W: Sequence[float] | FloatArray, *, rel_tol: float = 1e-8
+    profile: Profile, W: Sequence[float] | FloatArray, *, rel_tol: float = DEFAULT_REL_TOL
 ) -> list[ContactSolution]:
     """Press by each of several loads; each begins where the next lower one ended."""
     solutions: dict[int, ContactSolution] = {}

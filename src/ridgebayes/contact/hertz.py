@@ -21,7 +21,7 @@ def hertz_constant(nu: ArrayLike = 0.5) -> FloatArray:
     Returns
     -------
     ndarray of float, shape (...), dimensionless
-        c; 1.382 at nu = 0.5, as printed with eq. (3).
+        c; 1.382 at nu = 0.5, as published with eq. (3).
 
     References
     ----------

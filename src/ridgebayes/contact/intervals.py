@@ -275,8 +275,8 @@ def _used(intervals: Intervals, m: int) -> np.ndarray:
 
 def potentials(intervals: Intervals, x: FloatArray, m: int) -> FloatArray:
     """Return the potentials of every function at x, mirror images added, shape (n_x, n, m)."""
-    own = int(intervals.straddles) if intervals.mirrored else len(intervals.left)
-    return potentials_around(intervals.centre, intervals.half_width, x, m, alone=own)
+    whole = int(intervals.straddles) if intervals.mirrored else len(intervals.left)
+    return potentials_around(intervals.centre, intervals.half_width, x, m, alone=whole)
 
 
 def potentials_around(

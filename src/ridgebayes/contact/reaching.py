@@ -13,11 +13,11 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.all_events import all_events
-from ridgebayes.contact.contact_solution import ContactSolution, solve_contact
+from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL, ContactSolution, solve_contact
 from ridgebayes.contact.ridge_row import touch_order
 from ridgebayes.contact.rigid_profile import Profile
 
-_TINY = np.array([1e-10, 1e-9, 1e-8, 1e-7, 1e-6])
+_TINY = np.geomspace(1e-10, 1e-6, 5)  # of a load: as small as rounding lets one be solved for
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class TransitionLoads:
 
 
 def reaching_loads(
-    profile: Profile, *, W_max: float, n_max: int = 10_000, rel_tol: float = 1e-8
+    profile: Profile, *, W_max: float, n_max: int = 10_000, rel_tol: float = DEFAULT_REL_TOL
 ) -> TransitionLoads:
     """Find every load up to a largest one at which a further ridge, or pair of them, is reached.
 

@@ -9,7 +9,7 @@ reaches its corner, the flat of a round one, or a floor is touched.
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from scipy.interpolate import PchipInterpolator
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.axes import Axis, Spread
 from ridgebayes.contact.contact_solution import (
+    DEFAULT_REL_TOL,
     ContactSolution,
     coefficients_for,
     solve_contact,
@@ -27,21 +28,20 @@ from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import ComputationError, InputError
 
-_TOL = 1e-8
 _N_PLACE, _N_BISECTION = 25, 10
-# Shares of an interval and of a load: at the interval's very ends a contact is only rounding.
-_INSIDE, _BEGUN = 1e-5, 5e-6
-CLOSEST = 1e-4  # of an interval, by which loads stay away from its ends
+_INSIDE = 1e-5  # of an interval: at its very ends a contact is only rounding
+# Share of an interval by which loads keep off its ends; and of the load of the first change of the
+# count, where the table begins.
+CLOSEST = 1e-4
 _CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets
-_FROM = 1e-4  # of the load of the first change of the count: where the table begins
 MOST_DISTINCT, _MOST_NODES = 32, 400
 _MOST_COEFFICIENTS = 64  # an interval, of shapes that vary: grooves of some 0.6 % of a sharp ridge
 _LAST_OFFSET = 0.499
-_TRIES = 5  # each four times as far from an interval's end
-# Columns of `shapes_of`.
-_OVER_RIDGE, _OVER_RADIUS = [0, 1, 2, 3, 4], [5, 1, 2, 6, 4]
+# Columns of `shapes_of`, and some of them: groove, offset, depth, corner and ridge.
+_COLUMNS = ("groove/ridge", "offset", "depth", "corner/ridge", "ridge", "groove", "corner")
+_OVER_RIDGE = [_COLUMNS.index(name) for name in _COLUMNS[:-2]]
+_OVER_RADIUS = [_COLUMNS.index(name.removesuffix("/ridge")) for name in _COLUMNS[:-2]]
 _N_SMOOTH, _N_OFFSET = 13, 17  # nodes along an axis
-_FIXED = 5  # quantities before those of edges: see `ContactValues`
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +72,9 @@ class ContactValues:
     largest_share: FloatArray
     x: FloatArray
     K: FloatArray
+
+
+_FIXED = [field.name for field in fields(ContactValues)].index("x") - 1  # after W, before edges
 
 
 class ResponseTable:
@@ -163,22 +166,21 @@ class ResponseTable:
         values = np.zeros((len(profiles), _FIXED + 4 * Q))
         for weight, shape in zip(weights.T, shapes, strict=True):
             values += weight[:, None] * shape.values(Q)(root)
-        x, K = np.split(values[:, _FIXED:], 2, axis=1)
-        mirrored = (profiles[:, 4] < 0)[:, None]
+        power = np.repeat([1.0, 1.0, 2.0, 0.0, 0.0, 1.0, 1.5], [1] * _FIXED + [2 * Q] * 2)
+        contact = _contacts(near, values * unit[:, None] ** power)
+        mirrored, x, K = (profiles[:, 4] < 0)[:, None], contact.x, contact.K
         x, K = np.where(mirrored, -x[:, ::-1], x), np.where(mirrored, K[:, ::-1], K)
-        length, extent, penetration, share, largest = values[:, :_FIXED].T
-        lengths = (length * unit, extent * unit, penetration * unit**2)
-        edges = (x * unit[:, None], K * unit[:, None] ** 1.5)
-        return ContactValues(near, *lengths, share, largest, *edges)
+        return replace(contact, x=x, K=K)
 
 
 def solved(profile: FloatArray, Q: int, W: float) -> ContactValues:
     """Return the contact of one body solved on its own, as `ResponseTable.at` returns it."""
-    solution = solve_contact(Profile(*profile.tolist()), W, rel_tol=_TOL)
-    values = _measured(solution, Q)
-    length, extent, penetration, share, largest = values[:_FIXED, None]
-    x, K = np.split(values[None, _FIXED:], 2, axis=1)
-    return ContactValues(np.array([W]), length, extent, penetration, share, largest, x, K)
+    solution = solve_contact(Profile(*profile.tolist()), W)
+    return _contacts(np.array([W]), _measured(solution, Q)[None])
+
+
+def _contacts(W: FloatArray, values: FloatArray) -> ContactValues:
+    return ContactValues(W, *values[:, :_FIXED].T, *np.split(values[:, _FIXED:], 2, axis=1))
 
 
 def shapes_of(profiles: FloatArray) -> FloatArray:
@@ -234,7 +236,7 @@ def _profile(at: FloatArray, *, over_ridge: bool) -> Profile:
 def _refuse_narrow(profiles: list[Profile]) -> None:
     """Refuse sharp grooves so narrow that a grid of them takes hours."""
     for profile in profiles:
-        needed = coefficients_for(profile, _TOL, 0.5 * profile.a)
+        needed = coefficients_for(profile, DEFAULT_REL_TOL, 0.5 * profile.a)
         if profile.corner == 0 and needed > _MOST_COEFFICIENTS:
             raise InputError(
                 f"scene: groove_width: expected sharp grooves that vary to be wider than 0.6 % of "
@@ -256,7 +258,7 @@ class _Shape:
         W, counts = self._events
         while not len(counts) or counts[-1] <= Q:
             top = max(4 * W[-1] if len(W) else 0.0, 0.5 * ((Q / 2 + 2) * self._profile.pitch) ** 2)
-            reaching = reaching_loads(self._profile, W_max=top, rel_tol=_TOL)
+            reaching = reaching_loads(self._profile, W_max=top)
             failed = [text for text in reaching.status if text != "ok"]
             if failed:
                 raise ComputationError(f"contact of Q = {Q}: {failed[0]}")
@@ -265,14 +267,14 @@ class _Shape:
         if i == 0:
             if counts[0] - 1 < Q or self._first != Q:
                 raise _never(Q, self._profile)
-            return float(W[0]) * _FROM, float(W[0])
+            return float(W[0]) * CLOSEST, float(W[0])
         if counts[i - 1] != Q:
             raise _never(Q, self._profile)
         return float(W[i - 1]), float(W[i])
 
     @cached_property
     def _first(self) -> int:
-        return solve_contact(self._profile, float(self._events[0][0]) * _FROM, rel_tol=_TOL).Q
+        return solve_contact(self._profile, float(self._events[0][0]) * CLOSEST).Q
 
     def values(self, Q: int) -> PchipInterpolator:
         """Return `_measured` as a function of the root of a place in the interval."""
@@ -312,18 +314,17 @@ class _Shape:
     ) -> tuple[float, ContactSolution]:
         """Return the contact at a place y, and the place: farther inside if it has to be."""
         low, high = self.interval(Q)
-        inside, place = min(max(_INSIDE, _BEGUN / math.log(high / low)), 0.25), y
-        for _ in range(_TRIES):
+        inside, place = min(_INSIDE * max(1.0, 0.5 / math.log(high / low)), 0.25), y
+        while True:
             W = low * (high / low) ** min(max(place, inside), 1 - inside)
-            solution = solve_contact(self._profile, W, rel_tol=_TOL, start=start)
+            solution = solve_contact(self._profile, W, start=start)
             if start is not None and solution.status != "ok":  # it may lead round in circles
-                solution = solve_contact(self._profile, W, rel_tol=_TOL)
+                solution = solve_contact(self._profile, W)
             inside *= 4
             further = min(max(y, inside), 1 - inside)
             if (solution.status == "ok" and solution.Q == Q) or further == y or inside >= 0.25:
-                break
+                return place, solution
             place = further
-        return place, solution
 
 
 def _free_ends(solution: ContactSolution) -> tuple[bool, ...]:

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from ridgebayes._types import FloatArray
+from ridgebayes.contact.contact_set import SHRINK
 from ridgebayes.contact.rigid_profile import Kinks, falls
-
-_SHRINK = 0.1  # a contact keeps at least this share of its width in one step
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +117,7 @@ class RidgeContacts:
         step = np.divide(-width * strength, slopes, out=np.zeros_like(slopes), where=slopes != 0.0)
         stuck = self.ends >= 1.0
         # Half of it where both ends move in: else they could pass each other.
-        most = (1 - _SHRINK) * width * np.where(stuck.sum(axis=0) == 1, 1.0, 0.5)
+        most = (1 - SHRINK) * width * np.where(stuck.sum(axis=0) == 1, 1.0, 0.5)
         step = np.where((strength > 0) & (step <= 0), width, step)
         step = np.where((strength < 0) & (step >= 0), -most, step)
         step = np.where(stuck & (strength >= 0), 0.0, np.clip(step, -most, 2 * width))

@@ -87,12 +87,6 @@ class RidgeRow:
             raise np.linalg.LinAlgError(f"ridges' matrix is not positive definite (pivot {info})")
         return replace(row, factor=factor)
 
-    def first(self, n: int) -> "RidgeRow":
-        """Return the row of the first n ridges alone."""
-        size = n * (len(self.factor) // self.n)
-        factor = np.asfortranarray(self.factor[:size, :size])
-        return replace(self, numbers=self.numbers[: n + _AHEAD], factor=factor)
-
     @property
     def n(self) -> int:
         """Ridges that are touched at the last event."""
@@ -181,34 +175,33 @@ class RidgeRow:
         scale = np.sqrt(np.tile(self.energies[:m], self.n))
         return scale / root, scale * root
 
-    def covered(self, potentials: FloatArray, events: IntArray) -> FloatArray:
+    def covered(self, potentials: FloatArray) -> FloatArray:
         """Return moments of ridges covered in full that make given potentials' projections.
 
         As if moments beyond the factor's were not felt elsewhere.
         """
         n, m_far = self.n, len(self.factor) // self.n
         rows, columns = self._scales(m_far)
-        within = self.within[:, events]
-        value: FloatArray = potentials * (within[:, None] / self.energies[:, None])
+        value: FloatArray = potentials * (self.within[:, None] / self.energies[:, None])
         first = potentials[:, :m_far].reshape(n * m_far, -1) / rows[:, None]
         first, _ = lapack.dtrtrs(self.factor, np.asfortranarray(first), lower=0, trans=1)
-        first[~np.repeat(within, m_far, axis=0)] = 0.0
+        first[~np.repeat(self.within, m_far, axis=0)] = 0.0
         first, _ = lapack.dtrtrs(self.factor, first, lower=0, trans=0, overwrite_b=1)
         value[:, :m_far] = (first / columns[:, None]).reshape(n, m_far, -1)
         return value
 
-    def covered_in_full(self, events: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def covered_in_full(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what ridges covered in full carry where the surface meets the corner ahead.
 
         Moments at events, (n, m, n_event); what an approach of 1 adds to them; and by how much that
         lifts the surface over the corner, (n_event,).
         """
-        within = self.within[:, None, events]
-        x = self.places(np.full(len(events), -1.0), events + 1)
-        charge = np.zeros((self.n, self.m, len(events)))
-        charge[:, 0] = math.pi * within[:, 0]
-        by_approach = self.covered(charge, events)
-        moments = -self.covered((self.shape[: self.n] * self.norms)[..., None] * within, events)
+        n = self.n
+        x = self.places(np.full(n, -1.0), np.arange(n) + 1)
+        charge = np.zeros((n, self.m, n))
+        charge[:, 0] = math.pi * self.within
+        by_approach = self.covered(charge)
+        moments = -self.covered((self.shape[:n] * self.norms)[..., None] * self.within[:, None])
         potentials = self.potentials(x)
         lift = felt(potentials, by_approach)
         approach = (0.5 * x**2 + felt(potentials, moments)) / (1 - lift)

@@ -7,7 +7,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 
 Texture = tuple[float, float]
-REFERENCE = 0.75  # 1 - nu^2 at nu = 0.5, the Poisson's ratio of the printed coefficients
+REFERENCE = 0.75  # 1 - nu^2 at nu = 0.5, the Poisson's ratio of the published coefficients
 
 
 def reduced_load(p_over_E: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:

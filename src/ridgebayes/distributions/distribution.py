@@ -19,7 +19,7 @@ from scipy import special
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 
-_LOG_2PI = math.log(2 * math.pi)
+LOG_2PI = math.log(2 * math.pi)
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class Distribution(ABC):
         ndarray of float, shape of `u`, unit of the parameter
             Slopes.
         """
-        return np.exp(-0.5 * (np.square(u) + _LOG_2PI) - self.log_pdf(x))
+        return np.exp(-0.5 * (np.square(u) + LOG_2PI) - self.log_pdf(x))
 
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
         """Draw values.
@@ -207,7 +207,7 @@ class LogNormal(Distribution):
         with np.errstate(divide="ignore", invalid="ignore"):
             log_x = np.log(x)
             z = (log_x - np.log(self.median)) / self.log_sd
-            value = -0.5 * z * z - log_x - np.log(self.log_sd) - 0.5 * _LOG_2PI
+            value = -0.5 * z * z - log_x - np.log(self.log_sd) - 0.5 * LOG_2PI
         return np.where(np.greater(x, 0), value, -np.inf)
 
     def value_at(self, u: FloatArray | float) -> FloatArray:
@@ -254,7 +254,7 @@ class Normal(Distribution):
 
     def log_pdf(self, x: FloatArray) -> FloatArray:
         z = self.score(x)
-        value: FloatArray = -0.5 * z * z - np.log(self.sd) - 0.5 * _LOG_2PI
+        value: FloatArray = -0.5 * z * z - np.log(self.sd) - 0.5 * LOG_2PI
         return value
 
     def value_at(self, u: FloatArray | float) -> FloatArray:

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from scipy.optimize import elementwise
 
 from ridgebayes._types import FloatArray
-from ridgebayes.distributions.distribution import Distribution
+from ridgebayes.distributions.distribution import LOG_2PI, Distribution
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_text, refusing
 from ridgebayes.runtime.text import clipped
@@ -22,7 +22,6 @@ from ridgebayes.runtime.text import clipped
 LEAST_SAMPLE = 10
 _N_KNOT = (5, 25)  # at least, at most; between them one for ten values, and an odd number
 _LAST_KNOT = 3.0  # sds: further out a sample's quantiles are those of single values
-_LOG_2PI = math.log(2 * math.pi)
 
 
 @dataclass(frozen=True)
@@ -134,7 +133,7 @@ class Empirical(Distribution):
         x = np.asarray(x, dtype=float)
         is_in = np.greater(x, self.support[0])
         u = self.score(np.where(is_in, x, self.values[0]))
-        value = -0.5 * (u * u + _LOG_2PI) - np.log(self.slope_at(u, np.where(is_in, x, 1.0)))
+        value = -0.5 * (u * u + LOG_2PI) - np.log(self.slope_at(u, np.where(is_in, x, 1.0)))
         return np.where(is_in, value, -np.inf)
 
     def value_at(self, u: FloatArray | float) -> FloatArray:

@@ -54,9 +54,9 @@ def plot_coverage(frame: pd.DataFrame) -> Figure:
         gridspec_kw={"height_ratios": [above, below]},
     )
     for (top, bottom), form in zip(panels.T, forms, strict=True):
-        own = frame[frame["form"] == form]
+        of_form = frame[frame["form"] == form]
         for i, (prob, shade) in enumerate(zip(probs, shades, strict=True)):
-            part = own[own["prob"] == prob].set_index("noise").reindex(noises)
+            part = of_form[of_form["prob"] == prob].set_index("noise").reindex(noises)
             top.axvline(prob, color=shade, linewidth=0.9, alpha=0.8)
             _shares(top, part, _DODGE * ((i + 0.5) / len(probs) - 0.5), shade)
             widths = part["mean_width"].to_numpy(float)
@@ -75,11 +75,11 @@ def plot_coverage(frame: pd.DataFrame) -> Figure:
 
 def _shares(axes: Axes, part: pd.DataFrame, dodge: float, shade: FloatArray) -> None:
     share, se = part["share"].to_numpy(float), part["share_se"].to_numpy(float)
-    known = np.isfinite(share)
-    share, reach = share[known], 2 * np.nan_to_num(se[known])
+    shown = np.isfinite(share)
+    share, reach = share[shown], 2 * np.nan_to_num(se[shown])
     axes.errorbar(
         share,
-        np.arange(len(part))[known] + dodge,
+        np.arange(len(part))[shown] + dodge,
         xerr=[np.minimum(reach, share), np.minimum(reach, 1 - share)],
         fmt="o",
         color=shade,

@@ -27,7 +27,7 @@ from ridgebayes.drawing.style import (
 )
 from ridgebayes.runtime.text import MINUS
 
-_SUMMED = "summed out"  # not of the printed error model, but of all
+_SUMMED = "summed out"  # not of the selected error model, but of all
 _METHODS = {
     _SUMMED: "*",
     "bridge": "o",
@@ -43,7 +43,7 @@ def plot_percent_errors(errors: pd.DataFrame) -> Figure:
     Parameters
     ----------
     errors : pandas.DataFrame
-        Columns form, coefficients (calibrated, printed), a_over_R, b_over_R, Q, role, percent.
+        Columns form, coefficients (calibrated, published), a_over_R, b_over_R, Q, role, percent.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def plot_percent_errors(errors: pd.DataFrame) -> Figure:
     for column, (texture, here) in zip(panels.T, textures.items(), strict=True):
         for axes, shown in zip(column, rows, strict=True):
             for form in shown:
-                for coefficients, style in (("printed", hollow), ("calibrated", {})):
+                for coefficients, style in (("published", hollow), ("calibrated", {})):
                     part = here[(here["form"] == form) & (here["coefficients"] == coefficients)]
                     part = part.groupby("Q", as_index=False)["percent"].mean()
                     look = look_of(form) | {"markersize": 5, "linewidth": 1.2} | style
@@ -72,9 +72,9 @@ def plot_percent_errors(errors: pd.DataFrame) -> Figure:
     for axes, words in zip(panels[:, 0], ("", "\n(without Classic)"), strict=False):
         axes.set_ylabel(f"load error, %{words}")
     handles = [Line2D([], [], **look_of(form)) for form in forms]
-    if (errors["coefficients"] == "printed").any():
+    if (errors["coefficients"] == "published").any():
         handles.append(Line2D([], [], color=QUIET, label="calibrated"))
-        handles.append(Line2D([], [], color=QUIET, marker="o", label="printed", **hollow))
+        handles.append(Line2D([], [], color=QUIET, marker="o", label="published", **hollow))
     figure.legend(handles=handles, loc="outside lower center", ncols=MOST_LEGEND)
     return figure
 

@@ -32,7 +32,7 @@ def plot_corner(
     form: str,
     names: Sequence[str],
     draws: FloatArray,
-    printed: Mapping[str, float],
+    published: Mapping[str, float],
     *,
     n_parameter: int,
 ) -> Figure:
@@ -46,8 +46,8 @@ def plot_corner(
         Parameters to show.
     draws : ndarray of float, shape (n_draw, n_shown), any unit
         Their draws.
-    printed : mapping of str to float
-        The study's coefficients by parameter, for solid lines; empty where it printed none.
+    published : mapping of str to float
+        The study's coefficients by parameter, for solid lines; empty where it has none.
     n_parameter : int
         How many parameters the posterior has.
 
@@ -67,7 +67,7 @@ def plot_corner(
     colour = colour_of(form)
     # A draw far out in a tail must not squeeze the rest of the panel.
     span = [tuple(np.quantile(x, [0.0005, 0.9995])) for x in draws.T]
-    truths = np.array([printed.get(name, np.nan) for name in names]) * 10.0**powers
+    truths = np.array([published.get(name, np.nan) for name in names]) * 10.0**powers
     inside = [t if low < t < high else None for t, (low, high) in zip(truths, span, strict=True)]
     corner.corner(
         draws,
@@ -125,8 +125,8 @@ def plot_posterior_checks(
         observed, replicated, p_value = values
         first, third = np.quantile(replicated, [0.25, 0.75])
         near = np.abs(replicated - (first + third) / 2) <= _REACH * (third - first)
-        both = np.concatenate([replicated[near], np.quantile(observed, [0.05, 0.95])])
-        low, high = both.min(), both.max()
+        shown = np.concatenate([replicated[near], np.quantile(observed, [0.05, 0.95])])
+        low, high = shown.min(), shown.max()
         edges = np.linspace(low, high if high > low else low + 1, _N_BIN + 1).tolist()
         axes.hist(
             replicated, edges, density=True, color=colour_of(form), alpha=0.5, label="replicated"

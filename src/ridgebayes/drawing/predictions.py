@@ -259,16 +259,16 @@ def plot_prior_bands(bands: pd.DataFrame, rows: pd.DataFrame, form: str) -> Figu
         len(textures), 1.8, 1.0, labels=("$Q$", "load $p/E$"), sharex=True, sharey=True
     )
     colour = colour_of(form)
-    for axes, (texture, own) in zip(panels, textures, strict=True):
-        own = own.sort_values("Q")
-        lower, median, upper = (np.exp(own[name]) for name in ("lower", "median", "upper"))
-        label = f"{title_of(form)}: prior, {100 * own['prob'].iloc[0]:g} %"
+    for axes, (texture, by_count) in zip(panels, textures, strict=True):
+        by_count = by_count.sort_values("Q")
+        lower, median, upper = (np.exp(by_count[name]) for name in ("lower", "median", "upper"))
+        label = f"{title_of(form)}: prior, {100 * by_count['prob'].iloc[0]:g} %"
         axes.fill_between(
-            own["Q"], lower, upper, color=colour, alpha=0.25, linewidth=0, label=label
+            by_count["Q"], lower, upper, color=colour, alpha=0.25, linewidth=0, label=label
         )
         # A band over one count has no width: its ends are drawn as well.
-        axes.vlines(own["Q"], lower, upper, color=colour, linewidth=0.8, alpha=0.6)
-        axes.plot(own["Q"], median, color=colour, linewidth=1.2, label="median")
+        axes.vlines(by_count["Q"], lower, upper, color=colour, linewidth=0.8, alpha=0.6)
+        axes.plot(by_count["Q"], median, color=colour, linewidth=1.2, label="median")
         dots = observed.get(texture, rows.iloc[:0])
         axes.plot(dots["Q"], dots["p_over_E"], ".", color=OBSERVED, markersize=5, label="rows")
         axes.set_title(texture_title(texture), fontsize=9)

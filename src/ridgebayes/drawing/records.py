@@ -3,6 +3,8 @@
 New axes are pyplot's, so that a notebook shows them.
 """
 
+from typing import Any
+
 import pandas as pd
 from matplotlib import pyplot
 from matplotlib.axes import Axes
@@ -77,13 +79,12 @@ def draw_bands(bands: pd.DataFrame, ax: Axes | None) -> Axes:
     """
     axes = axes_or_new(ax)
     bands, label = _as_ratios(bands)
-    by_texture = rows_by_texture(bands)
-    shown = list(by_texture.items())[:MOST_TEXTURES]
-    for i, (texture, rows) in enumerate(shown):
-        colour, rows = _COLOURS[i % len(_COLOURS)], rows.sort_values("p_over_E")
-        draw_band(axes, rows, colour)
-        (line,) = axes.step(rows["p_over_E"], rows["q_median"], where="post", color=colour)
-        line.set(linewidth=1.2, label=_texture_label(texture))
+    by_texture = _by_texture(bands)
+    shown = by_texture[:MOST_TEXTURES]
+    for rows, look in shown:
+        rows = rows.sort_values("p_over_E")
+        draw_band(axes, rows, look["color"])
+        (line,) = axes.step(rows["p_over_E"], rows["q_median"], where="post", linewidth=1.2, **look)
         if len(rows) == 1:  # a step of no length
             line.set_marker(".")
     axes.set_xlim(0.0, float(bands["p_over_E"].max()))
@@ -123,10 +124,9 @@ def draw_loads(loads: pd.DataFrame, ax: Axes | None) -> Axes:
     """
     axes = axes_or_new(ax)
     loads, label = _as_ratios(loads)
-    by_texture = rows_by_texture(loads)
-    shown = list(by_texture.items())[:MOST_TEXTURES]
-    for i, (texture, rows) in enumerate(shown):
-        look = {"color": _COLOURS[i % len(_COLOURS)], "label": _texture_label(texture)}
+    by_texture = _by_texture(loads)
+    shown = by_texture[:MOST_TEXTURES]
+    for i, (rows, look) in enumerate(shown):
         place = rows["Q"] + 1.2 * ((i + 0.5) / len(shown) - 0.5)
         draw_intervals(axes, place, rows, marker="o", markersize=4, capsize=2.5, **look)
     axes.set(xlabel=_COUNT, ylabel=f"{label}, {_band_title(loads)}", yscale="log")
@@ -188,8 +188,12 @@ def draw_plan(table: pd.DataFrame, relative: float | None, ax: Axes | None) -> A
     return axes
 
 
-def _texture_label(texture: tuple[float, float]) -> str:
-    return f"a/R {texture[0]:g}, b/R {texture[1]:g}"
+def _by_texture(frame: pd.DataFrame) -> list[tuple[pd.DataFrame, dict[str, Any]]]:
+    """Return the rows of each texture, with its colour and label."""
+    return [
+        (rows, {"color": _COLOURS[i % len(_COLOURS)], "label": f"a/R {a:g}, b/R {b:g}"})
+        for i, ((a, b), rows) in enumerate(rows_by_texture(frame).items())
+    ]
 
 
 def _band_title(frame: pd.DataFrame) -> str:
@@ -197,11 +201,9 @@ def _band_title(frame: pd.DataFrame) -> str:
 
 
 def _told(axes: Axes, n_shown: int, n: int) -> None:
+    outside: Any = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)}
     # A legend of many lines would cover them.
     many = len(axes.get_legend_handles_labels()[1]) > _MOST_INSIDE
-    if many:
-        axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0))
-    else:
-        axes.legend(fontsize="small")
+    axes.legend(fontsize="small", **(outside if many else {}))
     if n_shown < n:
         axes.set_title(f"the first {n_shown} of {n:,}")

@@ -74,9 +74,9 @@ def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
 
 def draw_effects(axes: Axes, table: pd.DataFrame, relative: float | None) -> None:
     """Draw the bars of `plot_effects` on axes."""
-    known = table[table["estimated_rel_change"].notna()]
+    sized = table[table["estimated_rel_change"].notna()]
     least = 1e-6
-    for row, effect in enumerate(known.to_dict("records")):
+    for row, effect in enumerate(sized.to_dict("records")):
         size = max(float(effect["estimated_rel_change"]), least)
         if effect["estimated_rel_change"] == 0:
             axes.text(1.3 * least, row, "0", va="center", fontsize=8)
@@ -89,12 +89,12 @@ def draw_effects(axes: Axes, table: pd.DataFrame, relative: float | None) -> Non
             edgecolor=_BODY,
             height=0.6,
         )
-    top = max(2.0, 2 * float(known["estimated_rel_change"].max()))
+    top = max(2.0, 2 * float(sized["estimated_rel_change"].max()))
     axes.set(xscale="log", xlim=(least, top))
     axes.xaxis.set_major_locator(LogLocator(10))
     axes.xaxis.set_minor_locator(NullLocator())
-    axes.set_yticks(range(len(known)), [plain(name, 40) for name in known["effect"]])
-    axes.set_ylim(len(known) - 0.5, -0.5)  # the first on top, and room for a 0 in the last row
+    axes.set_yticks(range(len(sized)), [plain(name, 40) for name in sized["effect"]])
+    axes.set_ylim(len(sized) - 0.5, -0.5)  # the first on top, and room for a 0 in the last row
     axes.grid(visible=False, axis="y")
     if relative is not None:
         axes.axvline(relative, color="#000000", linewidth=1, linestyle=":")

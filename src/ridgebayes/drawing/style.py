@@ -53,23 +53,7 @@ DPI = 180
 MOST_LEGEND = 4  # entries in a row
 # Paths of an SVG in points: a hundredth is far below a pixel.
 _PATH, _BEYOND_HUNDREDTH = re.compile(rb'(?<= d=")[^"]*'), re.compile(rb"(\.\d\d)\d+")
-_STYLE: dict[str, Any] = {
-    "font.size": 10,
-    "axes.titlesize": 10,
-    "axes.labelsize": 10,
-    "legend.fontsize": 9,
-    "legend.frameon": False,
-    "xtick.labelsize": 9,
-    "ytick.labelsize": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#E6E6E6",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    # The same seed has to give the same bytes.
-    "svg.hashsalt": "ridgebayes",
-}
+_STYLE = Path(__file__).with_name("figures.mplstyle")
 
 
 @contextmanager
@@ -77,7 +61,9 @@ def styled() -> Iterator[None]:
     """Hold matplotlib's own defaults and this package's style, whatever the user has set."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_STYLE)  # type: ignore[arg-type]
+        matplotlib.rcParams.update(
+            matplotlib.rc_params_from_file(_STYLE, use_default_template=False)
+        )
         yield
 
 

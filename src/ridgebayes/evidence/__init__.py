@@ -1,8 +1,8 @@
 """Log evidences: the log of the integral of likelihood times prior.
 
 `pairs` weighs every form under every error model by importance sampling; `bridge` finds the
-evidence of a walk's draws, the second way to what is printed; `prior_sensitivity` says how far
-evidences depend on the priors' scales. The densities are of the log loads, so evidences of one
+evidence of a walk's draws, a second way for the selected error model; `prior_sensitivity` says how
+far evidences depend on the priors' scales. The densities are of the log loads, so evidences of one
 table compare across all forms. How each method works: docs/derivations/evidence.md.
 
 >>> from ridgebayes.evidence.pairs import weigh_pairs

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import LOG_2PI, FloatArray
 from ridgebayes.inference.diagnostics import effective_sample_size
 from ridgebayes.inference.emcee_sampling import Walked
 from ridgebayes.inference.log_evidence import LogEvidence
@@ -128,7 +128,7 @@ class _Normal:
 
     def log_pdf(self, points: FloatArray) -> FloatArray:
         scaled = (points - self.mean) @ np.linalg.inv(self.root).T
-        log_norm = np.log(np.diag(self.root)).sum() + 0.5 * len(self.mean) * math.log(2 * math.pi)
+        log_norm = np.log(np.diag(self.root)).sum() + 0.5 * len(self.mean) * LOG_2PI
         value: FloatArray = -0.5 * (scaled * scaled).sum(axis=-1) - log_norm
         return value
 

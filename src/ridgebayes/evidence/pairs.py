@@ -1,8 +1,8 @@
 """Every form under every error model, weighed alike, and draws of the pairs that carry weight.
 
 The error model is unknown, so predictions and model probabilities are averaged over all of them.
-One error model is selected for printed fits: the simplest whose evidence, forms summed out, is
-within 1.1 of the highest.
+One error model is selected for the fits that are shown: the simplest whose evidence, forms summed
+out, is within 1.1 of the highest.
 """
 
 import itertools
@@ -150,7 +150,7 @@ class WeighedPairs:
         return evidence_table(evidences, self.prior_odds)
 
     def selected(self) -> Noise:
-        """Return the error model that is printed.
+        """Return the selected error model.
 
         Where no evidence can be used, that of the highest evidence with draws: its fit says what it
         lacks.
@@ -181,14 +181,14 @@ class WeighedPairs:
         n_kept: int,
         executor: Executor | None = None,
     ) -> dict[str, dict[str, Posterior]]:
-        """Return posteriors by form and error model: of what carries weight, or is printed.
+        """Return posteriors by form and error model: of what carries weight, or is selected.
 
         Parameters
         ----------
         forms : sequence of str
             Names of forms.
         selected : str
-            Error model that is printed.
+            Selected error model.
         n_kept : int
             Draws of a form's posteriors together, shared out by their weights. More are drawn where
             the evidence took fewer, unless the form is negligible.

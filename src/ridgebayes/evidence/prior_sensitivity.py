@@ -18,7 +18,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.evidence.pairs import Pair, WeighedPairs, in_parallel, weigh
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.importance import Drawn
-from ridgebayes.inference.pareto_smoothing import pareto_k
+from ridgebayes.inference.pareto_smoothing import MAX_FINITE_VARIANCE_K, pareto_k
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.inference.proposal import log_mean
 from ridgebayes.model.default_priors import SLOPES
@@ -32,8 +32,6 @@ COEFFICIENTS = ("c", "c2")  # their priors hold what mechanics says, and are nar
 _FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
 _NUGGET_FACTORS = (0.1, 1.0, 10.0)
 _MIN_COEFFICIENT_FACTOR = 0.3  # of the coefficients' scales
-# The variance of weights is finite below a Pareto k of 0.5.
-MAX_REWEIGHTED_K = 0.5
 # Pairs further below their form's best in ln evidence hold less than 5 % of its evidence, the
 # largest standard error that is accepted. Weights that miss a new mode are mostly too low by less
 # than 3.
@@ -160,7 +158,7 @@ def _open_places(
             best[key[0]] = max(best.get(key[0], -math.inf), value)
         for key in evidence:
             # Weights that do not reach a new mode are too low: the old evidence may still hold.
-            if pareto_ks.get((key, change), -math.inf) > MAX_REWEIGHTED_K:
+            if pareto_ks.get((key, change), -math.inf) > MAX_FINITE_VARIANCE_K:
                 most = max(values[key, change] + _MAX_LN_MISSED, evidence[key])
                 if most > best[key[0]] - _MAX_LN_EVIDENCE_GAP:
                     places.append((key, change))
@@ -179,7 +177,7 @@ def _redrawn(task: _Redrawing) -> dict[_Change, float]:
             pair, drawn, outer_factor = furthest
             relative = (prior, factor / outer_factor)
             difference, k = _reweighted(_Reweighting(pair, drawn, [relative]))[relative]
-            if k <= MAX_REWEIGHTED_K:
+            if k <= MAX_FINITE_VARIANCE_K:
                 values[prior, factor] = drawn.evidence.value + difference
                 continue
         pair = _changed(task.pair, (prior, factor))

@@ -15,7 +15,6 @@ from ridgebayes.contact.hertz import half_width
 from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.distributions.grammar import from_dict, to_dict
 from ridgebayes.errors import InputError
-from ridgebayes.evidence.bridge import bridge_evidence
 from ridgebayes.friction.bands import FrictionBands, FrictionInputs, predicted
 from ridgebayes.friction.density import FrictionDensity, FrictionRows
 from ridgebayes.friction.friction_model import FrictionModel
@@ -23,14 +22,13 @@ from ridgebayes.friction.inputs import friction_inputs
 from ridgebayes.friction.table import FrictionTable, read_friction_table
 from ridgebayes.friction.terms import PARAMETERS, terms
 from ridgebayes.inference.arviz_groups import SAMPLE, Variables, datasets, sample_stats
-from ridgebayes.inference.chains import N_KEPT, Chains, ProgressCallback, SampleSettings
+from ridgebayes.inference.chains import N_KEPT, Chains
 from ridgebayes.inference.diagnostics import (
     arviz_object,
     failed_diagnostics,
     summarise,
     values_text,
 )
-from ridgebayes.inference.emcee_sampling import walk
 from ridgebayes.inference.importance import Effort, at_least, importance_sample
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.netcdf import Stored, chains_of, read_tree, write_groups
@@ -58,7 +56,7 @@ class FrictionFit(Tabular):
     convergence_failures : tuple of str
         Rules of convergence that were not met; empty if it converged.
     evidence : LogEvidence
-        Natural log evidence of ln mu, by importance sampling; of a walk by bridge sampling.
+        Natural log evidence of ln mu, by importance sampling.
     rows : pandas.DataFrame
         The table, held-out rows too, with mu_median, mu_lower and mu_upper: bands of 90 % for a
         measurement of that standard error on a new subject, session and rig.
@@ -227,8 +225,6 @@ def calibrate_friction(
     *,
     nu: float = 0.5,
     rng: Rng = 0,
-    settings: SampleSettings | None = None,
-    progress: ProgressCallback | None = None,
 ) -> FrictionFit:
     """Sample the posterior of friction's parameters given measured friction.
 
@@ -245,11 +241,6 @@ def calibrate_friction(
         Poisson's ratio of the body.
     rng : int or numpy.random.Generator, optional
         Seed; the same seed gives the same draws.
-    settings : SampleSettings, optional
-        Lengths and thresholds of a walk by emcee, whose draws and evidence are then the fit's;
-        those of importance sampling if not given.
-    progress : callable, optional
-        Called with a line of text now and then.
 
     Returns
     -------
@@ -285,7 +276,7 @@ def calibrate_friction(
         raise InputError("model: expected a parameter that is not known, got none")
     rows = rows_of(table.frame, inputs, nu, seed, edges=model.kappa != 0)
     density = FrictionDensity(model, rows.where(table.is_fitted))
-    chains, summary, evidence = sampled(density, seed, settings, progress)
+    chains, summary, evidence = sampled(density, seed)
     failures = chains.convergence_failures + failed_diagnostics(summary)
     kept = chains.thinned(N_KEPT)
     theta = model.theta(kept.u.reshape(-1, kept.u.shape[-1]))
@@ -294,27 +285,16 @@ def calibrate_friction(
     return FrictionFit(model, kept, summary, failures, evidence, frame, seed, table.digest())
 
 
-def sampled(
-    density: FrictionDensity,
-    seed: int,
-    settings: SampleSettings | None,
-    progress: ProgressCallback | None = None,
-) -> tuple[Chains, pd.DataFrame, LogEvidence]:
-    """Return draws of a density, their summary and evidence; with settings, those of a walk."""
+def sampled(density: FrictionDensity, seed: int) -> tuple[Chains, pd.DataFrame, LogEvidence]:
+    """Return draws of a density by importance sampling, their summary and evidence."""
     target, names, effort = density.target, density.model.unknown, Effort()
     drawn = importance_sample(target, effort, seed)
     while not drawn.evidence.ok and effort.n_draw < _MOST_DRAWS:
         effort = effort.doubled
         drawn = importance_sample(target, effort, seed)
-    if settings is None:
-        drawn = at_least(drawn, target, N_KEPT, effort, seed)
-        chains, evidence = drawn.chains, drawn.evidence
-    else:
-        walked = walk(target, drawn.proposal, seed=seed, settings=settings, progress=progress)
-        rng = stream(seed, "friction", "bridge")
-        chains, evidence = walked.chains, bridge_evidence(target, walked, rng=rng)
-    theta = density.model.theta(chains.u)[..., [PARAMETERS.index(name) for name in names]]
-    return chains, summarise(theta, names), evidence
+    drawn = at_least(drawn, target, N_KEPT, effort, seed)
+    theta = density.model.theta(drawn.chains.u)[..., [PARAMETERS.index(name) for name in names]]
+    return drawn.chains, summarise(theta, names), drawn.evidence
 
 
 def rows_of(

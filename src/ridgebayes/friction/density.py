@@ -15,13 +15,13 @@ import pandas as pd
 from scipy import sparse
 
 from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes.distributions.distribution import LOG_2PI
 from ridgebayes.friction.friction_model import FrictionModel
 from ridgebayes.friction.terms import PARAMETERS, coefficients
 from ridgebayes.inference.target import PlainTarget
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.table.rules import row_codes
 
-_LOG_2PI = math.log(2 * math.pi)
 _LEAST_VARIANCE = 1e-10  # of ln mu: nothing is measured to 1e-5; below, rounding would show
 _AT_ONCE = 2_000_000  # numbers in arrays that are held at a time
 _GROUPED = slice(PARAMETERS.index("tau_subject"), PARAMETERS.index("sigma"))
@@ -95,7 +95,7 @@ class FrictionDensity:
 
     def log_density(self, u: FloatArray) -> FloatArray:
         """Return the log posterior density, (n, k) to (n,)."""
-        prior = -0.5 * ((u * u).sum(axis=-1) + u.shape[-1] * _LOG_2PI)
+        prior = -0.5 * ((u * u).sum(axis=-1) + u.shape[-1] * LOG_2PI)
         value: FloatArray = prior + self.log_likelihood(self.model.theta(u))
         return value
 
@@ -133,7 +133,7 @@ class FrictionDensity:
         explained = solve_lower(root, np.concatenate(right, axis=1)[:, :, None])[:, :, 0]
         square = (weight * residual**2).sum(axis=1) - (explained * explained).sum(axis=1)
         log_volume = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
-        constant = np.log(variance).sum(axis=1) + residual.shape[1] * _LOG_2PI
+        constant = np.log(variance).sum(axis=1) + residual.shape[1] * LOG_2PI
         value = -0.5 * (square + constant) - log_volume
         return np.where(usable & np.isfinite(value), value, -np.inf)
 

@@ -14,7 +14,6 @@ from ridgebayes.friction.inputs import joined
 from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import extra
 
-_GROUP = 100_000  # rows
 SUFFIXES = (".nc", ".parquet", ".csv")
 LARGEST_NETCDF = 2**30  # bytes of variables: a file of HDF5 is made in memory, three times that
 
@@ -75,20 +74,13 @@ def _write_parquet(parts: Iterable[xr.Dataset], path: Path) -> None:
 
     writer: Any = None
     with ExitStack() as open_files:
-        held: list[Any] = []
         for block in parts:
             table = pa.Table.from_pandas(_frame(block), preserve_index=False)
             if writer is None:
                 about = {name: str(value) for name, value in block.attrs.items()}
                 schema = table.schema.with_metadata((table.schema.metadata or {}) | about)
                 writer = open_files.enter_context(parquet.ParquetWriter(path, schema))
-            held.append(table.cast(writer.schema))
-            # The writer keeps metadata of each row group in memory until the end.
-            if sum(rows.num_rows for rows in held) >= _GROUP:
-                writer.write_table(pa.concat_tables(held))
-                held = []
-        if held:
-            writer.write_table(pa.concat_tables(held))
+            writer.write_table(table.cast(writer.schema))
 
 
 def _frame(block: xr.Dataset) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes._types import LOG_2PI, BoolArray, FloatArray
 from ridgebayes.inference.points import Batch, Estimate, PointIntegral
 from ridgebayes.inference.precision import Precision
 from ridgebayes.model.design import DesignMatrix
@@ -24,7 +24,6 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import RowGroups
 
-_LOG_2PI = math.log(2 * math.pi)
 _BATCH_SIZE = 2**18  # numbers in the largest array, 2 MB: a core's cache
 
 
@@ -360,7 +359,7 @@ class LatentIntegral:
             left = weight * (error - design.spread(*root.times(*mean)))
             variance = precision.predictor_variance(design)
             diagonal = weight - weight**2 * variance
-            value = 0.5 * (np.log(diagonal) - _LOG_2PI - left**2 / diagonal)
+            value = 0.5 * (np.log(diagonal) - LOG_2PI - left**2 / diagonal)
         return np.where(possible[:, None], value, -np.inf)
 
 

@@ -21,7 +21,7 @@ from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.importance import Drawn, Effort, effective_share, importance_sample
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.log_evidence import LogEvidence
-from ridgebayes.inference.pareto_smoothing import pareto_smoothed
+from ridgebayes.inference.pareto_smoothing import MAX_FINITE_VARIANCE_K, pareto_smoothed
 from ridgebayes.inference.posterior import Posterior, completed
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.default_priors import SLOPES
@@ -30,7 +30,6 @@ from ridgebayes.runtime.randomness import stream
 
 # Draws that are weighed; estimates of a density take longer.
 _MAX_EXACT_DRAWS, _MAX_ESTIMATED_DRAWS = 2_048, 512
-_MAX_PARETO_K = 0.5  # the variance of weights is finite below it
 _MIN_EFFECTIVE_SHARE = 0.35  # scores of tiny tables are too high where fewer draws count
 _MIN_EFFECTIVE_DRAWS = 100  # for a log score to about 0.1
 _N_KEPT = 1_024  # draws given the rest
@@ -176,7 +175,7 @@ class AllRows:
         joint = self.log_density - estimate.log_density  # equal priors: the density of what is left
         log_weight, shape = pareto_smoothed(-joint)
         least = max(_MIN_EFFECTIVE_SHARE, _MIN_EFFECTIVE_DRAWS / len(joint))
-        if not (shape <= _MAX_PARETO_K and effective_share(log_weight) >= least):
+        if not (shape <= MAX_FINITE_VARIANCE_K and effective_share(log_weight) >= least):
             return None
         weight, top = np.exp(log_weight), joint.max()
         density = np.exp(joint - top)

@@ -15,12 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ridgebayes._types import FloatArray, Json, Rng, __version__
+from ridgebayes._types import LOG_2PI, FloatArray, Json, Rng, __version__
 from ridgebayes.distributions.bounded import Truncated, Uniform
 from ridgebayes.distributions.distribution import Distribution, HalfNormal, LogNormal, Normal
 from ridgebayes.distributions.grammar import from_dict, to_dict
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
+from ridgebayes.inference.proposal import MIN_RELATIVE_VARIANCE
 from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.randomness import seeded, stream
@@ -28,11 +29,9 @@ from ridgebayes.runtime.reading import LARGEST_TEXT, read_text, refusing
 
 _MAX_COMPONENTS, _MAX_PARAMETERS = 8, 40
 _MAX_STEPS, _MIN_GAIN = 200, 2e-5  # gain in nats of the mean log density
-_MIN_RELATIVE_VARIANCE = 1e-6  # of a component, relative to the draws
 _N_COMPARED = 100_000
 _FORMAT = "ridgebayes posterior mixture 1"
 _ARRAYS = ("weights", "means", "covariances")
-_LOG_2PI = np.log(2 * np.pi)
 _Arrays = tuple[FloatArray, FloatArray, FloatArray]  # in the same order
 
 
@@ -124,7 +123,7 @@ class PosteriorMixture:
         with np.errstate(all="ignore"):
             z = np.where(inside[..., None], joint.scores(theta), 0.0)
             logs = _log_densities(z, (self.weights, self.means, self.covariances))
-            jacobian = joint.log_pdf(theta) + 0.5 * (z * z + _LOG_2PI).sum(axis=-1)
+            jacobian = joint.log_pdf(theta) + 0.5 * (z * z + LOG_2PI).sum(axis=-1)
         return np.where(inside, np.logaddexp.reduce(logs) + jacobian, -np.inf)
 
     def to_dict(self) -> Json:
@@ -280,7 +279,7 @@ def _fitted(z: FloatArray, k: int, rng: np.random.Generator) -> _Arrays:
         mixture = (
             size[:, 0] / size.sum(),
             means,
-            scatter + _MIN_RELATIVE_VARIANCE * np.eye(z.shape[1]),
+            scatter + MIN_RELATIVE_VARIANCE * np.eye(z.shape[1]),
         )
         total = np.logaddexp.reduce(logs := _log_densities(z, mixture))
         gain, last, share = total.mean() - last, total.mean(), np.exp(logs - total)
@@ -295,7 +294,7 @@ def _log_densities(z: FloatArray, mixture: _Arrays) -> FloatArray:
     for weight, mean, covariance in zip(*mixture, strict=True):
         inverse = np.linalg.inv(np.linalg.cholesky(covariance))
         height = np.log(weight) + np.log(np.diag(inverse)).sum()
-        terms.append(height - 0.5 * (((z - mean) @ inverse.T) ** 2 + _LOG_2PI).sum(axis=-1))
+        terms.append(height - 0.5 * (((z - mean) @ inverse.T) ** 2 + LOG_2PI).sum(axis=-1))
     return np.stack(terms)
 
 

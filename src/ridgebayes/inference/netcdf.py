@@ -64,6 +64,7 @@ def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool
         "stopping_rule_missing": json.dumps(fit.chains.convergence_failures),
         "seed": str(fit.seed),
         "sampler": fit.sampler,
+        "cautions": json.dumps(fit.cautions),
         "n_walker": fit.chains.u.shape[2],
     }
     if fit.model.data.n_series > 1:
@@ -206,20 +207,19 @@ def _fit_of(stored: Stored) -> Posterior:
     chains = chains_of(stored)
     summary = pd.DataFrame(json.loads(stored.attrs["summary"]))
     convergence_failures = tuple(json.loads(stored.attrs["missing"]))
+    cautions = tuple(json.loads(stored.attrs.get("cautions", "[]")))
     _check_shapes(data, chains)
     if list(summary) != SUMMARY_COLUMNS or tuple(summary["parameter"]) != model.parameter_names:
         raise ValueError("summary of other parameters")
     summary = summary.astype(dict.fromkeys(SUMMARY_COLUMNS[1:], float))
-    if not all(
-        isinstance(failure, str)
-        for failure in (*convergence_failures, *chains.convergence_failures)
-    ):
-        raise ValueError("missing is not text")
+    texts = (*convergence_failures, *chains.convergence_failures, *cautions)
+    if not all(isinstance(text, str) for text in texts):
+        raise ValueError("missing or cautions is not text")
     sampler = stored.attrs.get("sampler", "emcee")
     if sampler not in SAMPLERS:
         raise ValueError(f"sampler {sampler!r}")
     seed = int(stored.attrs["seed"])
-    return Posterior(model, chains, summary, convergence_failures, seed, sampler=sampler)
+    return Posterior(model, chains, summary, convergence_failures, seed, sampler, cautions=cautions)
 
 
 def chains_of(stored: Stored, n_coordinate: int = -1) -> Chains:

@@ -7,6 +7,7 @@ from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
 
+MAX_FINITE_VARIANCE_K = 0.5  # the variance of weights with a larger one is infinite
 MAX_PARETO_K = 0.7  # means of weights with a larger one are not trusted (Vehtari et al. 2024)
 
 

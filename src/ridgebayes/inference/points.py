@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import LOG_2PI, FloatArray
 from ridgebayes.inference.precision import Precision
 from ridgebayes.inference.proposal import log_mean
 from ridgebayes.inference.working_rows import WorkingRows
@@ -23,7 +23,6 @@ from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import Rows
 from ridgebayes.model.tails import Tail
 
-_LOG_2PI = math.log(2 * math.pi)
 # Points are logistic: a closed form, and tails as those of a Student distribution of nine degrees
 # of freedom. With this scale the peak is nearly the standard normal's.
 _POINT_SCALE = 0.65
@@ -178,9 +177,9 @@ class PointIntegral:
             wide = np.arange(n) // 2 % _PRIOR_PAIR_PERIOD == 0
             rest = np.where(wide, ndtri(u), rest)
             t = np.swapaxes(corner, -1, -2) @ (rest - normal.rest[..., None])
-        log_t = np.where(informed, _log_logistic(t), -0.5 * (t * t + _LOG_2PI)).sum(axis=-2)
+        log_t = np.where(informed, _log_logistic(t), -0.5 * (t * t + LOG_2PI)).sum(axis=-2)
         log_density = log_t + np.log(pivots).sum(axis=-1)[:, None]
-        log_prior = -0.5 * (rest**2 + _LOG_2PI).sum(axis=-2)
+        log_prior = -0.5 * (rest**2 + LOG_2PI).sum(axis=-2)
         if wide.any():
             share = wide.mean()
             terms = math.log1p(-share) + log_density, math.log(share) + log_prior
@@ -248,7 +247,7 @@ class PointIntegral:
             log_rows_mean = top + np.log(mean / self._n_in_texture) + np.log(root.first)
             share = n_at_rows / n
             log_q = np.logaddexp(log_q + math.log(1 - share), log_rows_mean + math.log(share))
-        log_weight = joint - 0.5 * (first**2 + _LOG_2PI) - log_q
+        log_weight = joint - 0.5 * (first**2 + LOG_2PI) - log_q
         return first, np.where(np.isnan(log_weight), -np.inf, log_weight)
 
     def _at_rows(

@@ -47,10 +47,12 @@ class Posterior:
         Evidence by the same draws; a posterior from a file has none.
     log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
         Log-likelihood of each row at `draws`, after `with_log_likelihood`.
+    cautions : tuple of str, optional
+        Reasons to doubt the answer, a sentence each: units, copies, independence, priors.
 
     Examples
     --------
-    A fit is one, under the error model that is printed:
+    A fit is one, under the selected error model:
 
     >>> import ridgebayes as rb
     >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
@@ -77,6 +79,7 @@ class Posterior:
     sampler: str = "importance"
     evidence: LogEvidence | None = field(default=None, repr=False)
     log_likelihood: FloatArray | None = field(default=None, repr=False)
+    cautions: tuple[str, ...] = ()
     _kept: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -29,7 +29,8 @@ class Preset:
     n_kept : int
         Draws of a form's posteriors together, shared out by the error models' probabilities.
     walks : bool
-        Whether emcee walks the posteriors that are printed, as a second way to their evidences.
+        Whether emcee walks the posteriors of the selected error model, as a second way to their
+        evidences.
     n_tau : float
         Autocorrelation times that a walk takes at least.
     extras : bool

@@ -11,7 +11,7 @@ from ridgebayes._types import FloatArray, IntArray
 DF = 5.0  # degrees of freedom: posteriors in normal scores have lighter tails
 _N_EM_STEP = 8  # expectation maximisation need not converge for a proposal
 _COMMON_DRAWS = 8.0  # the common shape counts as many draws in the shape of each component
-_MIN_RELATIVE_VARIANCE = 1e-6  # of a component, relative to the common shape
+MIN_RELATIVE_VARIANCE = 1e-6  # of a component, relative to all draws
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +146,7 @@ class Mixture:
             weight = weight / max(weight.sum(), 1e-300)
             off = coordinates[chart] - weight @ coordinates[chart]
             shape = (weight[:, None] * off).T @ off
-            shapes[here] = shape + _MIN_RELATIVE_VARIANCE * (np.trace(shape) / d + 1e-12) * np.eye(
-                d
-            )
+            shapes[here] = shape + MIN_RELATIVE_VARIANCE * (np.trace(shape) / d + 1e-12) * np.eye(d)
         return shapes
 
 

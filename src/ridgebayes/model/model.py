@@ -11,16 +11,16 @@ where x holds shared offsets and the power law's log K, and the row's density is
 References: Rue, Martino & Chopin (2009), doi:10.1111/j.1467-9868.2008.00700.x.
 """
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import LOG_2PI, FloatArray, IntArray
 from ridgebayes.distributions.distribution import Distribution, LogNormal
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.default_priors import replaced_priors
 from ridgebayes.model.forms import Form, PowerLaw
+from ridgebayes.model.forms.base import MAX_COEFFICIENT
 from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
@@ -29,9 +29,7 @@ from ridgebayes.model.rows import Rows
 
 MAX_COEFFICIENTS = 20  # proposals are fitted to all at once
 MAX_LATENT_ROWS = 2_000  # one call takes some hundredths of a second
-_MAX_COEFFICIENT = 1e100  # rates of larger ones may overflow
 _GRADIENT_STEP = 1e-4  # prior sds: a form's gradient is compared with differences
-_LOG_2PI = math.log(2 * math.pi)
 
 
 class Model:
@@ -164,8 +162,8 @@ class Model:
 
     def log_outer_prior(self, u: FloatArray) -> FloatArray:
         """Return the log prior density of the outer parameters in `u`, shape ``u.shape[:-1]``."""
-        squares: FloatArray = np.square(u.clip(-_MAX_COEFFICIENT, _MAX_COEFFICIENT)).sum(axis=-1)
-        return -0.5 * (squares + self.n_outer * _LOG_2PI)
+        squares: FloatArray = np.square(u.clip(-MAX_COEFFICIENT, MAX_COEFFICIENT)).sum(axis=-1)
+        return -0.5 * (squares + self.n_outer * LOG_2PI)
 
     def log_rates(self, theta: FloatArray) -> FloatArray:
         """Return log rate of each texture, shape (..., n_texture); -inf where not positive.
@@ -200,7 +198,7 @@ class Model:
 
         Taken as likelihood zero, it would cut off part of a posterior without a word.
         """
-        near = np.asarray((np.abs(coefficients) < _MAX_COEFFICIENT).all(axis=-1))
+        near = np.asarray((np.abs(coefficients) < MAX_COEFFICIENT).all(axis=-1))
         undefined = (np.isnan(rate) | np.isposinf(rate)) & near[..., None]
         if undefined.any():
             *draw, j = np.argwhere(undefined)[0]

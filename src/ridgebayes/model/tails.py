@@ -16,9 +16,8 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy import special
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import LOG_2PI, FloatArray
 
-_HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 _LEGENDRE = tuple(zip(*np.polynomial.legendre.leggauss(16), strict=True))
 _FEW_LEGENDRE = tuple(zip(*np.polynomial.legendre.leggauss(7), strict=True))
 _LAGUERRE = tuple(zip(*np.polynomial.laguerre.laggauss(24), strict=True))
@@ -168,7 +167,7 @@ class NormalTail(Tail):
 
     def log_density(self, z: Any, df: Any) -> FloatArray:
         with np.errstate(over="ignore"):
-            value: FloatArray = -0.5 * np.square(np.asarray(z, float)) - _HALF_LOG_2PI
+            value: FloatArray = -0.5 * np.square(np.asarray(z, float)) - 0.5 * LOG_2PI
             return value
 
     def rvs(self, rng: np.random.Generator, df: Any, size: Any) -> FloatArray:
@@ -316,4 +315,4 @@ def _log_density_at_zero(df: FloatArray) -> FloatArray:
     r = 1 / df
     q = r * r
     series = r * (-1 / 4 + q * (1 / 24 + q * (-1 / 20 + q * (17 / 112 - q * (31 / 36)))))
-    return np.where(df < 30, exact, series - _HALF_LOG_2PI)
+    return np.where(df < 30, exact, series - 0.5 * LOG_2PI)

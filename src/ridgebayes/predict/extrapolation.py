@@ -17,16 +17,9 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
 
 NAMES = ("Q", "load", "a/pitch", "a/R", "b/R", "texture", "offset")
-Q, LOAD, RATIO, RIDGE, GROOVE, TEXTURE, OFFSET = (1 << bit for bit in range(len(NAMES)))
+_BITS = Q, LOAD, RATIO, RIDGE, GROOVE, TEXTURE, OFFSET = [2**bit for bit in range(len(NAMES))]
 _MARGIN = 1.5  # widths may leave their calibrated range by this factor
 ROUNDING = 1e-12  # of a value that is a calibrated one but for rounding
-_NAMES = np.array(
-    [
-        ",".join(name for bit, name in enumerate(NAMES) if flags >> bit & 1)
-        for flags in range(1 << len(NAMES))
-    ],
-    dtype=object,
-)
 
 Flags = np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
 
@@ -137,9 +130,12 @@ class CalibratedRange:
 
 def names_of(flags: Flags) -> np.ndarray:
     """Return the names of flagged quantities, separated by commas; empty text where none is."""
-    names = np.empty(np.shape(flags), dtype=object)
-    names[...] = _NAMES[np.asarray(flags, dtype=np.intp)]
-    return names
+    values, place = np.unique(flags, return_inverse=True)
+    names = [
+        ",".join(name for bit, name in zip(_BITS, NAMES, strict=True) if value & bit)
+        for value in values.tolist()
+    ]
+    return np.array(names, dtype=object)[place.ravel()].reshape(np.shape(flags))
 
 
 def _ends(values: FloatArray) -> tuple[float, float]:

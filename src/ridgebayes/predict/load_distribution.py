@@ -14,14 +14,13 @@ from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import common_shape, numbers
 from ridgebayes.predict.extrapolation import LOAD, Flags, names_of
-from ridgebayes.predict.load_draws import LoadDraws
-from ridgebayes.predict.predicted import Predicted
+from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE, LoadDraws
+from ridgebayes.predict.predicted import Predicted, labelled
 from ridgebayes.predict.q_distribution import heavy_parts, shares
 
 if TYPE_CHECKING:  # heavy
+    import xarray as xr
     from matplotlib.axes import Axes
-
-_NUMBERS_AT_ONCE = 2**18  # of draws times columns, which bounds memory
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,6 +41,8 @@ class LoadDistribution(Predicted):
         Load p/E above which a median is an extrapolation.
     places : mapping of str to ndarray, shape (...), optional
         Columns of tables, for each place: kind_of_band, a_over_R, b_over_R, nu, Q.
+    labels : xarray.DataArray, shape (...), optional
+        Dimensions and coordinates of what methods return; no values.
 
     Notes
     -----
@@ -81,6 +82,7 @@ class LoadDistribution(Predicted):
     flags: Flags
     highest: FloatArray
     places: Mapping[str, np.ndarray] = field(default_factory=dict)
+    labels: "xr.DataArray | None" = None
 
     _margin = 1e-12
 
@@ -108,12 +110,14 @@ class LoadDistribution(Predicted):
         return self._of_draws(1)
 
     @property
+    @labelled
     def extrapolation(self) -> BoolArray:
         """Whether texture, count or median load are extrapolated, shape (...)."""
         value: BoolArray = self._all_flags != 0
         return value
 
     @property
+    @labelled
     def extrapolation_of(self) -> np.ndarray:
         """Names of what was not, of Q, load, a/pitch, a/R, b/R, texture, shape (...).
 
@@ -121,6 +125,7 @@ class LoadDistribution(Predicted):
         """
         return names_of(self._all_flags)
 
+    @labelled
     def cdf(self, p_over_E: ArrayLike) -> FloatArray:
         """Return P(load <= p_over_E); no load is at or below 0.
 
@@ -141,6 +146,7 @@ class LoadDistribution(Predicted):
         """
         return self._at_loads(self.draws.cdf, p_over_E)
 
+    @labelled
     def sf(self, p_over_E: ArrayLike) -> FloatArray:
         """Return P(load > p_over_E), to rounding where it is small.
 
@@ -161,6 +167,7 @@ class LoadDistribution(Predicted):
         """
         return self._at_loads(self.draws.sf, p_over_E)
 
+    @labelled
     def pdf(self, p_over_E: ArrayLike) -> FloatArray:
         """Return the density of loads.
 
@@ -183,10 +190,12 @@ class LoadDistribution(Predicted):
         density = self._at_loads(self.draws.density, p)
         return np.where(p > 0, density / np.where(p > 0, p, 1.0), 0.0)[()]
 
+    @labelled
     def mean(self) -> FloatArray:
         """Return the mean load p/E, shape (...); infinite under Student errors."""
         return self._by_column(lambda mean, sd: self.draws.moments(mean, sd)[0])
 
+    @labelled
     def std(self) -> FloatArray:
         """Return the standard deviation of the load, shape (...); infinite where the mean is."""
         return self._by_column(lambda mean, sd: self.draws.moments(mean, sd)[1])
@@ -200,6 +209,7 @@ class LoadDistribution(Predicted):
             value[here] = self._by_column(partial(self.draws.quantile, level), place[here])
         return value[()]
 
+    @labelled
     def median(self) -> FloatArray:
         """Return the median load p/E, shape (...)."""
         return self._median
@@ -277,7 +287,7 @@ class LoadDistribution(Predicted):
     def _blocks(self, columns: IntArray) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
         """Yield some columns after others: where they stand, centre and sd (n_draw, n)."""
         order = np.argsort(columns, kind="stable")  # a column's places are worked out together
-        step = max(_NUMBERS_AT_ONCE // len(self.weight), 1)
+        step = max(NUMBERS_AT_ONCE // len(self.weight), 1)
         for first in range(0, len(columns), step):
             here = order[first : first + step]
             ids, place = np.unique(columns[here], return_inverse=True)

@@ -21,9 +21,9 @@ NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is c
 LARGEST_Q = 20_000
 _SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1
 _N_NODE = 256  # of a table: its error is a tenth of that of the number of draws at most
-_COUNTS_AT_ONCE = 8
+COUNTS_AT_ONCE = 8
 _N_PART = 8  # of draws, by their sd
-_NUMBERS_AT_ONCE = 2**20  # draws times loads, which bounds memory
+NUMBERS_AT_ONCE = 2**19  # draws times loads or places, which bounds memory: 4 MB
 _PRECISION = 1e-10  # of the log of a quantile
 
 Columns = tuple[FloatArray, FloatArray]
@@ -156,8 +156,8 @@ class LoadDraws:
             If counts pass 20,000.
         """
         shares = [np.ones(len(y))]
-        for first in range(4, last + 2, 2 * _COUNTS_AT_ONCE):
-            counts = np.arange(first, min(first + 2 * _COUNTS_AT_ONCE, last + 2), 2)
+        for first in range(4, last + 2, 2 * COUNTS_AT_ONCE):
+            counts = np.arange(first, min(first + 2 * COUNTS_AT_ONCE, last + 2), 2)
             mean, sd = self.columns(counts // 2 - 2)
             for j in range(len(counts)):
                 # One noise draw cannot reach a further ridge before a nearer one.
@@ -198,7 +198,7 @@ def _averages(y: FloatArray, mean: FloatArray, sd: FloatArray, weight: FloatArra
     Draws are in the order of their sd, so that most loads lie beyond the reach of most parts.
     """
     value = np.zeros(len(y))
-    n_part = max(-(-len(y) * len(mean) // _NUMBERS_AT_ONCE), _N_PART)
+    n_part = max(-(-len(y) * len(mean) // NUMBERS_AT_ONCE), _N_PART)
     for part in np.array_split(np.arange(len(mean)), min(n_part, len(mean))):
         m, s, w = mean[part], sd[part], weight[part]
         low, high = (m - _SATURATED * s).min(), (m + _SATURATED * s).max()

@@ -10,6 +10,7 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.axes import Spread
 from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
+from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms.arguments import even_counts, loads, numbers
 from ridgebayes.predict.extrapolation import (
@@ -27,17 +28,14 @@ from ridgebayes.predict.extrapolation import (
 from ridgebayes.predict.joint_draws import MOST_TEXTURES, PredictiveSampler, textures_of
 from ridgebayes.predict.load_distribution import LoadDistribution
 from ridgebayes.predict.load_draws import LoadDraws
-from ridgebayes.predict.q_distribution import QDistribution, heavy_parts, shares, stacked
+from ridgebayes.predict.posterior_loads import LEAST_SHARE
+from ridgebayes.predict.q_distribution import HEAVY, QDistribution, heavy_parts, shares, stacked
 from ridgebayes.scene.draws import draw_scene
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.units import load_to_si, number_and_unit
 
 NO_UNIT = "p/E"
-_N_DRAW = 10_240  # bodies: as many as `predict` has draws of independent rows
-_LEAST_DRAWS = _N_DRAW // 16  # of these a posterior of no weight has
 _SEED = 0  # of the scene's draws: the same scene has the same ones in all predictions
-_RARE = 0.01  # share of draws beyond the calibrated range up to which nothing is flagged: as a
-# part of a mixture of that weight
 
 Averaged = Sequence[tuple[Posterior, float]]
 
@@ -142,7 +140,7 @@ class _SceneLoads:
         self._unit = load_unit(scene) if unit is None else unit
         self._size = 1.0 if self._unit == NO_UNIT else scene.body.p_over_E(f"1 {self._unit}")
         share = shares([weight for _, weight in averaged])
-        counts = [max(round(_N_DRAW * weight), _LEAST_DRAWS) for weight in share.tolist()]
+        counts = np.maximum(N_KEPT * share, N_KEPT // LEAST_SHARE).round().astype(int).tolist()
         self._bodies = bodies = draw_scene(scene, sum(counts), _SEED)
         textures = textures_of(bodies.profile["a"], bodies.profile["b"])
         seen = Spread(MOST_TEXTURES)
@@ -171,7 +169,7 @@ class _SceneLoads:
             value = load.ravel()
         p = value / factor[:, None]
         survival = self._draws.shifted(np.log(factor)).reaching(np.log(value))
-        beyond = self._share(reduced_load(p, self._bodies.nu[:, None]) > self._load_max) > _RARE
+        beyond = self._share(reduced_load(p, self._bodies.nu[:, None]) > self._load_max) > HEAVY
         flags = self._texture_flags() | np.where(beyond, LOAD, 0).astype(np.uint8)
         shape = np.shape(load) if load is not None else ()
         highest = self._scene.highest_load(self._scene.textures[0])
@@ -181,7 +179,6 @@ class _SceneLoads:
             flags.reshape(shape),
             self._Q_max,
             self._kind,
-            np.nan,
             {**self._medians(shape), "p_over_E": shown * self._size, "load": shown},
         )
 
@@ -221,7 +218,7 @@ class _SceneLoads:
         for calibrated in self._ranges:
             flags = calibrated.texture_flags(profile["a"], profile["b"])
             for bit in (RATIO, RIDGE, GROOVE, TEXTURE):
-                total |= bit if self._share((flags & bit) > 0) > _RARE else 0
+                total |= bit if self._share((flags & bit) > 0) > HEAVY else 0
         return np.array(total, dtype=np.uint8)
 
     def _medians(self, shape: tuple[int, ...]) -> dict[str, np.ndarray]:

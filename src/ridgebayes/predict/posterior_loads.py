@@ -15,15 +15,17 @@ from scipy import special
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
+from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.posterior import Posterior, SharedOffsets
 from ridgebayes.model.default_priors import slope_prior
 from ridgebayes.model.forms import Form, PowerLaw
+from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE
 from ridgebayes.runtime.randomness import stream
 
 Counts = IntArray | FloatArray
-N_SHARED = 2_560  # draws where rows share offsets, whose places are worked out for each draw
-_LEAST_SHARE = 16  # part of these that a posterior of no weight in an average has
-_HELD = 2**23  # numbers of smooth offsets' matrices that are held at once: 64 MB
+_N_BLOCK = 16  # blocks of numbers that smooth offsets' matrices take at once: 64 MB
+N_SHARED = N_KEPT // 4  # draws where rows share offsets, whose places are worked out for each draw
+LEAST_SHARE = 16  # part of these that a posterior of no weight in an average has
 _WIDEST = 1e6  # of a Student scale: loads of such a draw are next to 0 or infinite
 
 
@@ -54,7 +56,7 @@ class PosteriorLoads:
     def __init__(self, fit: Posterior, kind: str = "simulation", share: float = 1.0) -> None:
         is_curve = kind == "curve"
         n = N_SHARED if fit.noise.factors and not is_curve else len(fit.draws)
-        n = max(round(n * min(share, 1.0)), n // _LEAST_SHARE, 1)
+        n = max(round(n * min(share, 1.0)), n // LEAST_SHARE, 1)
         self.fit, self.is_curve, self.stride = fit, is_curve, -(-len(fit.draws) // n)
         self.theta = fit.draws[:: self.stride]
         self.has_mean = is_curve or fit.noise.tail == "normal"
@@ -73,7 +75,7 @@ class PosteriorLoads:
         Smooth offsets take a matrix for each draw; the matrices of one part are held at once.
         """
         n_place = self.fit.model.offsets.n_smooth if self._has_offsets else 0
-        n_part = -(-len(self) * n_place**2 // _HELD)
+        n_part = -(-len(self) * n_place**2 // (_N_BLOCK * NUMBERS_AT_ONCE))
         if n_part <= 1:
             return [self]
         parts = []

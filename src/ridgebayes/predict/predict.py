@@ -8,8 +8,10 @@ imply; the unknown offsets of others widen the distribution.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,14 +23,15 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, numbers, widths
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.load_draws import LARGEST_Q, LoadDraws
+from ridgebayes.predict.load_draws import LARGEST_Q, NUMBERS_AT_ONCE, LoadDraws
 from ridgebayes.predict.of_scene import load_of_scene, q_of_scene
 from ridgebayes.predict.posterior_loads import PosteriorLoads, distinct, widest_count
+from ridgebayes.predict.predicted import by_name
 from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 from ridgebayes.scene.scene import Scene
 
 KINDS = ("curve", "simulation")
-_STORED = 2**19  # draws times places up to which a load distribution keeps them: 8 MB
+_T = TypeVar("_T")
 
 
 class Predictive(ABC):
@@ -54,7 +57,8 @@ class Predictive(ABC):
         Parameters
         ----------
         a_over_R, b_over_R, p_over_E : array_like of float, broadcastable, dimensionless
-            Ridge width, groove width and load; the result has their broadcast shape. Or a `Scene`
+            Ridge width, groove width and load; the result has their broadcast shape. DataArrays
+            of xarray meet by the names of their dimensions, and results bear these. Or a `Scene`
             in place of both widths, whose distributions are drawn together with the posterior.
         nu : array_like of float, broadcastable, dimensionless
             Poisson's ratio; of a scene its own.
@@ -82,6 +86,7 @@ class Predictive(ABC):
         *Validity.* Extrapolation is flagged in the result, not refused: beyond the calibrated
         a/pitch, above the highest calibrated Q or load, at an a/R or b/R below the lowest
         calibrated / 1.5 or above the highest x 1.5, and for the power law at a texture without a K.
+        A scene off centre is predicted as if it were centred, and flagged.
         Under Student errors no further count than that of a body in contact over its whole width
         is given a probability.
         *Accuracy.* Monte Carlo error of a probability under 0.005 (10,240 draws of independent
@@ -116,11 +121,10 @@ class Predictive(ABC):
             return q_of_scene(self.averaged, a_over_R, load=load, p_over_E=p_over_E, kind=kind)
         if load is not None or b_over_R is None or p_over_E is None:
             raise InputError("predict: expected a_over_R, b_over_R and p_over_E, or a Scene")
-        parts, weights = zip(*self.averaged, strict=True)
-        each = zip(parts, shares(weights).tolist(), strict=True)
-        predicted = partial(predict_q, nu=nu, kind=kind)
-        found = (predicted(one, a_over_R, b_over_R, p_over_E, share=w) for one, w in each)
-        return mix_q(found, weights)
+        named = {"a_over_R": a_over_R, "b_over_R": b_over_R, "p_over_E": p_over_E, "nu": nu}
+        (*where, nu), labels = by_name(**named)
+        mixed = mix_q(*self._parts(partial(predict_q, nu=nu, kind=kind), *where))
+        return replace(mixed, labels=labels)
 
     def predict_load(
         self,
@@ -180,11 +184,17 @@ class Predictive(ABC):
             return load_of_scene(self.averaged, a_over_R, Q, kind=kind)
         if isinstance(a_over_R, Scene) or b_over_R is None or Q is None:
             raise InputError("predict_load: expected a_over_R, b_over_R and Q, or a Scene and Q")
-        parts, weights = zip(*self.averaged, strict=True)
-        each = zip(parts, shares(weights).tolist(), strict=True)
-        predicted = partial(predict_load, nu=nu, kind=kind)
-        found = (predicted(one, a_over_R, b_over_R, Q, share=w) for one, w in each)
-        return mix_loads(found, weights)
+        (*where, nu), labels = by_name(a_over_R=a_over_R, b_over_R=b_over_R, Q=Q, nu=nu)
+        mixed = mix_loads(*self._parts(partial(predict_load, nu=nu, kind=kind), *where))
+        return replace(mixed, labels=labels)
+
+    def _parts(
+        self, predicted: Callable[..., _T], *where: ArrayLike
+    ) -> tuple[Iterator[_T], list[float]]:
+        """Yield the predictions of the posteriors, beside their weights."""
+        posteriors, weights = zip(*self.averaged, strict=True)
+        pairs = zip(posteriors, shares(weights).tolist(), strict=True)
+        return (predicted(fit, *where, share=share) for fit, share in pairs), list(weights)
 
 
 def predict_q(
@@ -232,7 +242,7 @@ def predict_q(
         for here, share in zip(groups, shares, strict=False):
             survival[here, : share.shape[1]] = share
         survival = survival.reshape(*p.shape, survival.shape[1])
-        return QDistribution(survival, flags, calibrated.Q_max, kind, np.nan, places)
+        return QDistribution(survival, flags, calibrated.Q_max, kind, places)
 
     parts = PosteriorLoads(fit, kind, share).parts()
     return mix_q(map(distribution, parts), [len(part) for part in parts])
@@ -275,7 +285,7 @@ def predict_load(
     parts = []
     for part in PosteriorLoads(fit, kind, share).parts():
         draws = LoadDraws.alike(len(part), partial(_at_places, part, columns), part.has_mean)
-        is_small = len(part) * len(first) <= _STORED
+        is_small = len(part) * len(first) <= NUMBERS_AT_ONCE
         parts.append((draws.stored(len(first)) if is_small else draws, len(part)))
     n_draw = sum(n for _, n in parts)
     draws = LoadDraws.joined((draws, n / n_draw) for draws, n in parts)
@@ -298,8 +308,8 @@ def _reaching(loads: PosteriorLoads, a: float, b: float, y: FloatArray) -> Float
     def columns(ids: IntArray) -> tuple[FloatArray, FloatArray]:
         counts = 4 + 2 * ids
         if loads.is_curve:
-            own = loads.load((a, b), counts)
-            return own, np.zeros(own.shape)
+            load = loads.load((a, b), counts)
+            return load, np.zeros(load.shape)
         return loads.at((a, b), counts)
 
     last = LARGEST_Q

@@ -1,9 +1,11 @@
 """Methods that distributions of Q and of loads share: quantiles, draws, a table and a picture."""
 
+import functools
+import sys
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -15,12 +17,51 @@ from ridgebayes.model.forms.arguments import common_shape, draw_shape, numbers
 from ridgebayes.runtime.randomness import seeded
 
 if TYPE_CHECKING:  # heavy
+    import xarray as xr
     from matplotlib.axes import Axes
+
+_Method = TypeVar("_Method", bound=Callable[..., Any])
+
+
+def by_name(**arguments: ArrayLike) -> "tuple[list[Any], xr.DataArray | None]":
+    """Return arguments in one shape and their labels, if some are DataArrays: by dimension.
+
+    Raises
+    ------
+    InputError
+        If there are arrays without names among them, or coordinates differ.
+    """
+    values, xarray = list(arguments.values()), sys.modules.get("xarray")
+    if xarray is None or not any(isinstance(x, xarray.DataArray) for x in values):
+        return values, None
+    for name, value in arguments.items():
+        if not isinstance(value, xarray.DataArray) and np.ndim(value):
+            raise InputError(f"{name}: expected a number or a DataArray beside DataArrays")
+    arrays = [xarray.DataArray(value).reset_coords(drop=True) for value in values]
+    try:
+        arrays = xarray.broadcast(*xarray.align(*arrays, join="exact"))
+    except ValueError as error:
+        raise InputError(f"expected DataArrays with equal coordinates: {error}") from None
+    return [array.values for array in arrays], arrays[0].rename(None)
+
+
+def labelled(method: _Method) -> _Method:
+    """Return a method whose arrays of the shape of all places have the labels of these."""
+
+    @functools.wraps(method)
+    def with_labels(self: "Predicted", *args: Any, **kwargs: Any) -> Any:
+        value = method(self, *args, **kwargs)
+        if self.labels is None or np.shape(value) != self.shape:
+            return value
+        return self.labels.copy(data=np.asarray(value))
+
+    return with_labels  # type: ignore[return-value]
 
 
 class Predicted(Tabular):
     """Distributions of one quantity at places of shape (...), with the names of scipy.stats."""
 
+    labels: "xr.DataArray | None"  # dimensions and coordinates of places that had some
     _margin = 0.0  # of a probability to 0 and 1, within which there is no quantile
 
     @property
@@ -53,6 +94,7 @@ class Predicted(Tabular):
     def _drawn(self, ax: "Axes | None") -> "Axes":
         """Draw by a function of `drawing.records`."""
 
+    @labelled
     def quantile(self, prob: ArrayLike) -> np.ndarray:
         """Return the least value up to which lies a probability of `prob`; ``ppf`` is the same.
 

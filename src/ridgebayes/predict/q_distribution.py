@@ -13,13 +13,13 @@ from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import common_shape, numbers
 from ridgebayes.predict.extrapolation import Flags, Q, names_of
-from ridgebayes.predict.predicted import Predicted
+from ridgebayes.predict.predicted import Predicted, labelled
 
 if TYPE_CHECKING:  # heavy
+    import xarray as xr
     from matplotlib.axes import Axes
 
-_NO_LIMIT = 2**62
-_AT_ONCE = 2**20  # numbers of a block of draws
+HEAVY = 0.01  # share of a mixture, or of draws, from which on its extrapolation is the whole's
 
 
 class OfCounts(np.ndarray[Any, np.dtype[np.float64]]):
@@ -55,10 +55,10 @@ class QDistribution(Predicted):
         Largest calibrated count.
     kind : str
         ``simulation`` or ``curve``.
-    error : float, optional
-        Largest error of a probability; NaN where it is that of the number of draws.
     places : mapping of str to ndarray, shape (...), optional
         a_over_R, b_over_R, nu and p_over_E of each distribution.
+    labels : xarray.DataArray, shape (...), optional
+        Dimensions and coordinates of what `at_least` and the methods below return; no values.
 
     Notes
     -----
@@ -93,8 +93,8 @@ class QDistribution(Predicted):
     flags: Flags
     q_calibrated_max: int
     kind: str
-    error: float = np.nan
     places: Mapping[str, np.ndarray] = field(default_factory=dict)
+    labels: "xr.DataArray | None" = None
 
     def __repr__(self) -> str:
         return f"QDistribution({self.kind}, shape {self.shape}, Q <= {self.q[-1]})"
@@ -146,6 +146,7 @@ class QDistribution(Predicted):
         value = np.take_along_axis(survival, np.minimum(column, n_step - 1), -1)
         return np.where(column < n_step, value, 0.0)[..., 0][()]
 
+    @labelled
     def at_least(self, n: ArrayLike) -> FloatArray:
         """Return P(Q >= n).
 
@@ -166,14 +167,16 @@ class QDistribution(Predicted):
         """
         return self._from_step(np.ceil(numbers("n", n) / 2 - 1), "n")
 
+    @labelled
     def mean(self) -> FloatArray:
         """Return the mean of Q, shape (...)."""
         value: FloatArray = 2 * self.survival.sum(axis=-1)
         return value
 
+    @labelled
     def std(self) -> FloatArray:
         """Return the standard deviation of Q, shape (...)."""
-        far = (self.q - self.mean()[..., None]) ** 2
+        far = (self.q - np.asarray(self.mean())[..., None]) ** 2
         value: FloatArray = np.sqrt((np.asarray(self.pmf) * far).sum(axis=-1))
         return value
 
@@ -183,6 +186,7 @@ class QDistribution(Predicted):
         value: IntArray = self.q[np.argmax(reached, axis=-1)]
         return value
 
+    @labelled
     def extrapolation(self, prob: float = 0.9) -> BoolArray:
         """Return where texture, load or the upper end of the interval are extrapolated.
 
@@ -204,6 +208,7 @@ class QDistribution(Predicted):
         value: BoolArray = self._all_flags(prob) != 0
         return value
 
+    @labelled
     def extrapolation_of(self, prob: float = 0.9) -> np.ndarray:
         """Return the names of the extrapolated quantities, separated by commas.
 
@@ -229,11 +234,9 @@ class QDistribution(Predicted):
         return self.flags | np.where(beyond, Q, 0).astype(np.uint8)
 
     def _draw(self, generator: np.random.Generator, n: int) -> IntArray:
-        draws = np.empty((n, *self.shape), dtype=np.int64)
-        step = max(_AT_ONCE // max(self.survival.size, 1), 1)
-        for first in range(0, n, step):
-            here = draws[first : first + step]
-            here[...] = 2 * np.sum(generator.random(here.shape)[..., None] < self.survival, axis=-1)
+        number, draws = generator.random((n, *self.shape)), np.zeros((n, *self.shape), np.int64)
+        for step in np.moveaxis(self.survival, -1, 0):
+            draws += 2 * (number < step)
         return draws
 
     @property
@@ -256,8 +259,8 @@ class QDistribution(Predicted):
         survival = self.survival.reshape(-1, self.survival.shape[-1])[which]
         flags, places = np.broadcast_to(self.flags, self.shape), self._flat_places(which)
         places.pop("kind_of_band")
-        of_some = (survival, flags.ravel()[which], self.q_calibrated_max, self.kind)
-        return QDistribution(*of_some, self.error, places)
+        flags = flags.ravel()[which]
+        return replace(self, survival=survival, flags=flags, places=places, labels=None)
 
     def _drawn(self, ax: "Axes | None") -> "Axes":
         if not self.shape or "p_over_E" not in self.places:
@@ -287,18 +290,15 @@ def mix_q(parts: Iterable[QDistribution], weights: Sequence[float]) -> QDistribu
         If a weight is negative or not finite, or none is above 0.
     """
     share = shares(weights)
-    survival, error, kind = np.zeros(1), 0.0, ""
-    flags, q_max = np.zeros((), dtype=np.uint8), _NO_LIMIT
-    places: Mapping[str, np.ndarray] = {}
+    survival, flags, q_max = np.zeros(1), np.zeros((), dtype=np.uint8), np.iinfo(np.int64).max
     for part, weight, is_heavy in zip(parts, share.tolist(), heavy_parts(share), strict=True):
         # In place: a new array, as long as the longer of both.
         new = sorted((weight * part.survival, survival), key=lambda x: -x.shape[-1])
         survival = new[0]
         survival[..., : new[1].shape[-1]] += new[1]
-        error, kind, places = error + weight * part.error, part.kind, part.places
         if is_heavy:
             flags, q_max = flags | part.flags, min(q_max, part.q_calibrated_max)
-    return QDistribution(survival, flags, q_max, kind, error, places)
+    return replace(part, survival=survival, flags=flags, q_calibrated_max=int(q_max))
 
 
 def stacked(parts: Sequence[QDistribution]) -> QDistribution:
@@ -323,5 +323,5 @@ def shares(weights: Sequence[float]) -> FloatArray:
 
 def heavy_parts(share: FloatArray) -> BoolArray:
     """Return which parts of a mixture weigh enough for their extrapolation to be the mixture's."""
-    value: BoolArray = (share > 0.01) | (share == share.max())
+    value: BoolArray = (share > HEAVY) | (share == share.max())
     return value

@@ -36,10 +36,7 @@ _TEMPLATES = {".html": "report.html.jinja", ".md": "report.md.jinja"}
 
 
 def write_report(
-    comparison: Comparison,
-    path: str | os.PathLike[str],
-    *,
-    reference: Comparison | None = None,
+    comparison: Comparison, path: str | os.PathLike[str], *, reference: Comparison | None = None
 ) -> None:
     """Write the report of a comparison to one file.
 
@@ -165,7 +162,6 @@ def _rendered(
         # Markdown is escaped here, HTML after this by autoescape.
         finalize = _markdown if suffix == ".md" else _tied
         environment = environment_of("ridgebayes.report", _TEMPLATES[suffix], finalize)
-        environment.filters["badge"] = _badge
         pages.append(environment.get_template(_TEMPLATES[suffix]).render(filled))
     return pages
 
@@ -178,15 +174,6 @@ def _tied(value: object) -> object:
 def _markdown(value: object) -> object:
     """Escape what is not yet Markdown."""
     return value if hasattr(value, "__html__") else escaped_markdown(value)
-
-
-def _badge(words: str) -> str:
-    """Return the class of a word that stands out."""
-    good, bad = (
-        ("confirmed", "converged", "inside"),
-        ("not confirmed", "did not converge", "outside"),
-    )
-    return "good" if words in good else "bad" if words in bad else "open"
 
 
 def escaped_markdown(value: object) -> str:

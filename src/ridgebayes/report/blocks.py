@@ -1,8 +1,12 @@
 """Blocks of a report: sections of paragraphs, tables, figures. The templates only lay them out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
+
+import pandas as pd
+
+MOST_ROWS = 40  # of one table; the run folder's CSV files hold them all
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,23 @@ class Table:
     badge: int | None = None
     kind: ClassVar[str] = "table"
 
+    @classmethod
+    def of(
+        cls,
+        records: pd.DataFrame | Iterable[Any],
+        columns: Mapping[str, Callable[[Any], str]],
+        caption: str = "",
+        **look: Any,
+    ) -> "Table":
+        """Return a table with a row for each record, a frame's row or another.
+
+        A column's function makes a record's cell.
+        """
+        if isinstance(records, pd.DataFrame):
+            records = records.to_dict("records")
+        rows = [[cell(record) for cell in columns.values()] for record in records]
+        return cls([*columns], rows, caption, **look)
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -48,7 +69,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Folded:
-    """Details that open on demand; `short` ones are printed."""
+    """Details that open on demand; `short` ones are on paper, too."""
 
     title: str
     blocks: Sequence["Block"]
@@ -79,8 +100,8 @@ class TextureFields:
     ridge: str
     groove: str
     load: str
-    radius: str = "8"
-    modulus: str = "60"
+    radius: str
+    modulus: str
     kind: ClassVar[str] = "texture"
 
 

@@ -8,19 +8,21 @@ from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.record import Design
 
 
-def drawn_design(found: Design, kind: str) -> bytes:
+def drawn_design(result: Design, kind: str) -> bytes:
     """Return the map of a design as a file, ``png`` or ``svg``."""
-    best = (found.best["a_over_R"], found.best["b_over_R"])
-    figure = drawing.designs.plot_designs(found.designs, best, found.shown, is_met=found.feasible)
+    best = (result.best["a_over_R"], result.best["b_over_R"])
+    figure = drawing.designs.plot_designs(
+        result.designs, best, result.shown, is_met=result.feasible
+    )
     return drawing.style.as_bytes(figure, kind)
 
 
-def design_page(found: Design, png: bytes, body: Body) -> str:
+def design_page(result: Design, png: bytes, body: Body) -> str:
     """Return one self-contained HTML page.
 
     Parameters
     ----------
-    found : Design
+    result : Design
         The design.
     png : bytes
         Its map.
@@ -30,8 +32,8 @@ def design_page(found: Design, png: bytes, body: Body) -> str:
     return rendered(
         "ridgebayes.report",
         "design.html.jinja",
-        found=found,
-        why=found.to_dict(),
+        found=result,
+        why=result.to_dict(),
         image="data:image/png;base64," + base64.b64encode(png).decode("ascii"),
         micrometres=None if body.radius is None else 1e6 * float(body.radius),
     )

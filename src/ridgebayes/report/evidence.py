@@ -3,7 +3,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,18 +11,19 @@ import pandas as pd
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bayes_factors import SUMMED
+from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.model.default_priors import REASONS
 from ridgebayes.report.blocks import Block, Folded, Odds, Picture, Table, Text
 from ridgebayes.report.first_screen import prior_words
 from ridgebayes.report.wording import (
     ABSENT,
-    component_name,
+    COMPONENTS,
     decimals,
     form_name,
     noise_name,
     parameter_name,
+    prior_name,
     probability,
-    reading_text,
     say,
     with_error,
 )
@@ -30,21 +31,15 @@ from ridgebayes.report.wording import (
 
 def evidence_section(data: ReportData) -> list[Block]:
     """Return log evidences, Bayes factors and how well the methods agree."""
-    words = say("evidence")
-    blocks: list[Block] = [Text(words), ranking_table(data)]
+    blocks: list[Block] = [Text(say("evidence")), ranking_table(data)]
     if len(data.comparison.probabilities) > 1:
-        blocks.append(Folded("Your own prior probabilities", [_odds(data)]))
         factors = data.comparison.bayes_factors
         summed = factors[factors["noise"] == SUMMED]
-        caption = "ln Bayes factor of each form against the best, by every method."
-        pairs = [pairs_table(data)]
-        if len(summed):
-            caption = say("evidence_caption")
-            words = "Bayes factors with the error models summed out."
-            pairs.insert(0, _pairs(summed, words))
+        pairs = [_pairs(summed, say("summed_pairs_caption"))] if len(summed) else []
         blocks += [
-            Picture("evidence", caption, _evidence_alt(data)),
-            Folded("Bayes factors of all pairs", pairs),
+            Folded("Your own prior probabilities", [_odds(data)]),
+            Picture("evidence", say("evidence_caption", is_summed=len(summed)), _alt(data)),
+            Folded("Bayes factors of all pairs", [*pairs, pairs_table(data)]),
         ]
     return blocks
 
@@ -57,13 +52,10 @@ def _odds(data: ReportData) -> Odds:
     return Odds([(form_name(name), values[name], prior[name]) for name in names])
 
 
-def _evidence_alt(data: ReportData) -> str:
+def _alt(data: ReportData) -> str:
     """Say what the evidence figure shows."""
     first = data.factors.drop_duplicates("form").sort_values("ln_bf", ascending=False)
-    against = ", ".join(
-        f"{form_name(row['form'])} {decimals(row['ln_bf'], 1)}" for row in first.to_dict("records")
-    )
-    return f"ln Bayes factors against {form_name(data.shown)}: {against}."
+    return say("evidence_alt", shown=data.shown, first=first.to_dict("records"))
 
 
 def ranking_table(data: ReportData) -> Table:
@@ -72,78 +64,85 @@ def ranking_table(data: ReportData) -> Table:
     summed = data.factors[data.factors["method"] == SUMMED] if len(data.factors) else data.factors
     over_best = {row["form"]: (row["ln_bf"], row["ln_bf_se"]) for row in summed.to_dict("records")}
     used = {row["form"]: row for row in comparison.own_evidence.query("used").to_dict("records")}
-    rows = []
-    for name in data.ranked:
-        fit, cells = comparison.fits[name], [ABSENT, ABSENT, ABSENT]
-        if name in used and best is not None:
-            own, top = used[name], used[best]
-            error = _hypot(own["log_evidence_se"], top["log_evidence_se"])
-            factor, error = over_best.get(name, (own["log_evidence"] - top["log_evidence"], error))
-            cells = [
-                with_error(own["log_evidence"], own["log_evidence_se"], 1),
-                "0 (best)" if name == best else with_error(factor, error, 1),
-                probability(comparison.probabilities[name]),
-            ]
+
+    def factor(name: str) -> str:
+        if name not in used or best is None:
+            return ABSENT
+        if name == best:
+            return "0 (best)"
+        apart = used[name]["log_evidence"] - used[best]["log_evidence"]
+        error = _hypot(used[name]["log_evidence_se"], used[best]["log_evidence_se"])
+        value, se = over_best.get(name, (apart, error))
+        return with_error(value, se, 1)
+
+    def state(name: str) -> str:
+        if name in comparison.failures:
+            return "FAILED"
         lacks = "NO" if name in comparison.unconverged else "no: negligible"
-        state = "yes" if fit.converged else lacks
-        rows.append([form_name(name), str(len(fit.summary)), *cells, state])
-    rows += [[form_name(f), ABSENT, ABSENT, ABSENT, ABSENT, "FAILED"] for f in comparison.failures]
-    return Table(
-        ["Form", "Parameters", "ln evidence", "ln BF against the best", "Probability", "Converged"],
-        rows,
-        say(
-            "ranking_caption",
-            prior=prior_words(comparison),
-            has_negligible=any(row[-1] == "no: negligible" for row in rows),
-        ),
+        return "yes" if comparison.fits[name].converged else lacks
+
+    fits, names = comparison.fits, [*data.ranked, *comparison.failures]
+    has_negligible = "no: negligible" in map(state, names)
+    return Table.of(
+        names,
+        {
+            "Form": form_name,
+            "Parameters": lambda name: str(len(fits[name].summary)) if name in fits else ABSENT,
+            "ln evidence": lambda name: _evidence(used.get(name), 1),
+            "ln BF against the best": factor,
+            "Probability": lambda name: probability(comparison.probabilities.get(name)),
+            "Converged": state,
+        },
+        say("ranking_caption", prior=prior_words(comparison), has_negligible=has_negligible),
         text=(0, 5),
-        strong=(0,) if best is not None else (),
+        strong=(0,) if best else (),
     )
 
 
 def pairs_table(data: ReportData) -> Table:
     """Return every Bayes factor under the fits' error model."""
-    return _pairs(
-        data.comparison.own_bayes_factors,
-        say("pairs_caption", noise=data.comparison.noise.name),
-    )
+    caption = say("pairs_caption", noise=data.comparison.noise.name)
+    return _pairs(data.comparison.own_bayes_factors, caption)
 
 
 def _pairs(factors: pd.DataFrame, caption: str) -> Table:
     """Return Bayes factors, the favoured form first."""
-    rows = []
-    for row in factors.to_dict("records"):
-        ahead, behind = row["form_a"], row["form_b"]
-        if row["ln_bf"] < 0:
-            ahead, behind = behind, ahead
-        rows.append(
-            [
-                f"{form_name(ahead)} over {form_name(behind)}",
-                with_error(abs(row["ln_bf"]), row["ln_bf_se"], 1),
-                decimals(abs(row["log10_bf"]), 1),
-                row["method"],
-                reading_text(row["reading"]).partition(" (")[0],
-            ]
-        )
-    return Table(["Pair", "ln BF", "log₁₀ BF", "Method", "Reading"], rows, caption, text=(0, 3, 4))
+
+    def pair(row: dict[str, Any]) -> str:
+        names = [form_name(row[key]) for key in ("form_a", "form_b")]
+        return " over ".join(reversed(names) if row["ln_bf"] < 0 else names)
+
+    return Table.of(
+        factors,
+        {
+            "Pair": pair,
+            "ln BF": lambda row: with_error(abs(row["ln_bf"]), row["ln_bf_se"], 1),
+            "log₁₀ BF": lambda row: decimals(abs(row["log10_bf"]), 1),
+            "Method": lambda row: row["method"],
+            "Reading": lambda row: row["reading"].partition(" (")[0].partition(" for ")[0],
+        },
+        caption,
+        text=(0, 3, 4),
+    )
 
 
-def agreement_table(data: ReportData) -> Table:
+def agreement_section(data: ReportData) -> list[Block]:
     """Return the evidence by every method, and what lies between them in joint standard errors."""
     evidence = data.comparison.own_evidence
     walked = "bridge" in set(evidence["method"])
-    rows = []
-    for name in data.ranked:
-        part = evidence[evidence["form"] == name].to_dict("records")
-        own = {row["method"]: row for row in part}
-        cells = [_evidence(own.get("importance"))]
-        if walked:
-            cells += [_evidence(own.get("bridge")), _distance(own)]
-        rows.append([form_name(name), *cells])
-    header = ["Form", "importance"]
-    if walked:
-        header += ["bridge", "bridge − importance, in joint standard errors"]
-    return Table(header, rows, say("methods", are_walked=walked))
+    by_form = {
+        name: {row["method"]: row for row in part.to_dict("records")}
+        for name, part in evidence.groupby("form")
+    }
+    columns: dict[str, Callable[[str], str]] = {
+        "Form": form_name,
+        "importance": lambda name: _evidence(by_form.get(name, {}).get("importance")),
+        "bridge": lambda name: _evidence(by_form.get(name, {}).get("bridge")),
+        "bridge − importance, in joint standard errors": lambda name: _distance(by_form[name]),
+    }
+    if not walked:
+        columns = dict(list(columns.items())[:2])
+    return [Table.of(data.ranked, columns, say("methods", are_walked=walked))]
 
 
 def _evidence(row: Mapping[Any, Any] | None, most: int = 4) -> str:
@@ -154,82 +153,64 @@ def _evidence(row: Mapping[Any, Any] | None, most: int = 4) -> str:
     return with_error(row["log_evidence"], row["log_evidence_se"], most)
 
 
-def _distance(own: Mapping[str, Mapping[Any, Any]]) -> str:
-    if not {"bridge", "importance"} <= set(own):
+def _distance(rows: Mapping[str, Mapping[Any, Any]]) -> str:
+    if not {"bridge", "importance"} <= set(rows):
         return ABSENT
-    a, b = own["bridge"], own["importance"]
-    error = _hypot(a["log_evidence_se"], b["log_evidence_se"])
-    apart = (a["log_evidence"] - b["log_evidence"]) / error if error else math.nan
-    return decimals(apart, 1) if math.isfinite(apart) else ABSENT
+    bridge, importance = rows["bridge"], rows["importance"]
+    error = _hypot(bridge["log_evidence_se"], importance["log_evidence_se"])
+    apart = bridge["log_evidence"] - importance["log_evidence"]
+    return decimals(apart / error if error else math.nan, 1)
 
 
 def _hypot(*errors: float) -> float:
-    return math.hypot(*(e for e in errors if e == e))
+    return math.hypot(*(error for error in errors if not math.isnan(error)))
 
 
 def error_models_section(data: ReportData) -> list[Block]:
     """Return evidences by form and error model; nothing where one error model alone was weighed."""
-    comparison, means = data.comparison, data.error_models
-    if len(means) < 2:
+    comparison = data.comparison
+    if len(data.error_models) < 2:
         return []
-    forms = [*data.ranked, *comparison.failures]
-    usable = {
-        (row["form"], row["noise"]): row
-        for row in comparison.evidence.query("used").to_dict("records")
-    }
-    rows = [
-        [
-            mean["noise"],
-            *(_evidence(usable.get((form, mean["noise"])), 1) for form in forms),
-            decimals(mean["log_mean_evidence"], 1),
-            probability(mean["probability"]),
-        ]
-        for mean in means.to_dict("records")
-    ]
+    usable = comparison.evidence.query("used").to_dict("records")
+    by_pair = {(row["form"], row["noise"]): row for row in usable}
+
+    def cell(form: str) -> Callable[[dict[str, Any]], str]:
+        return lambda mean: _evidence(by_pair.get((form, mean["noise"])), 1)
+
+    evidences = Table.of(
+        data.error_models,
+        {
+            "Error model": lambda mean: mean["noise"],
+            **{form_name(form): cell(form) for form in [*data.ranked, *comparison.failures]},
+            "ln of the mean": lambda mean: decimals(mean["log_mean_evidence"], 1),
+            "Probability": lambda mean: probability(mean["probability"]),
+        },
+        say("error_models_caption"),
+        strong=(0,),
+    )
     return [
         Text(say("error_models", noise=noise_name(comparison.noise.name))),
         *_smooth(data),
         *_components(data),
-        Folded(
-            "Evidence of each error model",
-            [
-                Table(
-                    ["Error model", *map(form_name, forms), "ln of the mean", "Probability"],
-                    rows,
-                    say("error_models_caption"),
-                    strong=(0,),
-                ),
-                Text(
-                    say("offsets"),
-                    "note",
-                ),
-            ],
-        ),
+        Folded("Evidence of each error model", [evidences, Text(say("offsets"), "note")]),
     ]
 
 
 def _components(data: ReportData) -> list[Block]:
     """Return which components of the error model the rows support, where that can be asked."""
-    found = data.comparison.components
-    if not len(found):
-        return []
-    rows = [
-        [
-            component_name(row["component"]),
-            with_error(row["ln_bf"], row["ln_bf_se"], 1),
-            probability(row["probability"]),
-            row["reading"],
-        ]
-        for row in found.to_dict("records")
-    ]
-    return [
-        Table(
-            ["Component", "ln BF", "Probability", "Reading"],
-            rows,
-            say("components_caption"),
-            text=(0, 3),
-        )
-    ]
+    components = data.comparison.components
+    table = Table.of(
+        components,
+        {
+            "Component": lambda row: COMPONENTS[row["component"]],
+            "ln BF": lambda row: with_error(row["ln_bf"], row["ln_bf_se"], 1),
+            "Probability": lambda row: probability(row["probability"]),
+            "Reading": lambda row: row["reading"],
+        },
+        say("components_caption"),
+        text=(0, 3),
+    )
+    return [table] if len(components) else []
 
 
 def _smooth(data: ReportData) -> list[Block]:
@@ -247,27 +228,30 @@ def prior_section(data: ReportData) -> list[Block]:
     factors, against = data.sensitivity, form_name(data.shown)
     if not len(factors):
         return _unscaled(data)
-    rows = []
-    for (form, prior), part in factors.groupby(["form", "prior"], sort=False):
-        ordered = part.sort_values("factor").dropna()
-        if not len(ordered) or np.ptp(ordered["ln_bf"]) == 0:
-            continue  # neither form has that parameter
-        at_default = ordered.iloc[(ordered["factor"] - 1).abs().argmin()]
-        cells = (ordered["ln_bf"].iloc[0], at_default["ln_bf"], ordered["ln_bf"].iloc[-1])
-        span = f"{ordered['factor'].iloc[0]:g} to {ordered['factor'].iloc[-1]:g}"
-        name = "c and c₁" if prior == "c" else parameter_name(str(prior))
-        rows.append([form_name(str(form)), name, span, *(decimals(x, 1) for x in cells)])
-    low, high = factors["factor"].min(), factors["factor"].max()
-    words = say("prior_scales", low=f"{low:g}", high=f"{high:g}")
-    caption = say("prior_scales_caption", against=against)
-    ahead = factors.dropna().loc[lambda x: x["ln_bf"] > 0, "form"].unique()
-    alt = say("ahead_somewhere", forms=[form_name(name) for name in ahead], against=against)
-    header = ["Prior of", "Scale, times default", "ln BF at the least", "at default", "at the most"]
-    found = Table([f"Form, against {against}", *header], rows, text=(0, 1))
+    usable = factors.dropna()
+    parts = [
+        part.sort_values("factor")
+        for _, part in usable.groupby(["form", "prior"], sort=False)
+        if np.ptp(part["ln_bf"]) > 0  # else neither form has the prior
+    ]
+    columns: dict[str, Callable[[pd.DataFrame], str]] = {
+        f"Form, against {against}": lambda part: form_name(part["form"].iloc[0]),
+        "Prior of": lambda part: prior_name(part["prior"].iloc[0]),
+        "Scale, times default": lambda part: "{:g} to {:g}".format(*part["factor"].iloc[[0, -1]]),
+        "ln BF at the least": lambda part: decimals(part["ln_bf"].iloc[0], 1),
+        "at default": lambda part: decimals(
+            part["ln_bf"].iloc[(part["factor"] - 1).abs().argmin()], 1
+        ),
+        "at the most": lambda part: decimals(part["ln_bf"].iloc[-1], 1),
+    }
+    scales = {"low": factors["factor"].min(), "high": factors["factor"].max()}
+    ahead = usable.loc[usable["ln_bf"] > 0, "form"].unique().tolist()
+    alt = say("ahead_somewhere", forms=[*map(form_name, ahead)], against=against)
+    picture = Picture("prior-sensitivity", say("prior_scales_caption", against=against), alt)
     return [
-        Text(f"{words} {alt}"),
+        Text(f"{say('prior_scales', **scales)} {alt}"),
         *_unscaled(data),
-        Folded("Bayes factors at each scale", [Picture("prior-sensitivity", caption, alt), found]),
+        Folded("Bayes factors at each scale", [picture, Table.of(parts, columns, text=(0, 1))]),
     ]
 
 
@@ -275,39 +259,45 @@ def _unscaled(data: ReportData) -> list[Block]:
     """Say which priors have no scale that could be varied."""
     fixed = {
         f"{parameter_name(name.partition('[')[0])} ({form_name(form)})"
-        for form, fit in data.comparison.fits.items()
-        for posterior in fit.posteriors.values()
-        for name, prior in posterior.model.priors.items()
+        for form, name, prior, _ in _priors(data)
         if not prior.scale_name
     }
-    if not fixed:
-        return []
-    return [Text(say("unscaled", priors=", ".join(sorted(fixed))))]
+    return [Text(say("unscaled", priors=", ".join(sorted(fixed))))] if fixed else []
+
+
+def _priors(data: ReportData) -> Iterator[tuple[str, str, Distribution, bool]]:
+    """Yield form, parameter, prior and whether it is one of several K, of every posterior."""
+    for form, fit in data.comparison.fits.items():
+        for posterior in fit.posteriors.values():
+            priors = posterior.model.priors
+            several = Counter(name.partition("[")[0] for name in priors)
+            for name, prior in priors.items():
+                yield form, name, prior, several[name.partition("[")[0]] > 1
 
 
 def prior_table(data: ReportData) -> Table:
     """Return the prior of every parameter and its reason; the first K represents all K."""
-    found: dict[tuple[str, str], dict[str, tuple[str, str]]] = {}
-    for form, fit in data.comparison.fits.items():
-        for posterior in fit.posteriors.values():
-            n_of = Counter(name.partition("[")[0] for name in posterior.model.priors)
-            for name, prior in posterior.model.priors.items():
-                kind = name.partition("[")[0]
-                shown = f"{parameter_name(name)} and of the others" if n_of[kind] > 1 else None
-                cells = shown or parameter_name(name), prior.words
-                # Forms may have other priors of one parameter; of many K the first is shown.
-                key = kind, prior.words if shown is None else ""
-                found.setdefault(key, {}).setdefault(form, cells)
-    kinds = Counter(kind for kind, _ in found)
-    rows = []
-    for (kind, _), by_form in found.items():
-        shown, words = next(iter(by_form.values()))
-        if kinds[kind] > 1:
-            shown += f" ({', '.join(map(form_name, by_form))})"
-        rows.append([shown, words, REASONS.get(kind, ABSENT)])
-    return Table(
-        ["Parameter", "Prior", "Why"],
-        rows,
-        "Priors of this run. The reasons are those of the defaults.",
+    forms: dict[tuple[str, str], dict[str, None]] = {}  # of each parameter and prior, in order
+    shown: dict[tuple[str, str], tuple[str, str]] = {}
+    for form, name, prior, is_several in _priors(data):
+        # Forms may have other priors of one parameter; of many K the first is shown.
+        key = name.partition("[")[0], "" if is_several else prior.words
+        more = " and of the others" if is_several else ""
+        shown.setdefault(key, (parameter_name(name) + more, prior.words))
+        forms.setdefault(key, {})[form] = None
+    kinds = Counter(kind for kind, _ in shown)
+
+    def parameter(key: tuple[str, str]) -> str:
+        owners = f" ({', '.join(map(form_name, forms[key]))})" if kinds[key[0]] > 1 else ""
+        return shown[key][0] + owners
+
+    return Table.of(
+        shown,
+        {
+            "Parameter": parameter,
+            "Prior": lambda key: shown[key][1],
+            "Why": lambda key: REASONS.get(key[0], ABSENT),
+        },
+        say("prior_table_caption"),
         text=(0, 1, 2),
     )

@@ -11,18 +11,10 @@ from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.verdict import LEANS, Verdict
 from ridgebayes.report.blocks import Picture
-from ridgebayes.report.wording import (
-    change_text,
-    form_name,
-    listed,
-    percent,
-    probability,
-    say,
-)
+from ridgebayes.report.wording import change_text, form_name, listed, percent, say
 from ridgebayes.runtime.text import count
 
 EQUAL = "at equal prior odds"
-_ALIKE = 1e-9  # of prior probabilities that are equal but for rounding
 
 
 @dataclass(frozen=True)
@@ -62,57 +54,41 @@ def first_screen(
     data: ReportData, reference: ReportData | None = None, command: str = ""
 ) -> FirstScreen:
     """Return the first screen of a report, with a word on a second comparison if there is any."""
-    problems = data.problems
+    problems, table = data.problems, data.comparison.table
     sentences = [_compared(data), _how_sure(data), _consequence(data)]
     if reference is not None:
         n_row = len(reference.comparison.table.calibration)
-        sentences.append(
-            f"A second comparison is on {count(n_row, 'finite-element row')}. "
-            + _headline(reference)
-            + (f" {lead(reference.verdict)}" if reference.verdict else "")
-        )
+        words = {"headline": _headline(reference), "verdict": reference.verdict}
+        sentences.append(say("second", n_row=n_row, **words))
         problems += tuple(f"finite-element rows: {what}" for what in reference.problems)
-    table = data.comparison.table
     made_by = [
         command or f"seed of the draws {data.fit.seed}",
         f"table SHA-256 {table.digest()[:12]}",
         f"ridgebayes {__version__}",
     ]
+    unfinished = (data if data.problems or reference is None else reference).comparison
     return FirstScreen(
-        f"Which contact form describes {_name(table.where)}?",
+        say("question", name=Path(table.where).name),
         _headline(data),
-        tuple(words for words in sentences if words),
+        tuple(filter(None, sentences)),
         data.cautions,
         problems,
-        _advice(data if data.problems or reference is None else reference),
+        say(
+            "advice",
+            are_unconverged=bool(unfinished.unconverged),
+            are_without_fit=bool(
+                unfinished.failures or set(unfinished.fits) - set(unfinished.probabilities)
+            ),
+        ),
         _bands(data),
-        " · ".join(words for words in made_by if words),
+        " · ".join(made_by),
     )
 
 
-def _advice(data: ReportData) -> str:
-    """Say what to do about fits that failed or did not converge."""
-    comparison, ways = data.comparison, []
-    if comparison.unconverged:
-        ways.append(say("unconverged_advice"))
-    if comparison.failures or set(comparison.fits) - set(comparison.probabilities):
-        ways.append(say("no_fit_advice"))
-    return f"What to do: {'; '.join(ways)}." if ways else ""
-
-
-def _name(where: str) -> str:
-    """Return a table's name in a sentence: a file's, or what is no file with an article."""
-    name = Path(where).name
-    return name if "." in name else f"the {name}"
-
-
 def _headline(data: ReportData) -> str:
-    verdict = data.verdict
-    if data.best is None:
-        return "No form got a usable evidence."
-    if verdict is None:
-        return f"Only {form_name(data.best)} was fitted, so there is no comparison."
-    return headline(verdict, data.comparison.probabilities_at_equal_odds)
+    if data.best is None or data.verdict is None:
+        return say("no_verdict", best=data.best)
+    return headline(data.verdict, data.comparison.probabilities_at_equal_odds)
 
 
 def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
@@ -126,40 +102,37 @@ def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
         Posterior probabilities of the forms at equal prior odds. An undecided verdict names all
         forms whose ln Bayes factor is within 2 of the best.
     """
-    best = form_name(verdict.form)
     least = math.exp(-LEANS) * probabilities[verdict.form]
     others = {verdict.over} | {name for name, share in probabilities.items() if share > least}
     ranked = sorted(others - {verdict.form}, key=lambda name: -probabilities[name])
-    return say("headline", verdict=verdict, open=[best, *map(form_name, ranked)])
+    return say("headline", verdict=verdict, open=[*map(form_name, [verdict.form, *ranked])])
 
 
 def _compared(data: ReportData) -> str:
     comparison, verdict = data.comparison, data.verdict
     rows = comparison.table.calibration
-    basis = f"{count(len(rows), 'row')} of {count(len(rows.textures), 'texture')}"
-    compared = comparison.fits if verdict is None else data.ranked
-    scored = [name for name in compared if verdict is None or name in comparison.probabilities]
-    names = listed([form_name(name) for name in scored])
-    prior = "" if verdict is None else prior_words(comparison)
-    what = {"verdict": verdict, "comparison": comparison}
-    return say("compared", names=names, basis=basis, prior=prior, **what)
+    scored = [name for name in data.ranked if not verdict or name in comparison.probabilities]
+    return say(
+        "compared",
+        names=listed([form_name(name) for name in scored]),
+        basis=f"{count(len(rows), 'row')} of {count(len(rows.textures), 'texture')}",
+        prior=verdict and prior_words(comparison),
+        verdict=verdict,
+        comparison=comparison,
+    )
 
 
 def prior_words(comparison: Comparison) -> str:
     """Return the prior probabilities of the forms in words, where they are not all alike."""
     prior = comparison.prior_probabilities
-    if max(prior.values()) - min(prior.values()) < _ALIKE:
+    if math.isclose(max(prior.values()), min(prior.values())):  # equal but for rounding
         return EQUAL
-    told = [f"{form_name(name)} {probability(share)}" for name, share in prior.items()]
-    return f"at prior probabilities of your own, {listed(told)}"
+    return say("prior_odds", prior=prior)
 
 
 def _how_sure(data: ReportData) -> str:
     verdict = data.verdict
-    if verdict is None:
-        return ""
-    _, _, least = why(verdict).partition(" (")
-    return say("how_sure", verdict=verdict, why=why(verdict), least=least.removesuffix(")"))
+    return "" if verdict is None else say("how_sure", verdict=verdict, why=why(verdict))
 
 
 def lead(verdict: Verdict) -> str:
@@ -191,7 +164,6 @@ def _bands(data: ReportData) -> Picture:
     """Return Q against load, of three textures where there are more."""
     n, n_shown = len(data.comparison.table.textures), len(data.textures)
     name = "bands" if n <= 3 or not n_shown else "bands-first"
-    others = "all are under Predictions" if data.preset.extras else "bands.csv has all"
-    some = f" {n_shown} of {n} textures; {others}." if n > 3 else ""
+    some = say("bands_shown", n=n, n_shown=n_shown, are_all_below=data.preset.extras)
     caption = say("first_bands_caption", shown=form_name(data.shown), some=some)
     return Picture(name, caption, f"{_consequence(data)} {some}".strip())

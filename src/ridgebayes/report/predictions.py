@@ -1,5 +1,6 @@
 """Sections on predictions: bands, held-out rows, coverage, percent errors, K, cross-validation."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,20 +8,10 @@ import pandas as pd
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bands import AVERAGE
-from ridgebayes.report.blocks import Block, Folded, Picture, Table, Text
-from ridgebayes.report.wording import (
-    ABSENT,
-    decimals,
-    form_name,
-    number,
-    percent,
-    say,
-    with_error,
-)
-from ridgebayes.runtime.text import count
+from ridgebayes.report.blocks import MOST_ROWS, Block, Folded, Picture, Table, Text
+from ridgebayes.report.wording import ABSENT, decimals, form_name, number, percent, say, with_error
 from ridgebayes.table.table import ContactTable
 
-MOST_ROWS = 30
 _NEW = {
     "row": "one more row of a known texture",
     "texture": "a new texture",
@@ -32,9 +23,9 @@ def bands_section(data: ReportData) -> list[Block]:
     """Return Q against load with bands, texture by texture."""
     if len(data.comparison.table.textures) <= 3 or not data.preset.extras:
         return []  # the first screen has them all, or is all that there is
-    caption = say("bands_caption", shown=form_name(data.shown))
-    alt = f"Q against load of every texture with the bands of {form_name(data.shown)}."
-    picture = Picture("bands", caption, alt)
+    shown = form_name(data.shown)
+    alt = f"Q against load of every texture with the bands of {shown}."
+    picture = Picture("bands", say("bands_caption", shown=shown), alt)
     return [Folded("Q against load of all textures", [picture], short=True)]
 
 
@@ -44,59 +35,61 @@ def held_out_section(data: ReportData) -> list[Block]:
     if not len(loads):
         return []
     band = f"{percent(loads['prob'].iloc[0])} band"
-    n_row = len(data.comparison.table.held_out)
-    caption = "Load error of each held-out prediction, with its band. Zero is a perfect prediction."
-    if loads["prior_alone"].any():
-        caption += " The power law has no K for a texture that was not fitted: it is not shown."
-    rows = []
-    for form in data.ranked if len(data.ranked) == 1 else (*data.ranked, AVERAGE):
-        part = loads[loads["form"] == form]
-        error = 100 * (part["p_over_E_median"] / part["p_over_E_observed"] - 1)
-        inside = f"{int(part['inside'].sum())} of {len(part)}"
-        if part["prior_alone"].all():
-            rows.append([form_name(form), inside, ABSENT, "prior only"])
-        else:
-            far = "yes" if part["extrapolation"].any() else "no"
-            rows.append([form_name(form), inside, _range(error), far])
-    best = [
-        [
-            f"{row['a_over_R']:g}",
-            f"{row['b_over_R']:g}",
-            str(row["Q"]),
-            number(row["p_over_E_observed"], 4),
-            number(row["p_over_E_median"], 4),
-            f"{number(row['p_over_E_lower'], 4)} to {number(row['p_over_E_upper'], 4)}",
-            "inside" if row["inside"] else "outside",
-        ]
-        for row in loads[loads["form"] == data.shown].head(MOST_ROWS).to_dict("records")
-    ]
+    errors = 100 * (loads["p_over_E_median"] / loads["p_over_E_observed"] - 1)
+    by_form = dict(list(loads.assign(error=errors).groupby("form")))
+    forms = data.ranked if len(data.ranked) == 1 else (*data.ranked, AVERAGE)
+    sums = Table.of(
+        [by_form[form] for form in forms if form in by_form],
+        {
+            "Form": lambda part: form_name(part["form"].iloc[0]),
+            f"Inside the {band}": lambda part: f"{part['inside'].sum()} of {len(part)}",
+            "Load error, %": lambda part: (
+                ABSENT if part["prior_alone"].all() else _range(part["error"])
+            ),
+            "Extrapolation": lambda part: (
+                "prior only"
+                if part["prior_alone"].all()
+                else "yes"
+                if part["extrapolation"].any()
+                else "no"
+            ),
+        },
+        text=(0, 3),
+    )
+    row_by_row = Table.of(
+        loads[loads["form"] == data.shown].head(MOST_ROWS),
+        {
+            "a/R": lambda row: f"{row['a_over_R']:g}",
+            "b/R": lambda row: f"{row['b_over_R']:g}",
+            "Q": lambda row: str(row["Q"]),
+            "Observed p/E": lambda row: number(row["p_over_E_observed"], 4),
+            "Median": lambda row: number(row["p_over_E_median"], 4),
+            band: lambda row: " to ".join(
+                number(row[f"p_over_E_{end}"], 4) for end in ("lower", "upper")
+            ),
+            "Observed is": lambda row: "inside" if row["inside"] else "outside",
+        },
+        f"{form_name(data.shown)}, row by row.",
+        text=(6,),
+        badge=6,
+    )
+    alt = f"Held-out loads inside the {band}: {_firsts(sums.rows)}."
+    has_prior = loads["prior_alone"].any()
     return [
-        Text(f"{count(n_row, 'row')} not fitted, only predicted. Bands include the error model."),
-        Picture("held-out", caption, f"Held-out loads inside the {band}: {_firsts(rows)}."),
-        Table(["Form", f"Inside the {band}", "Load error, %", "Extrapolation"], rows, text=(0, 3)),
-        Folded(
-            "Row by row",
-            [
-                Table(
-                    ["a/R", "b/R", "Q", "Observed p/E", "Median", band, "Observed is"],
-                    best,
-                    f"{form_name(data.shown)}, row by row.",
-                    text=(6,),
-                    badge=6,
-                )
-            ],
-            short=True,
-        ),
+        Text(say("held_out", n_row=len(data.comparison.table.held_out))),
+        Picture("held-out", say("held_out_caption", has_prior=has_prior), alt),
+        sums,
+        Folded("Row by row", [row_by_row], short=True),
     ]
 
 
-def _firsts(rows: list[list[str]]) -> str:
+def _firsts(rows: Sequence[Sequence[str]]) -> str:
     """Return the first cell of each form, in words."""
     return ", ".join(f"{form} {first}" for form, first, *_ in rows)
 
 
 def _range(errors: "pd.Series[float]") -> str:
-    return f"{decimals(errors.min(), 1)} to {decimals(errors.max(), 1)}" if len(errors) else ABSENT
+    return f"{decimals(errors.min(), 1)} to {decimals(errors.max(), 1)}"
 
 
 def coverage_section(data: ReportData) -> list[Block]:
@@ -104,95 +97,55 @@ def coverage_section(data: ReportData) -> list[Block]:
     counted = data.comparison.coverage
     if not len(counted):
         return []
-    rows = [
-        [
-            row["noise"],
-            percent(row["prob"]),
-            f"{int(row['covered'])} of {int(row['n'])}",
-            f"{with_error(100 * row['share'], 100 * row['share_se'], 0)} %",
-            number(row["mean_width"], 2),
-        ]
-        for row in counted.to_dict("records")
-    ]
-    beyond = decimals(100 * counted["share_extrapolated"].max(), 0)
-    blocks: list[Block] = [
-        Text(
-            say(
-                "coverage",
-                n_texture=int(counted["n_texture"].max()),
-                form=form_name(str(counted["form"].iloc[0])),
-                has_others=set(counted["noise"]) != {data.comparison.noise.name},
-            )
-        ),
-        Picture(
-            "coverage",
-            say("coverage_caption"),
-            _coverage_alt(data),
-        ),
-        Folded(
-            "Coverage in numbers",
-            [
-                Table(
-                    ["Error model", "Band", "Inside", "Share ± standard error", "Width, log load"],
-                    rows,
-                    say("coverage_table_caption", beyond=beyond),
-                )
-            ],
-        ),
-    ]
-    failed = counted[counted["failed"] != ""]
-    if len(failed):
-        blocks.append(Text(f"Not fitted: {failed['failed'].iloc[0]}", "warning"))
-    return blocks
-
-
-def _coverage_alt(data: ReportData) -> str:
-    """Say what the figure of coverage shows: the share inside the widest usual band."""
-    counted = data.comparison.coverage
-    usual = counted[counted["prob"] == 0.9]
-    return "Share of left-out transitions inside 90 % bands: " + ", ".join(
-        f"{row['noise']} {percent(round(row['share'], 2))}" for row in usual.to_dict("records")
+    rows = Table.of(
+        counted,
+        {
+            "Error model": lambda row: row["noise"],
+            "Band": lambda row: percent(row["prob"]),
+            "Inside": lambda row: f"{row['covered']:.0f} of {row['n']:.0f}",
+            "Share ± standard error": lambda row: (
+                f"{with_error(100 * row['share'], 100 * row['share_se'], 0)} %"
+            ),
+            "Width, log load": lambda row: number(row["mean_width"], 2),
+        },
+        say("coverage_table_caption", beyond=100 * counted["share_extrapolated"].max()),
     )
+    words = say(
+        "coverage",
+        n_texture=int(counted["n_texture"].max()),
+        form=form_name(str(counted["form"].iloc[0])),
+        has_others=set(counted["noise"]) != {data.comparison.noise.name},
+    )
+    usual = counted[counted["prob"] == 0.9].to_dict("records")
+    picture = Picture("coverage", say("coverage_caption"), say("coverage_alt", usual=usual))
+    failed = counted["failed"][counted["failed"] != ""].head(1)
+    notes = [Text(f"Not fitted: {why}", "warning") for why in failed]
+    return [Text(words), picture, Folded("Coverage in numbers", [rows]), *notes]
 
 
 def errors_section(data: ReportData) -> list[Block]:
     """Return the percent errors of each form (the study's Figs 5 and 6)."""
     if not data.textures:
         return []
-    errors = data.percent_errors
-    errors = errors[errors["coefficients"] == "calibrated"]
+    errors = data.percent_errors[data.percent_errors["coefficients"] == "calibrated"]
     cells = {
         key: _range(part["percent"])
         for key, part in errors.groupby(["form", "a_over_R", "b_over_R"], sort=False)
     }
+    titles = [f"a/R = {a:g}, b/R = {b:g}" for a, b in data.textures]
     rows = [
-        [form_name(form), *(cells.get((form, a, b), ABSENT) for a, b in data.textures)]
+        [form_name(form), *(cells.get((form, *texture), ABSENT) for texture in data.textures)]
         for form in data.ranked
     ]
-    caption = say("load_errors_caption") + (
-        "; dashed, hollow: those of the study." if data.is_paper_sweep else "."
-    )
-    a, b = data.textures[0]
-    alt = f"Load errors in per cent at a/R = {a:g}, b/R = {b:g}: {_firsts(rows)}"
-    return [
-        Picture("percent-error", caption, alt),
-        Folded(
-            "Load errors in numbers",
-            [
-                Table(
-                    ["Form", *(f"a/R = {a:g}, b/R = {b:g}" for a, b in data.textures)],
-                    rows,
-                    "Smallest to largest load error in per cent, calibrated coefficients.",
-                )
-            ],
-        ),
-    ]
+    table = Table(["Form", *titles], rows, say("load_errors_table_caption"))
+    caption = say("load_errors_caption", is_study=data.is_paper_sweep)
+    alt = f"Load errors in per cent at {titles[0]}: {_firsts(rows)}"
+    return [Picture("percent-error", caption, alt), Folded("Load errors in numbers", [table])]
 
 
 def slopes_section(data: ReportData) -> list[Block]:
     """Return K against pitch, where the power law was fitted to several textures."""
-    caption = say("slopes_caption")
-    return [Picture("slopes", caption)]
+    return [Picture("slopes", say("slopes_caption"))]
 
 
 def score_section(data: ReportData) -> list[Block]:
@@ -206,18 +159,15 @@ def score_section(data: ReportData) -> list[Block]:
             leaders["row"] = _leaders(reliable, "elpd")
         blocks.append(_rows_table(scores))
         if scores["n_bad_k"].sum():
-            words = say("pareto_k", has_refits=len(left_out) > 0)
-            blocks.append(Text(words, "note"))
+            blocks.append(Text(say("pareto_k", has_refits=len(left_out) > 0), "note"))
     if len(left_out):
         for leave, part in left_out.groupby("leave", sort=False):
             if part["log_score"].notna().any():
                 leaders[str(leave)] = _leaders(part, "log_score")
         scored = _left_out_table(left_out, data.comparison.table.calibration)
         blocks.append(Folded("Textures and steps left out", [scored]))
-    if blocks:
-        words = say("scores", agreement=_agreement(data, leaders))
-        blocks.insert(0, Text(words))
-    return blocks
+    words = Text(say("scores", agreement=_agreement(data, leaders)))
+    return [words, *blocks] if blocks else []
 
 
 def _leaders(scores: pd.DataFrame, column: str) -> tuple[str, str]:
@@ -240,44 +190,47 @@ def _agreement(data: ReportData, leaders: dict[str, tuple[str, str]]) -> str:
 
 
 def _rows_table(scores: pd.DataFrame) -> Table:
-    return Table(
-        ["Form", "elpd ± standard error", "Effective parameters", "Rows with k > 0.7", "Weight"],
-        [
-            [
-                form_name(row["form"]),
-                "not reliable" if row["n_bad_k"] else with_error(row["elpd"], row["se"], 1),
-                ABSENT if row["n_bad_k"] else decimals(row["p"], 1),
-                str(int(row["n_bad_k"])),
-                ABSENT if row["n_bad_k"] else decimals(row["stacking_weight"], 3),
-            ]
-            for row in scores.to_dict("records")
-        ],
-        "Single rows left out, by Pareto-smoothed importance sampling. Weight: stacking weight.",
+    def weight(row: dict[str, Any], name: str, places: int) -> str:
+        return ABSENT if row["n_bad_k"] else decimals(row[name], places)
+
+    return Table.of(
+        scores,
+        {
+            "Form": lambda row: form_name(row["form"]),
+            "elpd ± standard error": lambda row: (
+                "not reliable" if row["n_bad_k"] else with_error(row["elpd"], row["se"], 1)
+            ),
+            "Effective parameters": lambda row: weight(row, "p", 1),
+            "Rows with k > 0.7": lambda row: f"{row['n_bad_k']:.0f}",
+            "Weight": lambda row: weight(row, "stacking_weight", 3),
+        },
+        say("loo_caption"),
     )
 
 
 def _left_out_table(scores: pd.DataFrame, fitted: ContactTable) -> Table:
-    records = scores.to_dict("records")
     n_step = len(np.unique(fitted.column("Q")))
     n_left = {"texture": len(fitted.textures), "step": n_step, "row": len(fitted)}
-    failed = "; ".join(f"{row['form']}, {row['failed']}" for row in records if row["failed"])
-    return Table(
-        ["Left out", "Form", "Log score ± standard error", "CRPS of log load", "Weight"],
-        [_left_out_row(row, n_left[str(row["leave"])]) for row in records],
-        say("left_out_caption") + (f" Not fitted: {failed}." if failed else ""),
+
+    def left_out(row: dict[str, Any]) -> str:
+        n = n_left[row["leave"]]
+        how = "in turn" if row["n_fold"] == n else f"in {row['n_fold']:.0f} groups"
+        return f"{n} {row['leave']}s {how}"
+
+    failed = scores[scores["failed"] != ""].to_dict("records")
+    return Table.of(
+        scores,
+        {
+            "Left out": left_out,
+            "Form": lambda row: form_name(row["form"]),
+            "Log score ± standard error": lambda row: with_error(
+                row["log_score"], row["log_score_se"], 1
+            ),
+            "CRPS of log load": lambda row: number(row["mean_crps"], 2),
+            "Weight": lambda row: (
+                ABSENT if pd.isna(row["log_score"]) else decimals(row["stacking_weight"], 3)
+            ),
+        },
+        say("left_out_caption", failed=failed),
         text=(0, 1),
     )
-
-
-def _left_out_row(row: dict[Any, Any], n_left: int) -> list[str]:
-    n_fold = int(row["n_fold"])
-    how = "in turn" if n_fold == n_left else f"in {n_fold} groups"
-    what = [f"{n_left} {row['leave']}s {how}", form_name(row["form"])]
-    if pd.isna(row["log_score"]):
-        return [*what, ABSENT, ABSENT, ABSENT]
-    return [
-        *what,
-        with_error(row["log_score"], row["log_score_se"], 1),
-        number(row["mean_crps"], 2),
-        decimals(row["stacking_weight"], 3),
-    ]

@@ -1,11 +1,9 @@
-# ruff: noqa: RUF001  (typographic minus is meant: readers see it)
 """The sections of a report in reading order: answer first, how it was reached after."""
 
 import json
+import math
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.report import evidence, inputs, posteriors, predictions
@@ -13,6 +11,9 @@ from ridgebayes.report.blocks import Block, Folded, Heading, Picture, Section, T
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.first_screen import first_screen
 from ridgebayes.report.wording import decimals, say, with_error
+
+_BlocksOf = Callable[[ReportData], Sequence[Block]]
+_FINGERTIP = 8, 60  # radius in mm, modulus in kPa
 
 
 def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
@@ -34,51 +35,46 @@ def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
         False: gallery,
         True: {} if reference is None else reference,
     }
-    found = []
-    for title, anchor, blocks_of in _SECTIONS:
-        subject = reference if blocks_of is reference_section else gallery
-        blocks = _that_apply([] if subject is None else blocks_of(subject.data), drawn)
+    sections = []
+    for anchor, title in _TITLES.items():
+        subject = reference if anchor == "reference" else gallery
+        if subject is None:
+            continue
+        blocks: list[Block] = []
+        for section, heading, blocks_of in _PARTS:
+            if section == anchor and (kept := _that_apply(blocks_of(subject.data), drawn)):
+                blocks += [Heading(heading), *kept] if heading else kept
         if blocks:
-            found.append(Section(title, anchor, blocks))
-    return found
+            sections.append(Section(title, anchor, blocks))
+    return sections
 
 
 def _that_apply(blocks: Sequence[Block], drawn: Mapping[bool, Container[str]]) -> list[Block]:
-    """Return blocks without figures that do not apply, and parts without what is left empty."""
-    found: list[Block] = []
+    """Return blocks without figures that do not apply, and details that are empty then."""
+    kept: list[Block] = []
     for block in blocks:
         if isinstance(block, Folded):
             inner = _that_apply(block.blocks, drawn)
-            if inner:
-                found.append(replace(block, blocks=inner))
+            kept += [replace(block, blocks=inner)] if inner else []
         elif not isinstance(block, Picture) or block.name in drawn[block.of_reference]:
-            if isinstance(block, Heading) and found and isinstance(found[-1], Heading):
-                found.pop()  # nothing stands under it
-            found.append(block)
-    while found and isinstance(found[-1], Heading):
-        found.pop()
-    return found
+            kept.append(block)
+    return kept
 
 
 def own_texture(data: ReportData) -> list[Block]:
     """Return fields for the reader's own texture, or why there are none."""
-    found = data.own_texture
-    if found.table is None:
-        return [Text(f"This page cannot predict textures of your own: {found.why}.", "note")]
+    table = data.own_texture.table
+    if table is None:
+        return [Text(say("no_own_texture", why=data.own_texture.why), "note")]
     # Initial values: a body such as a fingertip, with widths and a load in the calibrated ranges.
-    known = found.table["calibrated"]
-    ridge, groove = (float(np.sqrt(np.prod(known[name]))) for name in ("a_over_R", "b_over_R"))
-    radius, modulus = 8, 60
-    return [
-        TextureFields(
-            json.dumps(found.table, separators=(",", ":")),
-            f"{1000 * radius * ridge:.3g}",
-            f"{1000 * radius * groove:.3g}",
-            f"{modulus * known['p_over_E_max'] / 2:.2g}",
-            str(radius),
-            str(modulus),
-        )
-    ]
+    ranges, (radius, modulus) = table["calibrated"], _FINGERTIP
+    ridge, groove = (
+        f"{1000 * radius * math.sqrt(math.prod(ranges[name])):.3g}"
+        for name in ("a_over_R", "b_over_R")
+    )
+    load = f"{modulus * ranges['p_over_E_max'] / 2:.2g}"
+    content = json.dumps(table, separators=(",", ":"))
+    return [TextureFields(content, ridge, groove, load, f"{radius}", f"{modulus}")]
 
 
 def reference_section(reference: ReportData) -> list[Block]:
@@ -92,14 +88,13 @@ def reference_section(reference: ReportData) -> list[Block]:
     ]
     if "half-plane" in reference.ranked:
         blocks.append(Text(_scale(reference)))
-    caption = "100 (p form / p data − 1) on the finite-element rows, held-out repeats included."
     details: list[Block] = [
-        Picture("evidence", "ln Bayes factors on the finite-element rows.", of_reference=True),
+        Picture("evidence", say("reference_evidence_caption"), of_reference=True)
     ]
     if len(reference.comparison.probabilities) > 1:
         details.append(evidence.pairs_table(reference))
     details += posteriors.coefficients_section(reference)[1:]
-    details.append(Picture("percent-error", caption, of_reference=True))
+    details.append(Picture("percent-error", say("reference_errors_caption"), of_reference=True))
     return [*blocks, evidence.ranking_table(reference), Folded("Details", details)]
 
 
@@ -115,86 +110,48 @@ def _scale(reference: ReportData) -> str:
     )
 
 
-def data_and_priors(data: ReportData) -> list[Block]:
-    """Return what went in: rows, priors, and what the priors say before the rows."""
-    return [
-        *inputs.data_section(data),
-        Heading("Priors"),
-        evidence.prior_table(data),
-        Folded("Prior predictive check", posteriors.prior_check(data)),
-    ]
+def _folded(title: str, blocks_of: _BlocksOf) -> _BlocksOf:
+    """Return a part that opens on demand."""
+    return lambda data: [Folded(title, blocks_of(data))]
 
 
-def forms_and_evidence(data: ReportData) -> list[Block]:
-    """Return the forms, their evidence, and what it owes to priors and error models."""
-    return [
-        *inputs.forms_section(data),
-        Heading("Evidence"),
-        *evidence.evidence_section(data),
-        Heading("Prior sensitivity"),
-        *evidence.prior_section(data),
-        Heading("Error models"),
-        *evidence.error_models_section(data),
-        Heading("Coefficients"),
-        *posteriors.coefficients_section(data),
-    ]
-
-
-def predictions_section(data: ReportData) -> list[Block]:
-    """Return bands, held-out rows, coverage, and K against pitch."""
-    return [
-        *predictions.bands_section(data),
-        Heading("Held-out rows"),
-        *predictions.held_out_section(data),
-        Heading("Coverage of the bands"),
-        *predictions.coverage_section(data),
-        Folded("K against pitch", predictions.slopes_section(data)),
-    ]
-
-
-def model_checks(data: ReportData) -> list[Block]:
-    """Return what tells whether the model holds."""
-    return [
-        Heading("Posterior predictive check"),
-        *posteriors.checks_section(data),
-        Heading("Sense check"),
-        *posteriors.sense_section(data),
-        Heading("Load error of each form"),
-        *predictions.errors_section(data),
-        Heading("Cross-validation"),
-        *predictions.score_section(data),
-    ]
-
-
-def computation(data: ReportData) -> list[Block]:
-    """Return how the posteriors were drawn, and what they depend on."""
-    return [
-        *inputs.goal_section(data),
-        Heading("Convergence"),
-        *posteriors.convergence_section(data),
-        *posteriors.repeat_section(data),
-        Folded("Evidence by independent methods", [evidence.agreement_table(data)]),
-        Folded("Sensitivity to prior and likelihood", posteriors.power_scaling_section(data)),
-        Folded("Accuracy and run time", inputs.cost_section(data)),
-        Folded("Posteriors", posteriors.corner_section(data)),
-    ]
-
-
-def appendix(data: ReportData) -> list[Block]:
-    """Return words and versions."""
-    return [
-        Folded("Glossary", inputs.glossary_section(data)),
-        *inputs.versions_section(data),
-    ]
-
-
-_SECTIONS: tuple[tuple[str, str, Callable[[ReportData], list[Block]]], ...] = (
-    ("Your own texture", "texture", own_texture),
-    ("Data and priors", "data", data_and_priors),
-    ("Forms and evidence", "evidence", forms_and_evidence),
-    ("Predictions", "predictions", predictions_section),
-    ("Does the model hold?", "checks", model_checks),
-    ("How it was computed", "computation", computation),
-    ("Finite-element reference", "reference", reference_section),
-    ("Appendix", "appendix", appendix),
+_TITLES = {
+    "texture": "Your own texture",
+    "data": "Data and priors",
+    "evidence": "Forms and evidence",
+    "predictions": "Predictions",
+    "checks": "Does the model hold?",
+    "computation": "How it was computed",
+    "reference": "Finite-element reference",
+    "appendix": "Appendix",
+}
+# Parts in reading order: section, heading if any, and what makes its blocks.
+_PARTS: tuple[tuple[str, str, _BlocksOf], ...] = (
+    ("texture", "", own_texture),
+    ("data", "", inputs.data_section),
+    ("data", "Priors", lambda data: [evidence.prior_table(data)]),
+    ("data", "", _folded("Prior predictive check", posteriors.prior_check)),
+    ("evidence", "", inputs.forms_section),
+    ("evidence", "Evidence", evidence.evidence_section),
+    ("evidence", "Prior sensitivity", evidence.prior_section),
+    ("evidence", "Error models", evidence.error_models_section),
+    ("evidence", "Coefficients", posteriors.coefficients_section),
+    ("predictions", "", predictions.bands_section),
+    ("predictions", "Held-out rows", predictions.held_out_section),
+    ("predictions", "Coverage of the bands", predictions.coverage_section),
+    ("predictions", "", _folded("K against pitch", predictions.slopes_section)),
+    ("checks", "Posterior predictive check", posteriors.checks_section),
+    ("checks", "Sense check", posteriors.sense_section),
+    ("checks", "Load error of each form", predictions.errors_section),
+    ("checks", "Cross-validation", predictions.score_section),
+    ("computation", "", inputs.goal_section),
+    ("computation", "Convergence", posteriors.convergence_section),
+    ("computation", "", posteriors.repeat_section),
+    ("computation", "", _folded("Evidence by independent methods", evidence.agreement_section)),
+    ("computation", "", _folded("Sensitivity to prior and likelihood", posteriors.power_section)),
+    ("computation", "", _folded("Accuracy and run time", inputs.cost_section)),
+    ("computation", "", _folded("Posteriors", posteriors.corner_section)),
+    ("reference", "", reference_section),
+    ("appendix", "", _folded("Glossary", inputs.glossary_section)),
+    ("appendix", "", inputs.versions_section),
 )

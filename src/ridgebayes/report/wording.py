@@ -19,7 +19,7 @@ _STRUCTURES = {
     "texture+step": "texture and step offsets",
     "step-smooth": "an offset smooth in log h and a/pitch",
 }
-_COMPONENTS = {
+COMPONENTS = {
     "texture": "Texture offsets",
     "step": "Step offsets",
     "smooth": "Smooth offset in log h and a/pitch",
@@ -49,20 +49,10 @@ def _sentences() -> Any:
         "number": number,
         "decimals": decimals,
         "probability": probability,
+        "percent": percent,
         "count": count,
     }
     return environment.get_template(name).module
-
-
-def component_name(name: str) -> str:
-    """Return a component of the error model, as `components.csv` names it, for a reader.
-
-    Examples
-    --------
-    >>> component_name("student")
-    'Student errors (outliers)'
-    """
-    return _COMPONENTS[name]
 
 
 def form_name(name: str) -> str:
@@ -87,6 +77,11 @@ def parameter_name(name: str) -> str:
     if name.startswith("K["):
         return f"K of {short_label(name[2:-1])}"
     return drawing.style.SYMBOLS.get(name, (name,))[0]
+
+
+def prior_name(name: str) -> str:
+    """Return the parameter whose prior is scaled, as `prior_sensitivity.csv` names it."""
+    return "c and c₁" if name == "c" else parameter_name(name)
 
 
 def noise_name(name: str) -> str:
@@ -115,28 +110,14 @@ def change_text(change: str) -> str:
     >>> change_text("hybrid's c prior's scale times 10"), change_text("error model iid alone")
     ("Hybrid's prior of c₁ 10 times as wide", 'the error model "independent rows, normal errors"')
     """
-    if found := re.fullmatch(r"(?:(\S+)'s )?(\S+) prior's scale times (\S+)", change):
-        form, parameter, factor = found.groups()
+    if match := re.fullmatch(r"(?:(\S+)'s )?(\S+) prior's scale times (\S+)", change):
+        form, parameter, factor = match.groups()
         owner = f"{form_name(form)}'s" if form else "the"
         parameter = "c1" if (form, parameter) == ("hybrid", "c") else parameter
         return f"{owner} prior of {parameter_name(parameter)} {factor} times as wide"
-    if found := re.fullmatch(r"error model (\S+) alone", change):
-        return f'the error model "{noise_name(found[1])}"'
+    if match := re.fullmatch(r"error model (\S+) alone", change):
+        return f'the error model "{noise_name(match[1])}"'
     return change
-
-
-def reading_text(reading: str) -> str:
-    """Return a reading of a Bayes factor, without its caution, with the form named for a reader.
-
-    Examples
-    --------
-    >>> reading_text("strong for power-law (Kass & Raftery); rows are not independent")
-    'strong for Power law (Kass & Raftery)'
-    """
-    words = f"{reading.partition(';')[0]} "
-    for name, title in drawing.style.TITLES.items():
-        words = words.replace(f" for {name} ", f" for {title} ")
-    return words.strip()
 
 
 def listed(words: Sequence[str]) -> str:
@@ -206,7 +187,7 @@ def with_error(value: float, error: float, most: int = 4) -> str:
     return f"{decimals(value, places)} ± {error:.{places}f}"
 
 
-def probability(p: float) -> str:
+def probability(p: float | None) -> str:
     """Return a probability; never 1 or 0 by rounding.
 
     Examples

@@ -42,7 +42,6 @@ _ENVIRONMENT = dict.fromkeys(
 _TRIES = 3  # a task that has killed as many workers would kill the next
 # Tasks under way for each worker: one in progress, the others queued so that it never idles.
 _PER_WORKER = 4
-_UNKNOWN = 1_000  # tasks under way on an executor that does not say how many workers it has
 
 
 class WorkerPool(futures.ThreadPoolExecutor):
@@ -256,8 +255,8 @@ def map_ordered(
     turn = n_done = 0
     try:
         while True:
-            n_worker = getattr(executor, "n_worker", None)  # which may change
-            most = _UNKNOWN if n_worker is None else _PER_WORKER * max(n_worker, 1)
+            n_worker = getattr(executor, "n_worker", n_cpu())  # which may change
+            most = _PER_WORKER * max(n_worker, 1)
             for number, task in itertools.islice(numbered, max(most - len(under_way), 0)):
                 future = executor.submit(function, task)
                 under_way[future] = number, task

@@ -22,13 +22,13 @@ from ridgebayes.runtime.text import one_line_message
 if TYPE_CHECKING:
     import h5py
 
-LARGEST = 2 * 2**30  # bytes of a file: more is not read into memory
-LARGEST_TEXT = 64 * 2**20  # bytes of TOML or JSON: more takes a parser minutes
-LARGEST_CHUNK = 64 * 2**20  # bytes: a whole one is unpacked for a part of it
+LARGEST = 2**31  # bytes of a file: more is not read into memory
+# Bytes of TOML or JSON: more takes a parser minutes. And of a chunk of HDF5: all of it is unpacked
+# for a part of it.
+LARGEST_TEXT = LARGEST_CHUNK = 2**26
 _MOST_OBJECTS = 10_000  # groups and datasets; a posterior has thirty
 _STEP = 2**20  # bytes that are unpacked at a time, to be counted
 _NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
-_GZIP, _SHUFFLE, _FLETCHER32 = 1, 2, 3  # numbers of HDF5's filters
 _PADDED = 4 / 3  # of a chunk: gzip and checksums never make one longer than that
 
 
@@ -264,15 +264,18 @@ def check_stored(data: "h5py.Dataset", where: str) -> None:
     if data.size and there < pieces:
         raise InputError(f"{where}: {there} of {pieces} pieces are stored; expected all of them")
     filters = [properties.get_filter(i)[0] for i in range(properties.get_nfilters())]
-    if _GZIP in filters:
+    if h5py.h5z.FILTER_DEFLATE in filters:
         _check_unpacked(data, filters, size, where)
 
 
 def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: str) -> None:
     """Refuse gzip that unpacks to more than its chunk, before HDF5 does it."""
-    at = filters.index(_GZIP)
-    before, after = filters[:at], filters[at + 1 :]
-    if not set(before) <= {_SHUFFLE, _FLETCHER32} or not set(after) <= {_FLETCHER32}:
+    from h5py import h5z
+
+    at = filters.index(h5z.FILTER_DEFLATE)
+    before, after = set(filters[:at]), set(filters[at + 1 :])
+    checks = {h5z.FILTER_FLETCHER32}
+    if not before <= checks | {h5z.FILTER_SHUFFLE} or not after <= checks:
         raise InputError(f"{where}: filters {filters}; expected gzip with shuffle and checksums")
     most = size + 4 * len(before)
 

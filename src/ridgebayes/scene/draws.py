@@ -36,7 +36,7 @@ class SceneDraws:
 
 
 def draw_scene(
-    scene: Scene, n: int, seed: int, given: Mapping[str, FloatArray] | None = None
+    scene: Scene, n: int, seed: int, draws: Mapping[str, FloatArray] | None = None
 ) -> SceneDraws:
     """Draw the values of a scene.
 
@@ -48,7 +48,7 @@ def draw_scene(
         Draws.
     seed : int
         The same seed gives the same draws.
-    given : mapping of str to ndarray of float, shape (n,), optional
+    draws : mapping of str to ndarray of float, shape (n,), optional
         Draws of the values that are not certain, as `Uncertain.draw` returns them.
 
     Returns
@@ -60,7 +60,7 @@ def draw_scene(
     InputError
         If there are several textures, or a draw breaks a rule of a scene.
     """
-    return _next(scene, n, streams(seed), given)
+    return _next(scene, n, streams(seed), draws)
 
 
 def scene_blocks(scene: Scene, n: int, seed: int, size: int) -> Iterator[SceneDraws]:
@@ -77,7 +77,7 @@ def scene_blocks(scene: Scene, n: int, seed: int, size: int) -> Iterator[SceneDr
 
 
 def _next(
-    scene: Scene, n: int, random: Streams, given: Mapping[str, FloatArray] | None
+    scene: Scene, n: int, random: Streams, draws: Mapping[str, FloatArray] | None
 ) -> SceneDraws:
     if len(scene.textures) != 1:
         raise InputError(f"scene: expected one texture, got {len(scene.textures)}")
@@ -92,7 +92,7 @@ def _next(
         "p_over_E": scene.highest_load(texture),
     }
     if scene.uncertain is not None:
-        drawn = scene.uncertain.draw(n, random) if given is None else given
+        drawn = scene.uncertain.draw(n, random) if draws is None else draws
         derived = scene.uncertain.derive(drawn)
         # A ratio of values that are certain stays the exact one: it names a calibrated texture.
         values |= {k: v for k, v in derived.items() if k not in values or np.ndim(v)}

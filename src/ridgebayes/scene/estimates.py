@@ -90,7 +90,7 @@ def _planned(base: "_Base") -> Plan:
     if material.simulated and solver == "half-plane":
         solver = "two-scale" if base.two_scale_error < math.inf else "cylinder-fe"
         large = replace(large, simulated=True)
-    neglected = [one.estimate for one in (large, friction, material) if not one.simulated]
+    neglected = [e.estimate for e in (large, friction, material) if not e.simulated]
     ridged = [_ridges(base), _offset(base), _floor(base), _corner(base)]
     effects = _decided(base, ridged, base.tolerance - _SAFETY * math.fsum(neglected))
     effects.insert(1, _partial_contact(base))
@@ -194,14 +194,14 @@ class _Base:
         n = len(self.W)
         looked_at = sorted({1, (n + 1) // 2, n})
         depth, corner = self.given.depth, self.given.corner
-        found = {(False, False): np.zeros(len(looked_at))}
+        shifts = {(False, False): np.zeros(len(looked_at))}
         for floor, is_round in ((True, False), (False, True), (True, True)):
             if (floor and self.penetration < depth) or (is_round and not corner):
                 continue
             deep, sharp = depth if floor else math.inf, corner if is_round else 0.0
             other = replace(self.sharp, depth=deep, corner=sharp)
-            found[floor, is_round] = np.array([self._shift_of(other, k) for k in looked_at])
-        return found
+            shifts[floor, is_round] = np.array([self._shift_of(other, k) for k in looked_at])
+        return shifts
 
     def change(self, which: int) -> float:
         """Return the largest change that floor (0) or corners (1) make, beside the other."""

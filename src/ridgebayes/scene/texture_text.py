@@ -31,7 +31,7 @@ def parse_texture(
     ((0.025, 0.02), (0.025, 0.02))
     """
     parts = text.split(",")
-    with_unit = [_has_unit(part) for part in parts]
+    with_unit = [has_unit(part) for part in parts]
     if any(with_unit) and not all(with_unit):
         raise InputError(
             f"{where} {text!r}: expected both widths with a unit, or both without (shares of the "
@@ -55,5 +55,6 @@ def parse_texture(
     return a, b
 
 
-def _has_unit(text: str) -> bool:
+def has_unit(text: str) -> bool:
+    """Return whether a unit stands behind a number."""
     return re.search(r"\d.*[^\W\d_eE]", text) is not None

@@ -349,16 +349,16 @@ def _uncertain_values(scene: _SceneFile) -> Any:
     first = "texture" if len(scene.texture) == 1 else "texture[1]"
     sections = {"body": scene.body, first: scene.texture[0], "load": scene.load}
     sections |= {f"texture[{i}]": item for i, item in enumerate(scene.texture[1:], start=2)}
-    given: dict[str, Any] = {
+    at: dict[str, Any] = {
         f"{section}.{key}": value for section, model in sections.items() for key, value in model
     }
-    measures = {name: item for name, item in given.items() if isinstance(item, _Measure)}
+    measures = {name: item for name, item in at.items() if isinstance(item, _Measure)}
     if not scene.joint and all(item.source is None for item in measures.values()):
         return None
     # Here, not above: it loads scipy, which a scene that is certain does without.
     from ridgebayes.scene.uncertain import Uncertain
 
-    certain = {name: _median(value) for name, value in given.items() if value is not None}
+    certain = {name: _median(value) for name, value in at.items() if value is not None}
     return Uncertain.of(certain, measures, [dict(item) for item in scene.joint])
 
 
@@ -383,7 +383,7 @@ def scene_text(values: Json) -> str:
         TOML; what stands at its default is left out where it means "not asked for".
     """
     keys_of = _TEXTURE_KEYS.items()
-    textures = [{key: one.get(name) for key, name in keys_of} for one in values["textures"]]
+    textures = [{key: texture.get(name) for key, name in keys_of} for texture in values["textures"]]
     load = {"p_over_E": values["p_over_E"], "friction": values["friction"] or None}
     sections: list[tuple[str, Json]] = [
         ("[body]", {"radius": 1.0, "poissons_ratio": values["nu"], "ogden": values["ogden"]}),

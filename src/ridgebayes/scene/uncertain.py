@@ -27,12 +27,12 @@ class Source:
 
     Parameters
     ----------
-    given : object
+    origin : object
         A distribution, a frozen one of scipy.stats, an array of draws, or a callable of a numpy
         generator that returns one draw.
     """
 
-    given: Any
+    origin: Any
 
     @classmethod
     def of(cls, raw: object, number: Callable[[str], float], folder: Path) -> "Source | None":
@@ -66,21 +66,21 @@ class Source:
     @property
     def has_quantiles(self) -> bool:
         """Whether a draw is a function of a normal score, as what is correlated has to be."""
-        return not callable(self.given) or hasattr(self.given, "ppf")
+        return not callable(self.origin) or hasattr(self.origin, "ppf")
 
     def draw(self, score: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Return draws at standard normal scores, shape (n,)."""
-        if isinstance(self.given, Distribution):
-            return np.asarray(self.given.value_at(score), dtype=np.float64)
-        if hasattr(self.given, "ppf"):
-            return np.asarray(self.given.ppf(special.ndtr(score)), dtype=np.float64)
-        if callable(self.given):
+        if isinstance(self.origin, Distribution):
+            return np.asarray(self.origin.value_at(score), dtype=np.float64)
+        if hasattr(self.origin, "ppf"):
+            return np.asarray(self.origin.ppf(special.ndtr(score)), dtype=np.float64)
+        if callable(self.origin):
             return np.array([self._called(rng) for _ in score])
-        place = (special.ndtr(score) * len(self.given)).astype(np.int64)
-        return np.asarray(self.given[np.minimum(place, len(self.given) - 1)])
+        place = (special.ndtr(score) * len(self.origin)).astype(np.int64)
+        return np.asarray(self.origin[np.minimum(place, len(self.origin) - 1)])
 
     def _called(self, rng: np.random.Generator) -> float:
-        value = self.given(rng)
+        value = self.origin(rng)
         try:
             return float(value)
         except (TypeError, ValueError):
@@ -89,20 +89,20 @@ class Source:
     @property
     def median(self) -> float:
         """The median; of a callable that of a thousand draws."""
-        if isinstance(self.given, np.ndarray):
-            return float(np.median(self.given))
+        if isinstance(self.origin, np.ndarray):
+            return float(np.median(self.origin))
         n = 1 if self.has_quantiles else _N_FOR_MEDIAN
         return float(np.median(self.draw(np.zeros(n), stream(0, "median"))))
 
     def refuse_below(self, least: float, rule: str) -> None:
         """Refuse a distribution that has mass at or below a value; draws are looked at later."""
-        if isinstance(self.given, Distribution):
-            low = self.given.support[0]
-            share = float(special.ndtr(self.given.score(least))) if low < least else 0.0
-        elif hasattr(self.given, "cdf"):
-            share = float(self.given.cdf(least))
+        if isinstance(self.origin, Distribution):
+            low = self.origin.support[0]
+            share = float(special.ndtr(self.origin.score(least))) if low < least else 0.0
+        elif hasattr(self.origin, "cdf"):
+            share = float(self.origin.cdf(least))
         else:
-            share = float(np.mean(self.given <= least)) if self.has_quantiles else 0.0
+            share = float(np.mean(self.origin <= least)) if self.has_quantiles else 0.0
         if share > _NO_MASS:
             raise InputError(
                 f"{rule}; this distribution has {share:.2g} of its mass at or below {least:g}, "
@@ -197,14 +197,14 @@ class Uncertain:
         InputError
             As `Joint.read`.
         """
-        sources = {name: one.source for name, one in measures.items() if one.source is not None}
+        sources = {name: m.source for name, m in measures.items() if m.source is not None}
         texts = {name: str(measures[name].raw) for name in sources}
-        has_units = any(one.has_unit for one in measures.values())
+        has_units = any(measure.has_unit for measure in measures.values())
         joints = [Joint.read(section, certain, sources) for section in joint]
-        seen = [name for one in joints for name in one.of]
+        seen = [name for entry in joints for name in entry.of]
         if len(set(seen)) < len(seen):
             raise InputError(f"joint: expected each place once, got {', '.join(seen)}")
-        texts |= {name: "joint draws" for one in joints if one.draws is not None for name in one.of}
+        texts |= {name: "joint draws" for j in joints if j.draws is not None for name in j.of}
         return cls(sources, texts, partial(_derived, certain, has_units), joints)
 
     def of_texture(self, number: int) -> "Uncertain":
@@ -215,10 +215,10 @@ class Uncertain:
     def draw(self, n: int, random: Streams) -> dict[str, FloatArray]:
         """Return the next n draws of the values that are not certain, by place."""
         drawn = self.at_scores(self.scores(n, random), random)
-        for one in self.joint:
-            if one.draws is not None:
-                rows = one.rows(n, random("scene", *one.of))
-                drawn |= dict(zip(one.of, rows.T, strict=True))
+        for entry in self.joint:
+            if entry.draws is not None:
+                rows = entry.rows(n, random("scene", *entry.of))
+                drawn |= dict(zip(entry.of, rows.T, strict=True))
         return drawn
 
     def scores(self, n: int, random: Streams) -> dict[str, FloatArray]:
@@ -230,13 +230,13 @@ class Uncertain:
     ) -> dict[str, FloatArray]:
         """Return values at independent standard normal scores, by place; callables draw theirs."""
         score, random = dict(score), random or streams(0)
-        for one in self.joint:
-            if one.correlation is not None:
+        for entry in self.joint:
+            if entry.correlation is not None:
                 # The root of a matrix that may be singular: of values that go together exactly.
-                value, vector = np.linalg.eigh(one.correlation)
+                value, vector = np.linalg.eigh(entry.correlation)
                 root = vector * np.sqrt(np.maximum(value, 0.0))
-                mixed = root @ np.stack([score[name] for name in one.of])
-                score |= dict(zip(one.of, mixed, strict=True))
+                mixed = root @ np.stack([score[name] for name in entry.of])
+                score |= dict(zip(entry.of, mixed, strict=True))
         return {
             name: source.draw(score[name], random("scene", name, "callable"))
             for name, source in self.sources.items()
@@ -305,17 +305,17 @@ class Joint:
     def rows(self, n: int, rng: np.random.Generator) -> FloatArray:
         """Return n rows, shape (n, k)."""
         if hasattr(self.draws, "rvs"):
-            found = np.asarray(self.draws.rvs(size=n, random_state=rng), float).reshape(n, -1)
+            values = np.asarray(self.draws.rvs(size=n, random_state=rng), float).reshape(n, -1)
         elif self.draws.ndim == 2 and self.draws.dtype.kind in "iuf" and len(self.draws):
-            found = self.draws[rng.integers(len(self.draws), size=n)].astype(np.float64)
+            values = self.draws[rng.integers(len(self.draws), size=n)].astype(np.float64)
         else:
-            found = np.empty((n, 0))
-        if found.shape[1] != len(self.of) or not np.isfinite(found).all():
+            values = np.empty((n, 0))
+        if values.shape[1] != len(self.of) or not np.isfinite(values).all():
             raise InputError(
                 f"joint.draws: expected finite rows of {len(self.of)} numbers, or a frozen "
                 "multivariate distribution of as many"
             )
-        return found
+        return values
 
 
 def _derived(

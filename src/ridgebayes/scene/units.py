@@ -92,7 +92,7 @@ def load_to_si(text: str) -> tuple[Fraction, Dimension]:
         except InputError as error:
             if "decimal comma" in str(error):
                 raise
-    examples = ", ".join(repr(EXAMPLES[one]) for one in _LOADS)
+    examples = ", ".join(repr(EXAMPLES[name]) for name in _LOADS)
     raise InputError(f"{text!r}: expected a number and a unit of a load, such as {examples}")
 
 
@@ -230,7 +230,7 @@ class Body:
         """Return a length with a unit over the radius; InputError if that cannot be."""
         value = to_si(text, "length")
         if self.radius is None:
-            raise InputError(f"{text!r}: needs the radius; expected --R or --scene with units")
+            raise InputError(f"{text!r}: needs the radius; expected --R, or a scene that has it")
         return float(value / self.radius)
 
     def p_over_E(self, text: str) -> float:
@@ -252,10 +252,10 @@ class Body:
         if dimension != "pressure":
             parts["the radius (--R)"] = self.radius
         if dimension == "force":
-            parts["the body's length (--thickness, or load.length of --scene)"] = self.length
+            parts["the body's length (--thickness, or load.length of a scene)"] = self.length
         lacking = [name for name, value in parts.items() if value is None]
         if lacking:
-            raise InputError(f"{text!r}: needs {' and '.join(lacking)}, or a --scene with units")
+            raise InputError(f"{text!r}: needs {' and '.join(lacking)}, or a scene that has them")
         unit = Fraction(1 if dimension == "pressure" else 2)
         for value in parts.values():
             unit *= value or 1

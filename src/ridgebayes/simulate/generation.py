@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
 from ridgebayes._types import NEO_HOOKEAN, Json
+from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
@@ -27,8 +27,6 @@ class LoadPreset:
 
     Parameters
     ----------
-    name : str
-        ``quick``, ``standard`` or ``reference``.
     load_error : float
         Promised relative error of a load by the half-plane.
     meshes : tuple of int
@@ -36,29 +34,15 @@ class LoadPreset:
         goes on.
     """
 
-    name: str
     load_error: float
-    meshes: tuple[int, ...] = (24, 10)
-
-    @classmethod
-    def named(cls, name: str) -> "LoadPreset":
-        """Return one by its name.
-
-        Raises
-        ------
-        InputError
-            If there is none.
-        """
-        if name not in LOAD_PRESETS:
-            raise InputError(f"accuracy: expected one of {', '.join(LOAD_PRESETS)}, got {name!r}")
-        return LOAD_PRESETS[name]
+    meshes: tuple[int, ...]
 
 
 _IF_ANY = ("rel_se", "offset_over_R", "edges")  # columns that only some solvers fill
 LOAD_PRESETS = {
-    "quick": LoadPreset("quick", 1e-4, (10,)),
-    "standard": LoadPreset("standard", 1e-8),
-    "reference": LoadPreset("reference", 1e-10, (48, 24, 10)),
+    "quick": LoadPreset(1e-4, tuple(solvers.ELEMENTS_SE)[2:]),
+    "standard": LoadPreset(DEFAULT_REL_TOL, tuple(solvers.ELEMENTS_SE)[1:]),
+    "reference": LoadPreset(1e-10, tuple(solvers.ELEMENTS_SE)),
 }
 
 
@@ -150,7 +134,9 @@ def generate(
     """
     if solver not in solvers.SOLVERS:
         raise InputError(f"solver = {solver!r}: must be one of {', '.join(solvers.SOLVERS)}")
-    scene, wanted = as_scene(scene), LoadPreset.named(accuracy)
+    if accuracy not in LOAD_PRESETS:
+        raise InputError(f"accuracy: expected one of {', '.join(LOAD_PRESETS)}, got {accuracy!r}")
+    scene, wanted = as_scene(scene), LOAD_PRESETS[accuracy]
     if pressed is not None and (executor is not None or journal is not None):
         raise InputError("pressed: cannot be combined with executor or journal")
     if rel_tol is None:
@@ -170,12 +156,7 @@ def generate(
     if problems := [text for text in results if isinstance(text, str)]:
         raise InputError("\n".join(problems))
     curves = [curve for some in results if not isinstance(some, str) for curve in some]
-    frame = pd.DataFrame(
-        {
-            name: np.concatenate([np.broadcast_to(one[name], len(one["Q"])) for one in curves])
-            for name in curves[0]
-        }
-    )
+    frame = pd.concat([pd.DataFrame(curve) for curve in curves], ignore_index=True)
     frame = frame.drop(columns=[name for name in _IF_ANY if not frame[name].any()])
     if scene.uncertain_names:
         frame["source"] += f" medians={'+'.join(scene.uncertain_names)}"
@@ -229,12 +210,12 @@ def _solved(task: TextureTask, *, pressed: "CylinderVisitor | None" = None) -> l
             f"a worker has ridgebayes {here}, this process {task.version}; expected the same on all"
         )
     if task.planned:
-        (one,) = plan(task.scene)
+        (effects,) = plan(task.scene)
     else:
-        one = Plan(task.texture, (), full_profile(task.texture))
-    if refused := solvers.friction_refused(task.scene, one, task.solver):
+        effects = Plan(task.texture, (), full_profile(task.texture))
+    if refused := solvers.friction_refused(task.scene, effects, task.solver):
         raise InputError(f"scene: {refused}")
     try:
-        return list(solvers.transition_curves(task, one, pressed))
+        return list(solvers.transition_curves(task, effects, pressed))
     except InputError as error:
         return f"{task.where}: {error}"

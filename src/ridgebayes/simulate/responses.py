@@ -23,6 +23,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.scene.effects import HIGHEST_LOAD, full_profile
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, as_scene
+from ridgebayes.simulate.solvers import offsets_between
 from ridgebayes.table.columns import LARGEST_LOAD
 from ridgebayes.table.rules import texture_label
 
@@ -32,8 +33,7 @@ RESPONSE_COLUMNS += _LAST
 FORCE_COLUMNS = [*_FIRST, "land", "ridge", "left_over_R", "right_over_R", "share"]
 FORCE_COLUMNS += ["mean_pressure_over_E", *_LAST]
 EDGE_COLUMNS = [*_FIRST, "land", "ridge", "side", "x_over_R", "K", "G", "lateral_force", "status"]
-# In pitches, where the body's centre may lie from a groove's: the other half is the mirror image.
-_OFFSETS = [(2 * i + 1) / 128 for i in range(32)]
+_N_OFFSET = 32  # of a uniform one: means over these are returned
 
 
 def contact_at_loads(
@@ -237,15 +237,15 @@ def edge_forces(
             continue
         edges = edges_of(solution, scene.nu)
         kinds = np.where(edges.is_floor, "floor", "ridge")
-        each = (kinds, edges.ridge, edges.side, edges.x, edges.K, edges.G)
-        for row in zip(*(column.tolist() for column in each), strict=True):
+        columns = (kinds, edges.ridge, edges.side, edges.x, edges.K, edges.G)
+        for row in zip(*(column.tolist() for column in columns), strict=True):
             rows.append([label, load, *row, edges.lateral, solution.status])
     return pd.DataFrame(rows, columns=EDGE_COLUMNS)
 
 
-def _of_known_offset(given: Scene | str | os.PathLike[str]) -> Scene:
+def _of_known_offset(source: Scene | str | os.PathLike[str]) -> Scene:
     """Return a scene, or raise InputError where a texture's offset is uniform."""
-    scene = as_scene(given)
+    scene = as_scene(source)
     if any(texture.offset == "uniform" for texture in scene.textures):
         raise InputError("offset: expected a number, got 'uniform' (forces depend on the offset)")
     return scene
@@ -288,7 +288,7 @@ def _solved(
         solvers = ["two-scale" if high else planned.solver for planned in plans]
     for texture, profile, chosen in zip(scene.textures, profiles, solvers, strict=True):
         label = texture_label(texture.a_over_R, texture.b_over_R)
-        offsets = _OFFSETS if texture.offset == "uniform" else [profile.offset]
+        offsets = offsets_between(_N_OFFSET) if texture.offset == "uniform" else [profile.offset]
         places = [replace(profile, offset=offset) for offset in offsets]
         by_body = np.ones_like(loads)
         if solver == "auto" and scene.nu < two_scale.LEAST_NU:

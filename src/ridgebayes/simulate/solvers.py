@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 SOLVERS = ("auto", "hertz", "half-plane", "two-scale", "cylinder-linear", "cylinder-fe")
 # A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
 _MAX_TRANSITIONS = 65_536
+_N_OFFSET = 8  # of a uniform one, a curve each
 
 # Q, loads and status of one texture's transitions up to p/E.
 _Rows: TypeAlias = "tuple[IntArray, FloatArray, NDArray[np.str_]]"
@@ -150,7 +151,11 @@ def transition_curves(
         edges = task.meshes[0]
         yield _curve(task, _linear(task), solver, f"{effects}+finite-body", edges=edges)
         return
-    offsets = UNIFORM if profile.offset and texture.offset == "uniform" else [profile.offset]
+    offsets = (
+        offsets_between(_N_OFFSET)
+        if profile.offset and texture.offset == "uniform"
+        else [profile.offset]
+    )
     for offset in offsets:
         here = replace(profile, offset=offset)
         if by_elements:
@@ -206,7 +211,9 @@ def _curve(
     }
 
 
-UNIFORM = tuple((2 * i + 1) / 32 for i in range(8))  # offsets that represent all others
+def offsets_between(n: int) -> list[float]:
+    """Return n offsets that represent all others, in pitches: the other half is mirrored."""
+    return [(i + 0.5) / (2 * n) for i in range(n)]
 
 
 def optional_effects(texture: Texture) -> list[str]:

@@ -19,7 +19,6 @@ from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.choice import OBJECTIVES, alike, chosen, mark_extrapolation, plain
-from ridgebayes.texture_design.drawn_check import drawn_check
 from ridgebayes.texture_design.drawn_loads import drawn_loads
 from ridgebayes.texture_design.goal_values import GoalValues
 from ridgebayes.texture_design.goals import LARGEST, Goal, Load, parse_goals, read_loads
@@ -27,10 +26,14 @@ from ridgebayes.texture_design.lattice import lattice
 from ridgebayes.texture_design.limits import Limits, textures_in
 from ridgebayes.texture_design.next_simulation import next_simulation
 from ridgebayes.texture_design.record import DESIGN_COLUMNS, Design
-from ridgebayes.texture_design.sensitivity import Sources, sobol_shares, what_to_measure
+from ridgebayes.texture_design.sensitivity import (
+    Sources,
+    drawn_check,
+    sobol_shares,
+    what_to_measure,
+)
 
 _N_DRAW, _N_SPREAD = 16_384, 4_096
-_N_CHECK = 100_000
 _N_LOADS = 20  # of the objective min-load, where none are given
 
 
@@ -92,8 +95,7 @@ def design(
     are exact over the error of the load, and averaged over 16,384 draws of the rest, the same for
     every texture (4,096 for a bound on the spread).
     If possible, the recommended texture is inside the calibrated range, and its probability exceeds
-    the level by two standard errors. It is checked by 100,000 new draws from the sampler of
-    `friction_inputs`.
+    the level by two standard errors. It is checked by 100,000 new counts, drawn one by one.
 
     *Validity.* As `predict`; textures are new ones, but those calibrated on where widths, radius
     and their making are certain.
@@ -120,10 +122,10 @@ def design(
     averaged = source.averaged
     textures, about = lattice(sizes or {}, [fit for fit, _ in averaged])
     made.check(min(min(texture) for texture in textures))
-    draw = partial(Bodies.draw, scene, made)
-    loads_of = drawn_loads(averaged, draw(_N_DRAW, seed).ratios(textures))
+    draw = partial(Bodies.draw, scene, made, seed=seed)
+    loads_of = drawn_loads(averaged, draw(_N_DRAW).ratios(textures))
     n = _N_SPREAD if any(goal_.is_spread for goal_ in asked[0]) else _N_DRAW
-    values = GoalValues(loads_of, lambda size: draw(size, seed), n)
+    values = GoalValues(loads_of, draw, n)
     for goals in asked:
         designs = _map(values, goals, textures)
         loads_asked = _loads_of(goals, scene)
@@ -157,10 +159,7 @@ def design(
         objective,
         designs,
         best,
-        {
-            "goal": tightest.text,
-            **drawn_check(averaged, draw, tightest, texture, value, _N_CHECK, seed + 1),
-        },
+        drawn_check(sources, tightest, seed + 1),
         limited,
         *_why(sources, tightest, seed),
         next_simulation(_leading(source), textures_in(_inside(designs)), seed),

@@ -1,26 +1,18 @@
-"""Log loads of each draw of a posterior, at any texture: the scale law, and series in a/pitch.
-
-Loads of a body scale with the square of the pitch. The other factor is smooth in a/pitch: it
-is computed at some nodes and kept as a Chebyshev series for each draw.
-"""
+"""Log loads of each draw of a posterior, at any texture of a pitch of 1."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.polynomial import chebyshev
-from scipy import special
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.inference.posterior import Posterior
+from ridgebayes.predict.joint_draws import RatioLoads
 from ridgebayes.predict.posterior_loads import PosteriorLoads
 from ridgebayes.predict.q_distribution import shares
 
-_N_NODE = 11
-_LEAST_TERM = 1e-5  # of log loads: what is left out of a series
 _LEAST_SCALE = 1e-12
-Series = FloatArray  # shape (n_term, n_draw)
 
 
 class DrawnLoads:
@@ -44,68 +36,34 @@ class DrawnLoads:
     """
 
     def __init__(self, fit: Posterior, low: float, high: float) -> None:
-        self._middle, self._half = 0.5 * (low + high), max(0.5 * (high - low), 1e-9)
-        self._nodes = self._middle + self._half * chebyshev.chebpts1(_N_NODE)
         self.fit, self._loads = fit, PosteriorLoads(fit)
-        self._loads.check_scaling(float(self._nodes[0]))
+        self._new = RatioLoads(self._loads, low, high)
         self.has_mean = self._loads.has_mean
-        self._to_series = np.linalg.inv(
-            chebyshev.chebvander(chebyshev.chebpts1(_N_NODE), _N_NODE - 1)
-        )
-        self._series: dict[int, tuple[Series, Series]] = {}
 
     @property
     def n_draw(self) -> int:
         """Draws."""
         return len(self._loads)
 
-    def score(self, z: FloatArray, which: IntArray) -> FloatArray:
-        """Return errors of draws, in scales, at standard normal scores."""
-        return z
-
-    def cdf(self, t: FloatArray, which: IntArray) -> FloatArray:
-        """Return the share of errors up to t, in scales."""
-        value: FloatArray = special.ndtr(t)
-        return value
-
-    def series(self, count: int) -> tuple[Series, Series]:
-        """Return the series in a/pitch of location and scale at a pitch of 1."""
-        if count not in self._series:
-            at_nodes = [self._loads.at_ratio(x, np.array([count])) for x in self._nodes.tolist()]
-            nodes = zip(*at_nodes, strict=True)
-            self._series[count] = self._fitted(*(np.stack(x)[:, :, 0] for x in nodes))
-        return self._series[count]
-
     def at(
         self, count: int, which: IntArray | slice, ratio: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return location and scale of draws at a pitch of 1, each at its own a/pitch, (n,)."""
-        x = (ratio - self._middle) / self._half
-        location, scale = (_evaluate(one[:, which], x) for one in self.series(count))
-        return np.nan_to_num(location, nan=np.inf), np.maximum(scale, _LEAST_SCALE)
+        location, scale = self._new.at(ratio, which, [count])
+        return location[:, 0], np.maximum(scale[:, 0], _LEAST_SCALE)
 
     def mean_log_load(self, texture: Texture, count: int) -> float:
         """Return the mean of a count's log load at a texture; infinite if a draw has none."""
         if count <= 2:
             return -math.inf
         a, b = texture
-        x = (a / (a + b) - self._middle) / self._half
-        mean = float(chebyshev.chebval(x, self.series(count)[0].mean(axis=1)))
-        return math.inf if math.isnan(mean) else mean + 2 * math.log(a + b)
+        location, _ = self.at(count, slice(None), np.array(a / (a + b)))
+        return float(location.mean()) + 2 * math.log(a + b)
 
     def at_calibrated(self, texture: Texture, count: int) -> tuple[FloatArray, FloatArray]:
         """Return location and scale at a texture that was calibrated on, shape (n_draw,)."""
         location, scale = self._loads.at(texture, np.array([count]))
         return location[:, 0], np.array(scale[:, 0])
-
-    def _fitted(self, location: FloatArray, scale: FloatArray) -> tuple[Series, Series]:
-        series_pair = []
-        for values in (location, scale):
-            with np.errstate(invalid="ignore"):
-                series = self._to_series @ values
-                left = np.cumsum(np.abs(series[::-1]).max(axis=1))[::-1]  # of each term and further
-            series_pair.append(series[: max(int(np.sum(~(left < _LEAST_TERM))), 1)])
-        return series_pair[0], series_pair[1]
 
 
 def drawn_loads(
@@ -117,9 +75,3 @@ def drawn_loads(
         (DrawnLoads(fit, *ratios), weight)
         for (fit, _), weight in zip(averaged, weights, strict=True)
     ]
-
-
-def _evaluate(series: Series, x: FloatArray) -> FloatArray:
-    """Return Chebyshev series of draws, each at its own x, shape (n,)."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray(chebyshev.chebval(x, series, tensor=False))

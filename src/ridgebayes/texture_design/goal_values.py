@@ -9,17 +9,18 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import special
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
+from ridgebayes.predict.posterior_loads import widest_count
 from ridgebayes.texture_design.bodies import Bodies
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
-from ridgebayes.texture_design.goals import Case, Goal, Load
+from ridgebayes.texture_design.goals import MOST_COUNT, Case, Goal, Load
 
 _LEAST_DRAWS = 512
 _NEGLIGIBLE = 1e-7
-_LARGEST_Q = 2_000
 Corner = tuple[float, float]
 
 
@@ -96,7 +97,7 @@ class PlacedDraws:
         self._log_area = 0.0 if self._texture else 2 * np.log(pitch)
         self._last: FloatArray | None = None
         if not part.loads.has_mean:  # Student tails leave some to any count: up to the whole width
-            self._last = 2 + 2 * np.floor(np.maximum(1 - groove / 2, 0) / pitch)
+            self._last = widest_count(wide, groove)
         self._known: dict[int, tuple[FloatArray, FloatArray]] = {}
 
     def threshold(self, count: int, load: Load) -> FloatArray:
@@ -124,19 +125,18 @@ class PlacedDraws:
     def probability(self, case: Case) -> FloatArray:
         """Return the probability of a case of each draw, shape (n,)."""
         low, high = self.window(case)
-        cdf, which = self._part.loads.cdf, self._part.which
-        upper = 1.0 if high is None else cdf(high, which)
-        lower = 0.0 if low is None else cdf(low, which)
-        return np.maximum(upper - lower, 0.0)
+        upper = 1.0 if high is None else special.ndtr(high)
+        lower = 0.0 if low is None else special.ndtr(low)
+        return np.asarray(np.maximum(upper - lower, 0.0))
 
     def reached(self, load: Load) -> Iterator[tuple[int, FloatArray]]:
         """Yield counts from 4 on, and the probability of each draw to reach them."""
-        for count in range(4, _LARGEST_Q + 2, 2):
-            found = self._part.loads.cdf(self.threshold(count, load), self._part.which)
-            if found.mean() < _NEGLIGIBLE:
+        for count in range(4, MOST_COUNT + 2, 2):
+            share: FloatArray = special.ndtr(self.threshold(count, load))
+            if share.mean() < _NEGLIGIBLE:
                 return
-            yield count, found
-        raise InputError(f"load: expected counts up to {_LARGEST_Q}, got more")
+            yield count, share
+        raise InputError(f"load: expected counts up to {MOST_COUNT}, got more")
 
 
 class GoalValues:

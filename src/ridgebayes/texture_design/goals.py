@@ -46,7 +46,7 @@ _WITH_UNIT = re.compile(r"[-+.,\d]+(?:e[+-]?\d+)?\s*[^\W\d_].*", re.IGNORECASE)
 _SYMBOLS = {"p/E": "", "pressure": " Pa", "line load": " N/m", "force": " N"}
 _Q = re.compile(r"q(?:\s*\((?P<load>[^()]+)\))?", re.IGNORECASE)
 _FLIPPED = {"<": ">", "<=": ">=", "=": "=", ">": "<", ">=": "<="}
-_MOST_LOADS, _MOST_COUNT = 1_000, 2_000
+_MOST_LOADS, MOST_COUNT = 1_000, 2_000
 
 
 @dataclass(frozen=True)
@@ -242,8 +242,8 @@ def _complement(case: Case, where: str) -> Case:
 
 def _bounds(text: str, op: str, where: str) -> tuple[int | None, int | None]:
     """Return the even counts that Q must reach, and stay below."""
-    if not text.isdecimal() or not 0 < int(text) <= _MOST_COUNT:
-        raise InputError(f"{where}: expected a whole count from 1 to {_MOST_COUNT}, got {text!r}")
+    if not text.isdecimal() or not 0 < int(text) <= MOST_COUNT:
+        raise InputError(f"{where}: expected a whole count from 1 to {MOST_COUNT}, got {text!r}")
     n = int(text)
     if op == "=" and n % 2:
         raise InputError(f"{where}: Q is even; expected an even count, got {n}")

@@ -1,4 +1,4 @@
-"""Where the uncertainty of a design comes from: Sobol's indices, and what knowing more would do.
+"""A check of a design by draws; where its uncertainty comes from, and what knowing more would do.
 
 Sources are independent groups. Everything of a draw is a function of them: form and error model
 from a uniform number each, coefficients from a third, which picks a draw of that posterior in the
@@ -14,18 +14,19 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes._types import BoolArray, FloatArray, IntArray, Json
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.runtime.randomness import stream, streams
 from ridgebayes.scene.scene import Scene
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
 from ridgebayes.texture_design.goal_values import PlacedDraws, PosteriorDraws, Value
+from ridgebayes.texture_design.goals import Goal
 
 FORM, NOISE, COEFFICIENTS = "form", "error model", "coefficients"
 SIMULATION = "a simulation of this texture"
 _GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}
-_N = 2**14
+_N, _N_CHECK = 2**14, 100_000
 _MOST_SE = 0.1  # of reported shares
 _N_OUTER, _N_INNER = 128, 256
 _PROB = (0.05, 0.95)
@@ -133,8 +134,8 @@ class Sources:
         units = median_units(self.scene)
         highest = max(self.value.case.loads, key=lambda load: load.p_over_E(units)[0])
         Q, failed = np.full(len(draws["score"]), 2.0), np.zeros(len(draws["score"]))
-        for here, which, placed, drawn in self._placed(draws):
-            error = drawn.score(draws["score"][here], which)
+        for here, which, placed in self._placed(draws):
+            error = draws["score"][here]
             low, high = placed.window(self.value.case)
             met = np.ones(len(which), dtype=bool)
             met &= True if high is None else error <= high
@@ -151,7 +152,7 @@ class Sources:
     def probability(self, draws: Draws) -> FloatArray:
         """Return the probability of the case of each draw, its error left open, shape (n,)."""
         values = np.empty(len(draws["score"]))
-        for here, _, placed, _ in self._placed(draws):
+        for here, _, placed in self._placed(draws):
             values[here] = placed.probability(self.value.case)
         return values
 
@@ -162,7 +163,7 @@ class Sources:
         joint = [name for correlated in self.scene.uncertain.joint for name in correlated.of]
         return list(dict.fromkeys([*self.scene.uncertain.sources, *joint]))
 
-    def _placed(self, draws: Draws) -> list[tuple[BoolArray, IntArray, PlacedDraws, DrawnLoads]]:
+    def _placed(self, draws: Draws) -> list[tuple[BoolArray, IntArray, PlacedDraws]]:
         """Return draws of each posterior, at the texture."""
         n = len(draws["score"])
         bodies = Bodies.draw(self.scene, self.tolerance, n, 0, draws)
@@ -184,9 +185,7 @@ class Sources:
                 place = (draws[COEFFICIENTS][here] * loads.n_draw).astype(np.int64)
                 which = self._order(loads)[place]
                 part = PosteriorDraws(loads, 1.0, which, bodies.some(here))
-                placed.append(
-                    (here, which, PlacedDraws(part, *self.texture, self.value.corner), loads)
-                )
+                placed.append((here, which, PlacedDraws(part, *self.texture, self.value.corner)))
         return placed
 
     def _order(self, loads: DrawnLoads) -> IntArray:
@@ -196,6 +195,20 @@ class Sources:
         count = max([4, *(n for n, _ in (*case.at_least, *case.below))])
         ratio = np.asarray(a / (a + b))
         return np.argsort(loads.at(count, slice(None), ratio)[0], kind="stable")
+
+
+def drawn_check(sources: Sources, goal: Goal, seed: int) -> Json:
+    """Return the goal, n, the probability of its worst case (or sd of Q) by n draws, and its se."""
+    n = _N_CHECK
+    Q, failed = sources.outcome(sources.draw(n, seed))
+    if goal.is_spread:
+        value, fourth = float(Q.std()), float(((Q - Q.mean()) ** 4).mean())
+        se = math.sqrt(max(fourth - value**4, 0.0) / n) / (2 * value) if value else 0.0
+    else:
+        value = 1 - float(failed.mean())
+        # If no draw or every draw meets the goal, the error is as if one draw differed.
+        se = math.sqrt(max(value * (1 - value), 1 / n) / n)
+    return {"goal": goal.text, "n": n, "probability": value, "se": se}
 
 
 def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:

@@ -7,7 +7,6 @@ import pytest
 
 from ridgebayes.contact.cylinder.contact_problem import State
 from ridgebayes.contact.cylinder.cylinder import Cylinder
-from ridgebayes.contact.cylinder.faces import Corner
 from ridgebayes.contact.rigid_profile import Profile
 
 COARSE = 8
@@ -99,20 +98,3 @@ def test_bending__of_a_convex_potential_is_the_part_that_stiffens():
         values = np.linalg.eigvalsh(sign * matrix[dofs][:, dofs].toarray())
         assert values.min() > -1e-12 * size  # rounding
         assert values.max() > 1e-3 * size
-
-
-def test_apart__has_the_derivative_by_the_nodes_and_falls_with_the_rise():
-    one, way, problem = state(), direction(), body().problem
-    corner = Corner(1, (0.15, -0.98), 0.01)
-    value, row = problem.corner_distance(one, corner)
-    up, down = (
-        problem.corner_distance(moved(one, sign * STEP * way), corner)[0] for sign in (1, -1)
-    )
-    # Finite difference: second order in the step.
-    assert (up - down) / (2 * STEP) == pytest.approx(row @ way, rel=1e-6)
-    higher, lower = (
-        problem.corner_distance(moved(one, rise=sign * STEP), corner)[0] for sign in (1, -1)
-    )
-    assert (higher - lower) / (2 * STEP) == pytest.approx(-row @ problem.up, rel=1e-6)
-    sharp = problem.corner_distance(one, Corner(1, corner.centre, 0.0))[0]
-    assert value == pytest.approx(sharp - 0.01, abs=1e-15)  # rounding

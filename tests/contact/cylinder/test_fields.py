@@ -6,12 +6,12 @@ import meshio
 import numpy as np
 import pytest
 
+from ridgebayes import InputError
 from ridgebayes.contact.cylinder.contact_problem import State
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import nodal_fields, surface_table, write_fields
 from ridgebayes.contact.cylinder.newton import Control, solve
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import InputError
 
 PROFILES = {
     "sharp": Profile(0.022, 0.02),
@@ -43,32 +43,7 @@ def stretched(cylinder, mean=0.0):
     return State(u, p, still.pressure, still.shear, 0.0)
 
 
-def written(tmp_path, name="sharp"):
-    path = tmp_path / "state.xdmf"
-    write_fields(body(name), [raised(name)], path)
-    with meshio.xdmf.TimeSeriesReader(path) as series:
-        points, cells = series.read_points_cells()
-        return meshio.Mesh(points, cells, point_data=series.read_data(0)[1])
-
-
 # ------------------------------------------------------------------------------------------ files
-
-
-@pytest.mark.slow
-def test_xdmf__has_the_state_at_the_undeformed_points(tmp_path):
-    mesh, solid = written(tmp_path), body().problem.solid
-    np.testing.assert_array_equal(mesh.points[:, :2], solid.points)
-    np.testing.assert_array_equal(mesh.points[:, 2], 0.0)
-    (cells,) = mesh.cells
-    assert cells.type == "quad9"
-    np.testing.assert_array_equal(cells.data, solid.nodes)
-    expected = nodal_fields(body(), raised())
-    assert mesh.point_data.keys() == expected.keys()
-    for key, values in expected.items():
-        np.testing.assert_array_equal(mesh.point_data[key], values)
-    np.testing.assert_array_equal(mesh.point_data["displacement"][:, :2], raised().u)
-    np.testing.assert_array_equal(mesh.point_data["displacement"][:, 2], 0.0)
-    assert {one.name for one in tmp_path.iterdir()} == {"state.h5", "state.xdmf"}
 
 
 def test_xdmf__is_a_series_in_the_load(tmp_path, monkeypatch):
@@ -123,22 +98,6 @@ def test_fields__of_a_constant_gradient_are_those_of_the_material(nu):
     np.testing.assert_allclose(stress, np.broadcast_to(expected, stress.shape), **rounding)
     np.testing.assert_allclose(found["volume_ratio"], J, **rounding)
     np.testing.assert_allclose(found["pressure"], -0.17, **rounding)
-
-
-def test_fields__of_a_linear_pressure_are_exact_in_rectangles():
-    """In the square core of the mesh, where elements are rectangles, at all nine nodes."""
-    cylinder = body()
-    solid, still = cylinder.problem.solid, cylinder.unloaded()
-    x, y = solid.points.T
-    corners = solid.points[solid.nodes]
-    centre, size = corners[:, 8], np.sqrt(solid._weight.sum(axis=1))
-    # 0.2 + x - 3 y in each element's own coordinates.
-    p = np.column_stack([0.2 + centre @ [1.0, -3.0], size, -3.0 * size])
-    state = State(still.u, p, still.pressure, still.shear, 0.0)
-    inside = np.hypot(x, y) < 0.2
-    assert inside.sum() > 20
-    found = nodal_fields(cylinder, state)["pressure"]
-    np.testing.assert_allclose(found[inside], -(0.2 + x - 3 * y)[inside], atol=1e-13)  # rounding
 
 
 def test_stress__below_a_contact_is_its_pressure():

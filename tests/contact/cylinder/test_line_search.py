@@ -17,18 +17,6 @@ def test_best_part__leaves_at_most_half_of_the_slope(zero, bend):
     assert abs(slope(best_part(slope))) <= 0.5 * abs(slope(0.0))
 
 
-def test_best_part__stays_where_there_is_a_potential():
-    """As where a longer step turns an element inside out."""
-    asked = []
-
-    def slope(part):
-        asked.append(part)
-        return math.inf if part > 0.05 else part - 0.03
-
-    assert 0.0 < best_part(slope) <= 0.05
-    assert len(asked) < 9
-
-
 @pytest.mark.parametrize(
     "slope", [lambda part: -1.0 - part, lambda part: math.copysign(1.0, part - 0.3)]
 )

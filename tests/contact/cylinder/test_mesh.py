@@ -125,24 +125,6 @@ def test_rim__lies_on_the_circle_with_its_nodes_halfway(part):
     np.testing.assert_allclose(chord[:, 0], chord[:, 1], rtol=1e-11)
 
 
-@pytest.mark.parametrize("part", PARTS)
-def test_rim__is_one_line_counter_clockwise(part):
-    found = disk_mesh(graded, **part)
-    np.testing.assert_array_equal(found.rim[1:, 0], found.rim[:-1, 2])
-    first, middle, last = np.moveaxis(found.points[found.rim], 1, 0)
-    for a, b in ((first, middle), (middle, last)):
-        assert (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] > 0).all()
-    start = 1.0 if "both_sides" in part else 0.0
-    start *= math.pi / 2
-    stop = math.pi / 2
-    # Rounding.
-    assert abs(angle_of(first[0])) == pytest.approx(start, abs=1e-15)
-    assert abs(angle_of(last[-1])) == pytest.approx(stop, abs=1e-15)
-    turned = np.arcsin(first[:, 0] * last[:, 1] - first[:, 1] * last[:, 0])
-    wanted = (2 if "both_sides" in part else 1) * math.pi / 2
-    assert turned.sum() == pytest.approx(wanted, abs=1e-12)  # rounding of a sum
-
-
 @pytest.mark.parametrize("refine", [1, 3])
 @pytest.mark.parametrize("size", SIZES)
 def test_size__is_the_most_an_edge_is_long(size, refine):
@@ -157,66 +139,3 @@ def test_size__is_the_most_an_edge_is_long(size, refine):
     finest = size(np.linspace(0.0, math.pi / 2, 20_001)).min()
     assert 0.75 * finest <= width.min() * (1 + 1e-9)  # rounding
     assert width.min() <= finest * (1 + 1e-9)  # rounding
-
-
-def test_elements__are_about_as_long_as_wide_where_they_are_finest():
-    found = disk_mesh(graded)
-    sides, _ = facets(found)
-    finest = np.diff(angle_of(found.points[found.rim[:, [0, 2]]]), axis=1)[:, 0]
-    rim = found.rim[finest < 1.01 * finest.min()]
-    ends = np.isin(sides[:, :2], rim[:, [0, 2]])
-    up = sides[ends.any(axis=1) & ~ends.all(axis=1), :2]
-    up = up[~on_circle(found.points[up].reshape(-1, 2)).reshape(-1, 2).all(axis=1)]
-    height = np.linalg.norm(found.points[up[:, 0]] - found.points[up[:, 1]], axis=1)
-    assert (height > 0.5 * finest.min()).all()
-    assert (height < 2.0 * finest.min()).all()
-
-
-def inside(found):
-    """Longest edge of the core."""
-    sides, _ = facets(found)
-    ends = found.points[sides[:, :2]]
-    near = np.hypot(*ends.mean(axis=1).T) < 0.4
-    return np.linalg.norm(ends[near, 0] - ends[near, 1], axis=1).max()
-
-
-def test_refine__divides_elements_inside_by_its_factor():
-    # Columns come in steps of two out of 6 or more, and in powers of three.
-    ratio = inside(disk_mesh(graded)) / inside(disk_mesh(graded, refine=3))
-    assert 0.75 * 3 < ratio < 3 / 0.75
-
-
-@pytest.mark.parametrize(
-    ("part", "mirror"),
-    [
-        ({"both_sides": True}, (-1.0, 1.0)),
-    ],
-)
-def test_mirrored__mesh_is_its_own_image(part, mirror):
-    """Nodes, and the elements they belong to."""
-    found = disk_mesh(shallow, **part)
-
-    def elements(points):
-        nine = np.round(points[found.mesh.dofs.element_dofs.T] * 1e8).astype(np.int64)
-        return {tuple(sorted(map(tuple, one))) for one in nine}  # rounding, far below an edge
-
-    assert elements(found.points) == elements(found.points * mirror)
-
-
-@pytest.mark.parametrize("part", PARTS)
-def test_axis_and_mid_plane__hold_the_nodes_of_the_straight_lines(part):
-    found = disk_mesh(graded, **part)
-    sides, _ = facets(found)
-    for nodes, i in ((found.axis, 0), (found.mid_plane, 1)):
-        across = found.points[:, i]
-        # Rounding: cos(pi/2).
-        np.testing.assert_allclose(across[nodes], 0.0, atol=1e-15)
-        # Lines of edges, middles among them, from the centre or the other side to the rim.
-        edges = sides[np.isin(sides, nodes).all(axis=1)]
-        np.testing.assert_array_equal(np.unique(edges), nodes)
-        assert len(nodes) == 2 * len(edges) + 1
-        others = np.setdiff1d(np.arange(len(across)), nodes)
-        assert np.abs(across[others]).min() > 1e-5
-        along = found.points[nodes, 1 - i]
-        reach = [-1.0 if i == 0 or "both_sides" in part else 0.0, 1.0 if i == 1 else 0.0]
-        assert [along.min(), along.max()] == pytest.approx(reach, abs=1e-15)  # rounding

@@ -1,7 +1,6 @@
 """Equilibrium: the same state by rise, load or corner, in few steps, or a message."""
 
 import functools
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,34 +87,6 @@ def test_solve__follows_the_rim_past_round_corners_to_the_state_of_short_steps()
     same(solve(problem, first, Control("rise", 0.06))[0], state)
 
 
-@pytest.mark.parametrize(("friction", "shares"), [(0.0, [1.0, 0.9, 0.0]), (0.3, [1.0])])
-def test_step__is_made_convex_where_there_is_a_potential(monkeypatch, friction, shares):
-    class Factor:
-        U = np.diag([1.0, -1.0])
-
-        def solve(self, right):
-            return np.zeros_like(right)
-
-    asked, problem = [], body(friction=friction).problem
-    state = problem.unloaded()
-    none = np.zeros(len(problem.faces), dtype=bool)
-    inner = problem.solid.assemble(state.u, state.p)
-    kinds = np.zeros(len(problem.faces))
-    step = newton.NewtonStep(
-        problem, Control("rise", 0.01), state, problem.gaps(state, state, none), inner, kinds
-    )
-    stiffness = problem.contact_stiffness
-
-    def noted(*given, share):
-        asked.append(share)
-        return stiffness(*given, share=share)
-
-    monkeypatch.setattr(newton, "factorise", lambda *_, **__: Factor())
-    monkeypatch.setattr(problem, "contact_stiffness", noted)
-    step.solve(none)
-    assert asked == shares
-
-
 def errors(monkeypatch, run):
     found = []
     measure = newton.NewtonStep.error
@@ -181,26 +152,3 @@ def test_friction__of_a_body_below_half_pulls_the_contact_inwards(ab):
         one.problem.faces.face
     ]
     assert (state.shear * one.problem.faces.length)[level].sum() > 0
-
-
-@pytest.mark.parametrize(("share", "slides"), [(1.0, True), (0.95, False), (-1.0, True)])
-def test_sliding__starts_with_what_slid_where_the_whole_body_did(share, slides):
-    problem = body(friction=0.3).problem
-    still = problem.unloaded()
-    pressure = np.where(np.arange(len(problem.faces)) % 2, 0.1, 0.0)
-    state = replace(still, pressure=pressure, shear=share * 0.3 * pressure)
-    expected = np.sign(share * pressure) if slides else 0 * pressure
-    np.testing.assert_array_equal(newton._sliding(problem, state), expected)
-    # Pressed alone it slides to both sides, as far as it does.
-    both = np.where(np.arange(len(pressure)) < len(pressure) // 2, 1.0, -1.0)
-    assert not newton._sliding(problem, replace(state, shear=state.shear * both)).any()
-    assert not newton._sliding(problem, still).any()
-
-
-def test_solve__says_that_a_stiffness_is_singular(monkeypatch):
-    def factorise(*_, **__):
-        raise RuntimeError("Factor is exactly singular")
-
-    monkeypatch.setattr(newton, "factorise", factorise)
-    with pytest.raises(NotConvergedError, match="the stiffness is singular"):
-        solve(body().problem, body().unloaded(), Control("rise", 0.01))

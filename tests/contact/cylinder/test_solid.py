@@ -63,13 +63,6 @@ def some_directions(body):
     return smooth + rough, rng.uniform(-1.0, 1.0, (body.n_element, 3))
 
 
-def gathered(body, forces):
-    """Sum element forces at the nodes."""
-    total = np.zeros(2 * body.n_node)
-    np.add.at(total, body.dofs, forces)
-    return total.reshape(-1, 2)
-
-
 def slope(function, step=STEP):
     return (function(step) - function(-step)) / (2 * step)
 
@@ -95,61 +88,7 @@ def test_patch__of_constant_stress_has_no_force_inside(nu):
 # ----------------------------------------------------------------------------------------- energy
 
 
-def test_volume_residual__is_the_change_of_area():
-    """Its constant part without pressure, summed: the area of the bent elements, less the first."""
-    body = solid()
-    u = waves(body.points)
-    deformed = np.ascontiguousarray((body.points + u).T)
-    first, last = (
-        Basis(type(body.mesh.mesh)(at, body.mesh.mesh.t), ElementQuad2(), intorder=8).dx.sum()
-        for at in (body.mesh.mesh.doflocs, deformed)
-    )
-    found = volume_residual(body, u, body.no_pressure())[:, 0].sum()
-    assert abs(last - first) > 0.005
-    assert found == pytest.approx(last - first, abs=1e-14)  # rounding
-
-
-def test_pressures__are_linear_in_space():
-    """Each element's three values: at its centre, and slopes times the root of its area."""
-    body = solid()
-    p = np.random.default_rng(5).uniform(-1.0, 1.0, (body.n_element, 3))
-    places = np.einsum("egp->peg", body._linear)
-    weight = body._weight
-    # Rounding: mean zero about the centre of each element, over lengths of its size.
-    np.testing.assert_allclose((weight * places[1:]).sum(axis=2), 0.0, atol=1e-14)
-    at = Basis(body.mesh.mesh, ElementQuad2(), intorder=5).global_coordinates()
-    root = np.sqrt(weight.sum(axis=1))
-    centre = (weight * at).sum(axis=2) / root**2
-    expected = p[:, :1] + np.einsum(
-        "ieg,ei->eg", (at - centre[..., None]) / root[:, None], p[:, 1:]
-    )
-    np.testing.assert_allclose(body.pressures(p), expected, atol=1e-13)  # rounding
-
-
 # --------------------------------------------------------------------------------- linearisation
-
-
-@pytest.mark.parametrize("nu", [0.3, 0.5])
-def test_stiffness__is_the_derivative_of_the_force_and_of_the_condensed_pressures(nu):
-    """Its part of fixed pressure, and that of pressures that follow the volume."""
-    body = solid(nu)
-    u, p = some_state(body)
-    du, _ = some_directions(body)
-    found = body.assemble(u, p)
-    np.testing.assert_array_equal(found.force, body.force(u, p))
-    np.testing.assert_array_equal(found.volume, volume_residual(body, u, p))
-    coupled = np.einsum("eqd,ed->eq", found._coupling, du.reshape(-1)[body.dofs])
-    change = slope(lambda t: volume_residual(body, u + t * du, p))
-    # Finite differences: rounding over the step, and nothing else in a quadratic.
-    np.testing.assert_allclose(coupled, change, atol=1e-11)
-    follows = np.einsum("epq,eq->ep", found._inverse, coupled)
-    condensed = gathered(body, np.einsum("eqd,eq->ed", found._coupling, follows))
-    total = (found.stiffness @ du.ravel()).reshape(-1, 2)
-    direct = slope(lambda t: body.force(u + t * du, p))
-    # Finite differences, and rounding of condensed forces, 1e5 times larger at nu = 0.5.
-    tol = 2e-9 + 1e-14 * np.abs(condensed).max()
-    np.testing.assert_allclose(total - condensed, direct, atol=tol)
-    assert np.abs(direct).max() > 1e-2
 
 
 def test_linear_step__is_the_derivative_at_finite_strain():
@@ -163,21 +102,6 @@ def test_linear_step__is_the_derivative_at_finite_strain():
     expected = found.condensed + (found.stiffness @ du.ravel()).reshape(-1, 2)
     np.testing.assert_allclose(force, expected, atol=5e-9)  # finite differences
     np.testing.assert_allclose(volume, -found.volume, atol=1e-10)  # finite differences
-
-
-def test_pressure_step__at_one_half_is_that_of_a_slight_compressibility():
-    """1e-5 / E: it enters the step alone. The residual itself has none."""
-    body = solid(0.5)
-    u, p = some_state(body)
-    du, dp = some_directions(body)
-    np.testing.assert_array_equal(volume_residual(body, u, p), volume_residual(body, u, p + dp))
-    found = body.assemble(u, p)
-    step = found.pressure_step(du, body.dofs)
-    assert np.isfinite(step).all()
-    change = found.volume + np.einsum("eqd,ed->eq", found._coupling, du.reshape(-1)[body.dofs])
-    # Rounding: condition of an element's three pressures.
-    back = 1e-5 * np.einsum("epq,eq->ep", body._mass, step)
-    np.testing.assert_allclose(back, change, atol=1e-12 * np.abs(change).max())
 
 
 def test_assemble__refuses_elements_turned_inside_out():

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from ridgebayes.contact.cylinder import surface
 from ridgebayes.contact.cylinder.surface import cast, distance, kink, shapes
 
 UP = np.array([0.0, 1.0])
@@ -82,34 +81,6 @@ def test_cast__of_vertical_rays_measures_up_to_the_circle():
     np.testing.assert_allclose(np.divide(off[:-1], off[1:]), 16.0, rtol=0.25)
 
 
-def test_cast__of_rays_to_the_centre_has_one_gap():
-    angle = np.linspace(-3.0, 3.0, 50)
-    out = np.column_stack([np.sin(angle), -np.cos(angle)])
-    point, normal, reach = rays(*(1.03 * out).T, normal=-out)
-    hits = cast(circle(64), point, normal, **reach)
-    np.testing.assert_array_equal(hits.ray, np.arange(50))
-    np.testing.assert_allclose(hits.gap, 0.03, atol=3e-7)  # discretisation: h^4/500
-    # The rigid side's tangent is a quarter turn clockwise from its normal.
-    turned = np.column_stack([normal[:, 1], -normal[:, 0]])
-    np.testing.assert_array_equal(hits.tangent, turned)
-
-
-@pytest.mark.parametrize("block", [1, 7, 10_000])
-def test_cast__finds_the_same_however_many_rays_share_a_box(monkeypatch, block):
-    """One box around all rays leaves out no edge near any."""
-    rng = np.random.default_rng(3)
-    x = rng.uniform(-0.9, 0.9, 200)
-    out = np.column_stack([x + rng.normal(0.0, 0.3, 200), -np.ones(200)])
-    point, normal, reach = rays(x, -1.02 * np.sqrt(1.0 - x**2), normal=-out)
-    rim = dented()
-    found = cast(rim, point, normal, **reach)
-    monkeypatch.setattr(surface, "_BLOCK", block)
-    again = cast(rim, point, normal, **reach)
-    assert len(found.ray) > 150
-    for name in ("ray", "edge", "s", "gap", "gradient", "hessian"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
-
-
 def test_cast__counts_entries_and_no_exits():
     """A ray that starts in the body and leaves it within reach meets nothing."""
     point, normal, reach = rays([0.05, 0.3], 0.8)
@@ -139,18 +110,6 @@ def test_cast__meets_an_edge_that_falls_back_before_it_rises():
     np.testing.assert_allclose(hits.s, expected, rtol=1e-14)  # rounding
 
 
-def test_cast__through_a_node_to_rounding_is_met():
-    """Oblique rays, whose node is off by a bit or two: one edge or the other has to own it."""
-    for n_edge in range(3, 40):
-        rim = circle(n_edge, -0.6, 0.6)
-        at = rim[1:, 0]
-        for angle in np.linspace(-0.4, 0.4, 9):
-            n = np.array([math.sin(angle), math.cos(angle)])
-            point, normal, reach = rays(*(at - 0.05 * n).T, normal=n)
-            hits = cast(rim, point, normal, **reach)
-            np.testing.assert_array_equal(hits.ray, np.arange(len(at)))
-
-
 def oblique():
     rim = dented()
     rng = np.random.default_rng(7)
@@ -177,12 +136,6 @@ def differences(step=STEP):
             ]
             assert pair[0].edge[0] == pair[1].edge[0] == hits.edge[h]
             yield hits, h, k, i, pair
-
-
-def test_gradient__is_the_derivative_of_the_gap_by_the_nodes():
-    for hits, h, k, i, (plus, minus) in differences():
-        found = (plus.gap[0] - minus.gap[0]) / (2 * STEP)
-        assert found == pytest.approx(hits.gradient[h, k, i], abs=1e-8)  # finite differences
 
 
 def test_hessian__is_the_derivative_of_the_gradient():
@@ -225,20 +178,6 @@ def test_kink__is_the_jump_of_the_gaps_slope_at_a_node(lean):
 # -------------------------------------------------------------------------------------- distance
 
 
-@pytest.mark.parametrize("radius", [0.4, 0.9, 1.0, 1.02, 3.0])
-def test_distance__from_the_unit_circle_is_signed(radius):
-    angles = np.linspace(-3.0, 3.0, 23)
-    off = []
-    for n_edge in (16, 32, 64):
-        at = radius * np.column_stack([np.sin(angles), -np.cos(angles)])
-        found = [distance(circle(n_edge), point)[0] for point in at]
-        off.append(np.abs(np.array(found) - (radius - 1.0)).max())
-    # Discretisation order: parabolas leave the circle by h^4/500 or so; where on its edge the
-    # nearest place falls, varies.
-    assert off[0] < 5e-5
-    np.testing.assert_allclose(np.divide(off[:-1], off[1:]), 16.0, rtol=0.25)
-
-
 @pytest.mark.parametrize(
     ("point", "expected"),
     [
@@ -255,29 +194,6 @@ def test_distance__from_a_square_is_exact(point, expected):
     assert found == pytest.approx(expected, abs=1e-15)  # rounding
     # The distance falls as the edge comes nearer: minus the unit outward direction.
     assert np.hypot(*gradient.sum(axis=0)) == pytest.approx(1.0, abs=1e-15)  # rounding
-
-
-def test_distance__from_a_corner_that_points_inwards_is_to_the_sides():
-    rim = straight((-2, -1), (0, 0), (2, -1), (2, 2), (-2, 2), (-2, -1))
-    side = np.array([-1.0, -2.0]) / math.sqrt(5)  # outward, of the second edge
-    for way, own in ((1.0, 1), (-1.0, 0)):
-        found, edge, gradient = distance(rim, (np.array([1.0, -0.5]) + 0.1 * side) * [way, 1])
-        assert found == pytest.approx(0.1, abs=1e-15)  # rounding
-        assert edge == own
-        # Rounding.
-        np.testing.assert_allclose(-gradient.sum(axis=0), side * [way, 1], atol=1e-14)
-    inside, _, gradient = distance(rim, np.array([0.0, 0.1]))
-    assert inside == pytest.approx(-0.1, abs=1e-15)  # rounding: to the corner itself
-    np.testing.assert_allclose(gradient.sum(axis=0), [0.0, 1.0], atol=1e-14)  # rounding
-
-
-def test_distance__from_between_the_nodes_of_a_long_edge_is_to_it():
-    """Though all its nodes are further away than another edge is."""
-    rim = np.concatenate([straight((0, 0), (4, 0)), straight((1, -0.8), (1.1, -0.8))])
-    for order, edge in (([0, 1], 0), ([1, 0], 1)):
-        found, nearest, _ = distance(rim[order], np.array([1.0, -0.3]))
-        assert found == pytest.approx(0.3, abs=1e-15)  # rounding
-        assert nearest == edge
 
 
 def some_points():

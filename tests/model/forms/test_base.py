@@ -96,12 +96,12 @@ def test_log_load_gradient__is_the_central_difference(name, a, b, c):
 def test_load_and_continuous_count__broadcast_draws_textures_and_loads(form):
     textures = np.array([(0.012, 0.03), (0.032, 0.01), (0.022, 0.02)])
     a, b = textures[:, :1], textures[:, 1:]
-    draws = np.array(form.printed) * np.linspace(0.9, 1.1, 5)[:, None]
+    draws = np.array(form.published) * np.linspace(0.9, 1.1, 5)[:, None]
     Q, p, nu = np.array([4, 6, 8, 10]), np.array([0.0, 1e-3, 4e-3, 0.01]), 0.3
     loads = form.load(Q, a, b, draws, nu)
     counts = form.continuous_count(p, a, b, draws, nu)
     assert loads.shape == counts.shape == (5, 3, 4)
-    assert form.log_load_gradient(draws, *textures.T).shape == (5, 3, len(form.printed))
+    assert form.log_load_gradient(draws, *textures.T).shape == (5, 3, len(form.published))
     assert form.slope(*textures.T, draws).shape == (5, 3)
     for d, theta in enumerate(draws):
         for t, (one_a, one_b) in enumerate(textures):

@@ -52,7 +52,7 @@ def fitted_on_counts(form, rows):
     def residual(theta):
         return form.continuous_count(p, a, b, theta) - q
 
-    return least_squares(residual, form.printed, xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+    return least_squares(residual, form.published, xtol=1e-14, ftol=1e-14, gtol=1e-14).x
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,6 @@ from ridgebayes._types import NEO_HOOKEAN, FloatArray, Ogden
 from ridgebayes.errors import InputError
 
 _NEAR, _N_TAYLOR = 0.1, 6
-# d cof(F)_iJ / d F_kL of a plane F: cof(F) = [[F22, -F21], [-F12, F11]].
-_COFACTOR = np.zeros((2, 2, 2, 2))
-_COFACTOR[0, 0, 1, 1] = _COFACTOR[1, 1, 0, 0] = 1.0
-_COFACTOR[0, 1, 1, 0] = _COFACTOR[1, 0, 0, 1] = -1.0
 
 
 @dataclass(frozen=True)
@@ -66,7 +62,8 @@ class Material:
         tangent = 2.0 * slopes.by_s[four] * eye4 + 2.0 * slopes.by_sJ[four] * mixed
         tangent = tangent + 4.0 * slopes.by_ss[four] * np.einsum("...ij,...kl->...ijkl", F, F)
         tangent = tangent + slopes.by_JJ[four] * np.einsum("...ij,...kl->...ijkl", cof, cof)
-        return np.asarray(tangent + (slopes.by_J + p)[four] * _COFACTOR)
+        # The cofactor is linear: its derivative is that of unit gradients.
+        return np.asarray(tangent + (slopes.by_J + p)[four] * cofactor(eye4))
 
     def _slopes(self, F: FloatArray) -> "_Slopes":
         """Return the derivatives of the energy without its last part."""

@@ -30,15 +30,14 @@ _MOST_STEPS = 30
 # Shares of the part that contact takes from the stiffness: at 0.9 most bodies between two places on
 # a corner are stable, and soft directions keep most of their length; at 0 they do not.
 _SHARES = (1.0, 0.9, 0.0)
-_GAP_TOL = 1e-11  # over R: the first transition moves by 2e-8 of its load
-_FORCE_TOL = 1e-9  # of the load
-_VOLUME_TOL = 1e-11  # over R^2, of an element
+# Over R; and over R^2, of an element's volume: the first transition moves by 2e-8 of its load.
+_GAP_TOL = 1e-11
+_FORCE_TOL = 1e-9  # of the load; and of the friction, by which a shear has to differ from it
 _NEAR = 1e3  # tolerances: nearer to equilibrium, a part in 10^6 of the load, steps need no search
 _LEAST_VOLUME = 0.05  # of an element after a step, over the undeformed
 _MOST_PIVOTS, _PATIENCE = 30, 5
 _FRICTION_STEPS, _ALL_AT_ONCE = 15, 6
 _WHOLLY = 0.9  # of the friction, in one direction: the body slides
-_SURE = 1e-9  # of the friction, by which a shear has to differ from it
 
 
 class NotConvergedError(Exception):
@@ -182,7 +181,7 @@ def _sliding(problem: ContactProblem, start: State) -> FloatArray:
     limit = problem.friction * start.pressure
     if abs(start.shear @ length) <= _WHOLLY * (limit @ length):
         return np.zeros(len(length))
-    return np.where(np.abs(start.shear) >= limit * (1 - _SURE), np.sign(start.shear), 0.0)
+    return np.where(np.abs(start.shear) >= limit * (1 - _FORCE_TOL), np.sign(start.shear), 0.0)
 
 
 def _changed(
@@ -193,7 +192,7 @@ def _changed(
     Sticking segments slide beyond the friction; segments that slide against their shear stop.
     """
     limit = problem.friction * state.pressure
-    excess = np.abs(state.shear) - limit * (1 + _SURE)
+    excess = np.abs(state.shear) - limit * (1 + _FORCE_TOL)
     along = kind * gaps.slip / problem.faces.length
     slides = (kind == 0) & (excess > 0)
     stops = (kind != 0) & (along > _GAP_TOL)
@@ -253,7 +252,7 @@ class NewtonStep:
         parts: list[tuple[FloatArray | float, float]] = [
             (residual, force_tol),
             (np.where(on, gaps.gap, np.minimum(gaps.gap, 0.0)), _GAP_TOL),
-            (self.inner.volume, _VOLUME_TOL),
+            (self.inner.volume, _GAP_TOL),
             (self.control.missing(problem, state, gaps), max(self.control.tolerance, 1e-300)),
         ]
         if problem.friction:

@@ -22,7 +22,8 @@ class Form(ABC):
     Arrays: `Q`, `a_over_R`, `b_over_R`, `p_over_E` and `nu` broadcast as in NumPy, to `shape`; the
     leading axes of `theta`, such as draws, come before them: results have shape
     ``theta.shape[:-1] + shape``. A grid of draws x textures x loads is thus one call with
-    ``a_over_R[:, None]`` and ``p_over_E[None, :]``. Without `theta` the printed coefficients serve.
+    ``a_over_R[:, None]`` and ``p_over_E[None, :]``. Without `theta` the published
+    coefficients serve.
 
     Examples
     --------
@@ -42,7 +43,7 @@ class Form(ABC):
     """
 
     name: ClassVar[str]
-    printed: ClassVar[tuple[float, ...] | None] = None
+    published: ClassVar[tuple[float, ...] | None] = None
 
     @property
     @abstractmethod
@@ -128,7 +129,7 @@ class Form(ABC):
         a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
             Ridge and groove width over radius.
         theta : array_like of float, shape (..., n_parameter), dimensionless
-            Coefficients; the printed ones if not given.
+            Coefficients; the published ones if not given.
 
         Returns
         -------
@@ -175,7 +176,7 @@ class Form(ABC):
         a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
             Ridge and groove width over radius.
         theta : array_like of float, shape (..., n_parameter), dimensionless
-            Coefficients; the printed ones if not given.
+            Coefficients; the published ones if not given.
         nu : array_like of float, broadcastable, dimensionless
             Poisson's ratio.
 
@@ -189,7 +190,7 @@ class Form(ABC):
         ------
         InputError
             If a count is odd, below 2 or above 2^53, a width is outside 1e-50 to 1e50, shapes do
-            not broadcast, a coefficient is not finite or beyond 1e60, or the form has no printed
+            not broadcast, a coefficient is not finite or beyond 1e60, or the form has no published
             coefficients and `theta` is not given.
 
         Notes
@@ -345,9 +346,9 @@ class Form(ABC):
 
     def _theta(self, theta: ArrayLike | None) -> FloatArray:
         if theta is None:
-            if self.printed is None:
-                raise InputError(f"{self.name}: no printed coefficients; pass theta")
-            theta = self.printed
+            if self.published is None:
+                raise InputError(f"{self.name}: no published coefficients; pass theta")
+            theta = self.published
         values = np.atleast_1d(np.asarray(theta, dtype=float))
         if values.shape[-1] != len(self.parameter_names):
             raise InputError(

@@ -53,7 +53,7 @@ class Classic(OneCoefficient):
     """
 
     name: ClassVar[str] = "classic"
-    printed: ClassVar[tuple[float, ...] | None] = (1.382,)
+    published: ClassVar[tuple[float, ...] | None] = (1.382,)
 
     def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
         a, b = np.asarray(a_over_R), np.asarray(b_over_R)
@@ -78,7 +78,7 @@ class Modified(OneCoefficient):
     """
 
     name: ClassVar[str] = "modified"
-    printed: ClassVar[tuple[float, ...] | None] = (1.38,)
+    published: ClassVar[tuple[float, ...] | None] = (1.38,)
 
     def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
         value: FloatArray = (np.asarray(Q) / 2 - 1) * (np.asarray(a_over_R) + np.asarray(b_over_R))
@@ -101,7 +101,7 @@ class Hybrid(Form):
     """
 
     name: ClassVar[str] = "hybrid"
-    printed: ClassVar[tuple[float, ...] | None] = (1.348, 0.01583)
+    published: ClassVar[tuple[float, ...] | None] = (1.348, 0.01583)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

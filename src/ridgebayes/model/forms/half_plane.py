@@ -33,7 +33,7 @@ class HalfPlane(OneCoefficient):
     """
 
     name: ClassVar[str] = "half-plane"
-    printed: ClassVar[tuple[float, ...] | None] = (1.0,)
+    published: ClassVar[tuple[float, ...] | None] = (1.0,)
     n_transition_max: ClassVar[int] = 500
 
     def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:

@@ -26,22 +26,21 @@ _RIDGE, _RIDGE_LINE = "#B8B8B8", "#555555"
 # The highest von Mises stress that has a colour of its own, over the mean contact pressure: more
 # than there is under a smooth contact, less than near sharp corners.
 _COLOURED = 0.8
-_SIDES = [[0, 4, 1], [1, 5, 2], [2, 6, 3], [3, 7, 0]]  # of an element: end, middle, end
-_AROUND = [0, 4, 1, 5, 2, 6, 3, 7]  # its nodes but the centre: eight triangles
+_SIDES = [[k, k + 4, (k + 1) % 4] for k in range(4)]  # of an element: end, middle, end
+_AROUND = [node for start, middle, _ in _SIDES for node in (start, middle)]  # eight triangles
 _MARGIN, _HEIGHT = 1.2, 0.68  # of the close-up: half its width, over the contact's; height over it
 _BELOW = 0.1  # of that height under the body
-_ACROSS = 7.3  # inches of panels: the width less labels and colours
 _ARC = np.linspace(0.0, 0.5 * math.pi, 13)
 _HIGHEST = 3.0  # of the mean contact pressure: sharp corners stand out of any axis
 
 
 @styled()
-def plot_pressed(found: ContactSolution) -> Figure:
+def plot_pressed(solution: ContactSolution) -> Figure:
     """Draw a body pressed on ridges, and the pressure below it.
 
     Parameters
     ----------
-    found : ContactSolution
+    solution : ContactSolution
         A solution.
 
     Returns
@@ -49,17 +48,17 @@ def plot_pressed(found: ContactSolution) -> Figure:
     matplotlib.figure.Figure
         Above, the body's surface and the rigid one, heights stretched; below, pressure over E*.
     """
-    left, right = found.ends
+    left, right = solution.ends
     edge = 1.25 * max(right, -left)
     figure = new_figure(WIDTH, 5.2)
     top, bottom = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]})
     x = np.linspace(-edge, edge, 1601)
-    surface = found.pressing.surface(np.abs(x) if found.profile.mirrored else x)
+    surface = solution.pressing.surface(np.abs(x) if solution.profile.mirrored else x)
     lowest = min(float(surface.min()), 0.0)
-    depth = min(found.profile.depth, max(-1.6 * lowest, 0.05 * found.profile.pitch))
+    depth = min(solution.profile.depth, max(-1.6 * lowest, 0.05 * solution.profile.pitch))
     top.fill_between(x, surface, 1e3, color=_BODY, alpha=0.18, linewidth=0)
     top.plot(x, surface, color=_BODY, linewidth=1.2, label="body")
-    rigid = _heights(found.profile, x, depth)
+    rigid = _heights(solution.profile, x, depth)
     top.fill_between(
         x, rigid, rigid.min() - 0.1 * depth, color=_RIDGE_LINE, alpha=0.35, linewidth=0
     )
@@ -67,10 +66,10 @@ def plot_pressed(found: ContactSolution) -> Figure:
     span = max(float(surface.max()), depth)
     top.set_ylim(-1.15 * depth, min(span, 4 * depth))
     top.set_ylabel("height over $R$, stretched")
-    for sign in (1, -1) if found.profile.mirrored else (1,):
-        _half_plane_pressure(bottom, found, sign)
+    for sign in (1, -1) if solution.profile.mirrored else (1,):
+        _half_plane_pressure(bottom, solution, sign)
     # Corners stand out of any axis: it is the pressure between them that is to be seen.
-    between = found.pressing.pressure(np.cos(np.linspace(0.6, math.pi - 0.6, 20)))
+    between = solution.pressing.pressure(np.cos(np.linspace(0.6, math.pi - 0.6, 20)))
     bottom.set_ylim(0, 4 * 0.5 * math.pi * float(between.max()))
     bottom.set_xlabel("$x/R$ from below the body's centre")
     bottom.set_ylabel("pressure over $E^*$")
@@ -88,11 +87,11 @@ def _heights(profile: Profile, x: FloatArray, depth: float) -> FloatArray:
     return height
 
 
-def _half_plane_pressure(axes: Axes, found: ContactSolution, sign: int) -> None:
+def _half_plane_pressure(axes: Axes, solution: ContactSolution, sign: int) -> None:
     # Towards a sharp corner pressure has no bound: the last thousandth is left out.
     s = np.cos(np.linspace(0.03, math.pi - 0.03, 200))
-    values = found.pressing.pressure(s) * 0.5 * math.pi / np.sqrt(1 - s * s)
-    intervals = found.pressing.intervals
+    values = solution.pressing.pressure(s) * 0.5 * math.pi / np.sqrt(1 - s * s)
+    intervals = solution.pressing.intervals
     for i in range(len(intervals.left)):
         if sign < 0 and i == 0 and intervals.straddles:
             continue  # its own mirror image
@@ -135,7 +134,7 @@ def plot_deformed(cylinder: Cylinder, state: State) -> Figure:
     bottom = float(low[1]) - _BELOW * _HEIGHT * half
     # The close-up has room to spare in height, lest it be narrower than the pressure below it.
     tall = high[1] - low[1] + 0.1
-    rows = [_ACROSS * 0.5 * tall / wide, _ACROSS * 0.5 * _HEIGHT + 0.1, 1.7]
+    rows = [WIDTH * 0.5 * tall / wide, WIDTH * 0.5 * _HEIGHT + 0.1, 1.7]
     figure = new_figure(WIDTH, sum(rows) + 1.3)
     whole, near, below = figure.subplots(3, 1, gridspec_kw={"height_ratios": rows})
     whole.set(xlim=(-wide, wide), ylim=(low[1] - 0.07, high[1] + 0.03))

@@ -27,6 +27,7 @@ if TYPE_CHECKING:  # heavy
     from matplotlib.figure import Figure
 
 KINDS = ("png", "svg")
+_OF_QUICK = ("evidence", "bands-first", "bands", "held-out")
 MOST_PARAMETERS = 6  # a corner plot of more cannot be read
 
 
@@ -134,7 +135,7 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
         ``held-out``.
     """
     comparison, shown = data.comparison, data.shown
-    extras, held_out, errors = data.preset.extras, data.held_out, data.percent_errors
+    held_out, errors = data.held_out, data.percent_errors
     if len(held_out):
         # A texture that the power law has no K for is a draw from its prior: a bar across the page.
         alone = len(comparison.fits) == 1 and held_out["form"] == AVERAGE
@@ -148,42 +149,39 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     recipes: dict[str, Any] = {
         "evidence": len(data.factors)
         and partial(forms.plot_bayes_factors, data.factors, shown, comparison.noise.name),
-        "prior-sensitivity": extras
-        and len(data.sensitivity)
+        "prior-sensitivity": len(data.sensitivity)
         and partial(forms.plot_prior_sensitivity, data.sensitivity, shown),
         **_bands(data),
         "held-out": len(held_out) and partial(predictions.plot_held_out, held_out),
-        "percent-error": extras and len(errors) and partial(forms.plot_percent_errors, errors),
-        "slopes": extras and len(slopes) and partial(forms.plot_slopes, slopes),
-        "coverage": extras
-        and len(comparison.coverage)
+        "percent-error": len(errors) and partial(forms.plot_percent_errors, errors),
+        "slopes": len(slopes) and partial(forms.plot_slopes, slopes),
+        "coverage": len(comparison.coverage)
         and partial(drawing.coverage.plot_coverage, comparison.coverage),
-        "posterior-checks": extras
-        and data.checks
+        "posterior-checks": data.checks
         and partial(drawing.posterior.plot_posterior_checks, shown, quantities_of(data.checks)),
-        "prior-bands": extras
-        and len(data.prior_bands)
+        "prior-bands": len(data.prior_bands)
         and partial(
             predictions.plot_prior_bands, data.prior_bands, exact_rows(data.fit.model.data), shown
         ),
     }
-    for name in data.ranked if extras else ():
+    for name in data.ranked:
         fit = comparison.fits[name]
         recipes[f"corner-{name}"] = partial(corner_of, fit, published=data.is_paper_sweep)
-    return {name: recipe for name, recipe in recipes.items() if recipe}
+    wanted = recipes if data.preset.extras else _OF_QUICK
+    return {name: recipe for name, recipe in recipes.items() if recipe and name in wanted}
 
 
 def _bands(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     """Return how to draw Q against load: of few textures first; of all unless in a hurry."""
     n_texture, n_first = len(data.comparison.table.textures), len(data.textures)
     draw = partial(drawing.predictions.plot_bands, table=data.transitions, form=data.shown)
-    found: dict[str, Callable[[], Figure]] = {}
+    recipes: dict[str, Callable[[], Figure]] = {}
     if n_texture > n_first > 0:
         first = _of(data.bands, data.textures)
-        found["bands-first"] = partial(draw, first, untitled=True)
-    if data.preset.extras or not found:
-        found["bands"] = partial(draw, data.bands, n_texture=n_texture)
-    return found
+        recipes["bands-first"] = partial(draw, first, untitled=True)
+    if data.preset.extras or not recipes:
+        recipes["bands"] = partial(draw, data.bands, n_texture=n_texture)
+    return recipes
 
 
 def _of(bands: pd.DataFrame, textures: Sequence[Texture]) -> pd.DataFrame:
@@ -224,11 +222,12 @@ def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False)
     matplotlib.figure.Figure
     """
     names, shown = fit.model.parameter_names, shown_parameters(fit, most)
-    printed = dict(zip(names, (published and fit.form.printed) or (), strict=False))
+    marked = fit.form.published if published else None
+    values = dict(zip(names, marked or (), strict=False))
     draws = fit.draws[:, shown]
     chosen = [names[i] for i in shown]
     return drawing.posterior.plot_corner(
-        fit.form.name, chosen, draws, printed, n_parameter=len(names)
+        fit.form.name, chosen, draws, values, n_parameter=len(names)
     )
 
 
