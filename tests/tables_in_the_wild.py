@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 import ridgebayes as rb
-from ridgebayes.fea.read import Given, import_files
 from ridgebayes.model.forms import Form
 
 FORMS: dict[str, tuple[Form, tuple[float, ...]]] = {
@@ -288,9 +287,9 @@ def _imported(folder: Path) -> WildTable:
     path = folder / "millimetres.csv"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     mapping = ("a=Ridge", "b=Groove", "Q=Edges", "line=Load", "R=R", "E=E")
-    found = import_files([path], Given(map=mapping))
+    table = rb.import_table(path, map=mapping)
     note = "24 rows imported from millimetres and N/mm, four digits"
-    return WildTable("millimetres", found.table, "hybrid", FORMS["hybrid"][1], rows.errors, note)
+    return WildTable("millimetres", table, "hybrid", FORMS["hybrid"][1], rows.errors, note)
 
 
 @functools.cache  # some dozen small tables, which tests ask for one by one

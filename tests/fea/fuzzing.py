@@ -29,7 +29,8 @@ import pint
 import pyarrow.parquet
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.read import Given, import_files
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.read import import_files
 from ridgebayes.fea.record import Imported
 from tests.fea import runs
 

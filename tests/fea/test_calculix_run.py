@@ -13,7 +13,8 @@ from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
-from ridgebayes.fea.read import Given, import_files
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.read import import_files
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.simulate.generation import generate
 

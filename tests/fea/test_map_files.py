@@ -2,9 +2,9 @@
 
 import pytest
 
-from ridgebayes.errors import InputError
-from ridgebayes.fea.columns import read_columns
-from ridgebayes.fea.map_files import parse_map, read_mapping
+import ridgebayes as rb
+from ridgebayes.fea.given import parse_map, read_mapping
+from tests.fea.tables import imported
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def test_parse_map__splits_keys_from_headers(text, key, header):
 
 @pytest.mark.parametrize("texts", [["a"], ["=x"], ["a="], ["a=x", "a=y"], [""]])
 def test_parse_map__refuses_what_is_no_pair(texts):
-    with pytest.raises(InputError, match=r"^--map .*expected "):
+    with pytest.raises(rb.InputError, match=r"^--map .*expected "):
         parse_map(texts)
 
 
@@ -41,7 +41,7 @@ def test_read_mapping__columns_and_values_are_those_read_columns_takes(tmp_path)
     assert values == {"R": "8 mm", "nu": "0.49"}
     data = tmp_path / "mine.csv"
     data.write_text("Ridge,Groove,p_over_E,first\n240,80,0.001,open\n240,80,0.002,closed\n")
-    table = read_columns(data, mapping, values=values).table
+    table = imported(data, mapping, **values).table
     assert table.textures == ((0.03, 0.01),)
     assert table.column("p_over_E").tolist() == [0.002]
 
@@ -62,5 +62,5 @@ def test_read_mapping__columns_and_values_are_those_read_columns_takes(tmp_path)
 def test_read_mapping__refuses_other_content_in_words(tmp_path, text):
     path = tmp_path / "mine.toml"
     path.write_text(text)
-    with pytest.raises(InputError, match=r"mine\.toml"):
+    with pytest.raises(rb.InputError, match=r"mine\.toml"):
         read_mapping(path)

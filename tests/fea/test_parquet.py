@@ -8,9 +8,9 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 
-from ridgebayes.errors import InputError
-from ridgebayes.fea.columns import read_columns
+import ridgebayes as rb
 from ridgebayes.table import files
+from tests.fea.tables import imported
 
 ROWS = {
     "a_over_R": [0.03, 0.03],
@@ -25,7 +25,7 @@ def read(tmp_path):
     def read_rows(rows, **options):
         path = tmp_path / "mine.parquet"
         pyarrow.parquet.write_table(pyarrow.table({**ROWS, **rows}), path)
-        return read_columns(path, **options)
+        return imported(path, **options)
 
     return read_rows
 
@@ -33,7 +33,7 @@ def read(tmp_path):
 @pytest.fixture
 def refusal(read):
     def words(rows, **options):
-        with pytest.raises(InputError, match=r"mine\.parquet") as caught:
+        with pytest.raises(rb.InputError, match=r"mine\.parquet") as caught:
             read(rows, **options)
         return str(caught.value)
 
@@ -41,7 +41,7 @@ def refusal(read):
 
 
 def test_parquet__numbers_come_back_as_they_are(read):
-    found = read({"p [kPa]": [0.06, 0.24]}, mapping={"p": "p"}, values={"E": "60 kPa"})
+    found = read({"p [kPa]": [0.06, 0.24]}, mapping={"p": "p"}, E="60 kPa")
     assert found.table.column("p_over_E").tolist() == [0.001, 0.004]
 
 
@@ -91,5 +91,5 @@ def test_parquet__without_pyarrow_the_extra_is_named(tmp_path, monkeypatch):
     pd.DataFrame(ROWS).to_parquet(out)
     (tmp_path / "mine.parquet").write_bytes(out.getvalue())
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"pip install 'ridgebayes\[parquet\]'"):
-        read_columns(tmp_path / "mine.parquet")
+    with pytest.raises(rb.InputError, match=r"pip install 'ridgebayes\[parquet\]'"):
+        imported(tmp_path / "mine.parquet")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.fea.read import Given, import_files
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.read import import_files
 from ridgebayes.simulate.generation import generate
 from ridgebayes.table.datafiles import CALCULIX_FE, data_path
 

@@ -1,52 +1,37 @@
-"""Words of headers and title lines."""
+"""Words of headers, their units, and exact quotients."""
 
+from fractions import Fraction
+
+import numpy as np
 import pytest
 
-from ridgebayes.fea.words import corners_of, count_term, key_of
+import ridgebayes as rb
+from ridgebayes.fea.words import column_unit, corners_of, count_term, divided, key_of
+
+KEYS = {
+    "a": "Ridge width,ridge_width,Stegbreite,Steg,Land width,ridge edge width,land",
+    "b": "GrooveWidth,Rillenbreite,Nut,Nutweite,gap width",
+    "R": "Radius,Halbmesser,Krümmungsradius,R",
+    "E": "Young's modulus,E-Modul,Elastizitätsmodul,modulus",
+    "Q": "contacts,Kontakte,Anzahl Stege,ridges in contact,cnt,Kontaktkanten,Stegkanten,"
+    "berührte Kanten,Kontaktrippen [-],ridge edges,arêtes en contact,Anzahl Kontaktstege",
+    "p": "Pressure,Flächenpressung,Kontaktdruck,mean pressure",
+    "load": "Force,Normalkraft,Last,F,Belastung",
+    "line": "line load,Linienlast,force per unit length",
+    "p_over_E": "p/E,P/(2RE),p over E,load / E",
+    "": "Note,ridge height,corner radius,load step,max pressure,shear modulus,reduced modulus,"
+    "groove depth,friction force,q_lin",
+    "load_lower": "untere Last",
+    "a_over_R": "a/R",
+    "b_over_R": "Groove width over radius",
+    "D": "Durchmesser",
+    "pitch": "Teilung",
+    "nu": "Querkontraktionszahl",
+}
 
 
 @pytest.mark.parametrize(
-    ("words", "key"),
-    [
-        *((one, "a") for one in ("Ridge width", "ridge_width", "Stegbreite", "Steg", "Land width")),
-        *((one, "b") for one in ("GrooveWidth", "Rillenbreite", "Nut", "Nutweite", "gap width")),
-        *((one, "R") for one in ("Radius", "Halbmesser", "Krümmungsradius", "R")),
-        *((one, "E") for one in ("Young's modulus", "E-Modul", "Elastizitätsmodul", "modulus")),
-        *(
-            (one, "Q")
-            for one in ("contacts", "Kontakte", "Anzahl Stege", "ridges in contact", "cnt")
-        ),
-        *(
-            (one, "Q")
-            for one in ("Kontaktkanten", "Stegkanten", "berührte Kanten", "Kontaktrippen [-]")
-        ),
-        *((one, "Q") for one in ("ridge edges", "arêtes en contact", "Anzahl Kontaktstege")),
-        *((one, "a") for one in ("ridge edge width", "Steg", "land")),
-        *((one, "p") for one in ("Pressure", "Flächenpressung", "Kontaktdruck", "mean pressure")),
-        *((one, "load") for one in ("Force", "Normalkraft", "Last", "F", "Belastung")),
-        *((one, "line") for one in ("line load", "Linienlast", "force per unit length")),
-        *((one, "p_over_E") for one in ("p/E", "P/(2RE)", "p over E", "load / E")),
-        *(
-            (one, "")
-            for one in ("Note", "ridge height", "corner radius", "load step", "max pressure")
-        ),
-        *(
-            (one, "")
-            for one in (
-                "shear modulus",
-                "reduced modulus",
-                "groove depth",
-                "friction force",
-                "q_lin",
-            )
-        ),
-        ("untere Last", "load_lower"),
-        ("a/R", "a_over_R"),
-        ("Groove width over radius", "b_over_R"),
-        ("Durchmesser", "D"),
-        ("Teilung", "pitch"),
-        ("Querkontraktionszahl", "nu"),
-    ],
+    ("words", "key"), [(words, key) for key, some in KEYS.items() for words in some.split(",")]
 )
 def test_key_of__reads_words_of_the_field(words, key):
     assert key_of(words) == key
@@ -64,18 +49,55 @@ def test_count_term__says_what_is_counted_or_nothing(words, term):
 
 
 @pytest.mark.parametrize(
-    ("headers", "found"),
+    ("headers", "corners"),
     [
         (["4", "6"], {"4": ("load", 4, ""), "6": ("load", 6, "")}),
-        (
-            ["p at Q=4", "p at Q=6"],
-            {"p at Q=4": ("load", 4, "edges"), "p at Q=6": ("load", 6, "edges")},
-        ),
+        (["p Q=4", "p Q=6"], {"p Q=4": ("load", 4, "edges"), "p Q=6": ("load", 6, "edges")}),
         (["Probe 2 Kraft", "Probe 4 Kraft"], {}),
         (["load 3", "load 5"], {}),
         (["load 4"], {}),
         (["height 4", "height 6"], {}),
     ],
 )
-def test_corners_of__takes_series_of_even_counts_alone(headers, found):
-    assert corners_of(headers) == found
+def test_corners_of__takes_series_of_even_counts_alone(headers, corners):
+    assert corners_of(headers) == corners
+
+
+@pytest.mark.parametrize(
+    ("key", "header", "explicit", "factor"),
+    [
+        ("a", "w [mm]", None, Fraction(1, 1000)),
+        ("a", "w", "inch", Fraction(127, 5000)),
+        ("E", "E, MPa", None, Fraction(10**6)),
+        ("E", "E [N/mm²]", None, Fraction(10**6)),
+        ("line", "P (kN/m)", None, Fraction(1000)),
+        ("a", "w [-]", None, Fraction(1)),
+        ("a", "w [mm]", "mm", Fraction(1, 1000)),
+        ("nu", "nu [-]", None, Fraction(1)),
+        ("nu", "nu (of Poisson)", None, Fraction(1)),
+        ("rel_se", "error [%]", None, Fraction(1, 100)),
+        *(("a", header, None, None) for header in ("w [kPa]", "w [Mm^9]", "w [mm; of R]", "w mm")),
+        *(
+            ("a", "w (total)", None, None),
+            ("E", "E [mpa]", None, None),
+            ("a", "w [mm]", "um", None),
+        ),
+        *(("nu", "nu [mm]", None, None), ("nu", "nu", "kPa", None)),
+    ],
+)
+def test_column_unit__converts_exactly_or_refuses(key, header, explicit, factor):
+    if factor is not None:
+        assert column_unit(key, header, explicit, "mine.csv")[1] == factor
+        return
+    with pytest.raises(rb.InputError, match=r"^mine\.csv, header .*expected "):
+        column_unit(key, header, explicit, "mine.csv")
+
+
+def test_divided__gives_the_numbers_a_person_would_write():
+    rng = np.random.default_rng(3)
+    wide = rng.integers(1, 10_000, 300)
+    # Equality with the one correctly rounded quotient of whole numbers.
+    assert divided(wide / 1000 * 1e-3, np.array(8.0 * 1e-3)).tolist() == (wide / 8000).tolist()
+    # Empty cells stay, and what is too large is infinite.
+    quotient = divided(np.array([1.0, np.nan, 1e308, -1e308]), np.array(1e-10))
+    np.testing.assert_array_equal(quotient, [1e10, np.nan, np.inf, -np.inf])

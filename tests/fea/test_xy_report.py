@@ -2,8 +2,8 @@
 
 import pytest
 
-from ridgebayes.errors import InputError
-from ridgebayes.fea.columns import read_columns
+import ridgebayes as rb
+from tests.fea.tables import imported
 
 REPORT = (
     "\n     X     a_over_R     b_over_R     Q     LOAD PI: P N: 1\n"
@@ -24,8 +24,8 @@ def test_read_columns__a_report_of_curves_is_a_table(tmp_path, text):
     path = tmp_path / "curves.rpt"
     path.write_bytes(text.encode())
     header = "LOAD PI: P N: 1" if "PI" in text else "LOAD"
-    found = read_columns(path, {"p_over_E": header})
+    found = imported(path, {"p_over_E": header})
     assert found.table.column("p_over_E").tolist() == [0.001, 0.004]
     path.write_bytes(text.replace("0.03", "-.03").encode())
-    with pytest.raises(InputError, match=r"curves\.rpt.*\(line [45]\).* = -0\.03"):
-        read_columns(path, {"p_over_E": header})
+    with pytest.raises(rb.InputError, match=r"curves\.rpt.*\(line [45]\).* = -0\.03"):
+        imported(path, {"p_over_E": header})

@@ -6,16 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ridgebayes.scene.scene import Scene
-from ridgebayes.simulate.generation import generate
+import ridgebayes as rb
 from ridgebayes.table.datafiles import (
     CALCULIX_FE,
     CYLINDER_SWEEP,
     SMOOTH_FE,
     data_path,
-    reference_fe,
 )
-from ridgebayes.table.table import read_table
 
 SMALL = "fea/small_strain.csv"
 
@@ -28,7 +25,7 @@ def loads(table, **cells):
 
 
 def test_neo_hooke__numbers_as_printed() -> None:
-    table = read_table(data_path(CALCULIX_FE))
+    table = rb.read_table(data_path(CALCULIX_FE))
     assert len(table) == 12
     assert table.textures == ((0.032, 0.01), (0.022, 0.02))
     assert loads(table, a_over_R=0.032, series="coarse") == [
@@ -54,7 +51,7 @@ def test_neo_hooke__numbers_as_printed() -> None:
 
 
 def test_neo_hooke__fits_the_finest_mesh_of_each_texture_and_holds_out_the_repeat() -> None:
-    table = read_table(data_path(CALCULIX_FE))
+    table = rb.read_table(data_path(CALCULIX_FE))
     fit, out = table.calibration.frame, table.held_out.frame
     assert len(fit) == 8
     assert len(out) == 4
@@ -70,7 +67,7 @@ def test_neo_hooke__fits_the_finest_mesh_of_each_texture_and_holds_out_the_repea
 
 
 def test_small_strain__numbers_as_printed_and_one_curve_a_texture_to_fit() -> None:
-    table = read_table(data_path(SMALL))
+    table = rb.read_table(data_path(SMALL))
     half, full = "small-strain half disk", "small-strain full disk"
     assert len(table) == 34
     assert loads(table, a_over_R=0.032, nu=0.49, solver=half) == [
@@ -91,7 +88,7 @@ def test_small_strain__numbers_as_printed_and_one_curve_a_texture_to_fit() -> No
 
 def test_small_strain__held_out_curves_repeat_the_fitted_ones_as_the_readme_says() -> None:
     """Reference: full disk within 0.04 %, p (1 - nu^2) constant within 0.05 %."""
-    frame = read_table(data_path(SMALL)).frame
+    frame = rb.read_table(data_path(SMALL)).frame
     frame["reduced"] = frame["p_over_E"] * (1 - frame["nu"] ** 2)
     key = ["a_over_R", "Q"]
     base = frame[frame["role"] == "calibration"].set_index(key)["reduced"]
@@ -127,16 +124,16 @@ def test_readme__stands_alone_and_counts_right() -> None:
     for name, count in {"neo_hooke": 12, "small_strain": 34}.items():
         stated = re.search(rf"`{name}\.csv` \| contact table: (\d+) transition loads", text)
         assert stated is not None
-        assert int(stated.group(1)) == count == len(read_table(data_path(f"fea/{name}.csv")))
+        assert int(stated.group(1)) == count == len(rb.read_table(data_path(f"fea/{name}.csv")))
 
 
 @pytest.mark.slow
 @pytest.mark.long
 def test_cylinder_sweep__is_todays_output_on_one_texture():
-    table = read_table(data_path(CYLINDER_SWEEP)).frame
-    paper = Scene.paper()
+    table = rb.read_table(data_path(CYLINDER_SWEEP)).frame
+    paper = rb.Scene.paper()
     texture = next(one for one in paper.textures if (one.a_over_R, one.b_over_R) == (0.032, 0.03))
-    today = generate(
+    today = rb.generate(
         paper.model_copy(update={"textures": (texture,), "p_over_E": 0.01}), solver="cylinder-fe"
     ).frame
     shipped = table[(table["texture"] == "a0.032_b0.03") & (table["p_over_E"] <= 0.01)]
@@ -146,8 +143,8 @@ def test_cylinder_sweep__is_todays_output_on_one_texture():
 
 
 def test_cylinder_sweep__has_the_study_s_rows_near_the_half_plane_s():
-    found = read_table(data_path(CYLINDER_SWEEP)).frame
-    exact = generate(Scene.paper()).calibration.frame
+    found = rb.read_table(data_path(CYLINDER_SWEEP)).frame
+    exact = rb.generate(rb.Scene.paper()).calibration.frame
     both = found.merge(exact, on=["a_over_R", "b_over_R", "Q", "nu"], how="outer")
     assert len(found) == len(exact) == len(both) == 41
     assert set(found["status"]) == {"ok"}
@@ -160,7 +157,7 @@ def test_cylinder_sweep__has_the_study_s_rows_near_the_half_plane_s():
 
 
 def test_cylinder_sweep__is_calculix_s_where_both_were_run():
-    own, other = reference_fe().calibration.frame, reference_fe().held_out.frame
+    own, other = rb.reference_fe().calibration.frame, rb.reference_fe().held_out.frame
     assert set(other["solver"]) == {"calculix 2.20 neo-hooke"}
     assert len(other) == 12
     both = own.merge(other, on=["a_over_R", "b_over_R", "Q"])

@@ -12,7 +12,8 @@ from ridgebayes.commands.parsing import parse_numbers, refuse_existing
 from ridgebayes.commands.shared_options import FLAGS
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
-from ridgebayes.fea.read import Given, import_files
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.read import import_files
 from ridgebayes.fea.record import FileError
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import count

@@ -6,16 +6,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import BoolArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import Reading, read_delimited
-from ridgebayes.fea.interpret import ColumnInterpreter, ask_columns, listed
-from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, Use, assign, check_constants
+from ridgebayes.fea.convert import Converter, listed, with_load_se
+from ridgebayes.fea.delimited import read_delimited
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.increments import of_corners, of_counts
+from ridgebayes.fea.mapping import ABOVE_0, CORNERS, LOADS, LOWERS, Use, assign, check_constants
+from ridgebayes.fea.missing import ask_columns
 from ridgebayes.fea.parquet import ParquetTable
-from ridgebayes.fea.quantities import ABOVE_0
 from ridgebayes.fea.record import SHOWN, FileError, Imported, TableFile, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
-from ridgebayes.fea.wide import melt_counts, melt_repeats
+from ridgebayes.fea.transitions import counts_repeat
+from ridgebayes.fea.wide import melted
+from ridgebayes.fea.words import DISGUISES
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.runtime.text import count, some_of
 from ridgebayes.table.columns import RawTable
@@ -23,28 +26,12 @@ from ridgebayes.table.rules import as_text, checked
 from ridgebayes.table.table import ContactTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
-_OF_TEXTURES = ("a", "b", "pitch", "R", "D", "a_over_R", "b_over_R")
-_OF_GROUPS = (*_OF_TEXTURES, "E", "nu", "offset", "offset_over_R", "thickness")
+_FULL = ("a", "b", "pitch", "R", "D", "E")  # columns without empty cells
+_OF_GROUPS = (*_FULL, "a_over_R", "b_over_R", "nu", "offset", "offset_over_R", "thickness")
 _LONGEST = 300  # characters of the mapping in `source`
 
-_PLAIN = Reading()
-_DISGUISED = (
-    *((bytes([0x80, version]), "a pickle") for version in range(2, 6)),
-    (b"\x1f\x8b", "compressed by gzip"),
-    (b"\xd0\xcf\x11\xe0", "an Excel file before 2007, or one with a password"),
-    (b"\x93NUMPY", "a NumPy file"),
-    (b"\x89HDF", "an HDF5 file"),
-)
-_OLD = (".xls", ".xlsm", ".xlsb", ".xltm", ".xlam")
 
-
-def read_columns(
-    path: Path,
-    mapping: Mapping[str, str] = {},
-    *,
-    values: Mapping[str, str | float] = {},
-    how: Reading = _PLAIN,
-) -> Imported:
+def read_columns(path: Path, facts: Given) -> Imported:
     r"""Read a table of any columns.
 
     Parameters
@@ -53,21 +40,18 @@ def read_columns(
         A ``.csv``, ``.tsv``, ``.txt`` or ``.dat`` file (commas, semicolons, bars, tabs or blanks
         between cells), a ``.rpt`` of X-Y data, an ``.xlsx`` workbook, or a ``.parquet`` file. Title
         lines above the header and a row of units below it are recognised.
-    mapping : mapping of str to str
-        Keys to headers, in addition to those recognised by their words: a column of the contract,
-        or ``a``, ``b``, ``pitch``, ``R``, ``D``, ``offset`` (lengths), ``E``, ``p``, ``p_lower``
-        (pressures; p is the line load over 2 R), ``line``, ``line_lower`` (line loads), ``force``,
-        ``force_lower``, or ``load`` (one of these by its unit). The header's unit
+    facts : Given
+        Its `map` says keys and headers, in addition to those recognised by their words: a column of
+        the contract, or ``a``, ``b``, ``pitch``, ``R``, ``D``, ``offset`` (lengths), ``E``, ``p``,
+        ``p_lower`` (pressures; p is the line load over 2 R), ``line``, ``line_lower`` (line loads),
+        ``force``, ``force_lower``, or ``load`` (one of these by its unit). The header's unit
         (``[mm]``, ``(N/mm)``, ``, kPa``, `` / mm``) may be left out; ``header;unit`` gives one,
         ``header;1`` says that there is none. A header with ``*``, as ``p=Load Q=* [kPa]``, is
         one column for each Q, empty where Q was not reached; so are, unasked, headers such as
         ``Q=4``. Increments of load-stepped runs have ``gap Q=4``, ``gap_over_R Q=4``,
-        ``pressure Q=4`` or ``status Q=4``, or counts that repeat.
-    values : mapping of str to str or float
-        Constants: ``R``, ``D``, ``E`` and ``thickness`` (``"8 mm"``, or a plain number where no
-        column has a unit), and all but the load among the contract's columns.
-    how : Reading, optional
-        Sheet, header, decimal mark, what counts are of, and what becomes of increments.
+        ``pressure Q=4`` or ``status Q=4``, or counts that repeat. Its constants are R, E and
+        thickness (``"8 mm"``, or a plain number where no column has a unit), nu and the texture, or
+        those of a file of `map`: all but the load among the contract's columns.
 
     Returns
     -------
@@ -93,14 +77,15 @@ def read_columns(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder, "mine.csv")
     ...     _ = path.write_text(text)
-    ...     mapping = {"a": "Ridge", "b": "Groove", "line": "P"}
-    ...     found = read_columns(path, mapping, values={"R": "8 mm", "E": "60 kPa"})
-    >>> found.table.textures
+    ...     names = ("a=Ridge", "b=Groove", "line=P")
+    ...     table = read_columns(path, Given(map=names, R="8 mm", E="60 kPa")).table
+    >>> table.textures
     ((0.03, 0.01),)
     """
+    mapping, values = facts.columns_and_values()
     check_constants(values, str(path))
     problems = FileError(str(path))
-    source = open_table(path, how, problems)
+    source = open_table(path, facts, problems)
     where = source.where
     uses, term = assign(source.headers, mapping, values, problems)
     problems.known = {use.name: _typed(use) for use in uses if use.repeat is None}
@@ -112,33 +97,43 @@ def read_columns(
                 f"{where}, column {use.header!r}, {use.name}: expected numbers or text"
             )
         _check_cells(cells, use, problems)
-    uses = ask_columns(cells, uses, values, problems)
+    typed = uses = ask_columns(cells, uses, values, problems)
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
-    typed = uses
-    if not corners and any(use.Q is not None for use in uses):
-        cells, uses = melt_counts(cells, uses, problems)
-    if any(use.repeat is not None for use in uses):
-        cells, uses = melt_repeats(cells, uses, problems)
+    if not corners and any(use.label is not None for use in uses):
+        cells, uses = melted(cells, uses, problems)
     cells, uses = _one_series(cells, uses, problems)
-    interpreter = ColumnInterpreter(cells, uses, values, how, problems)
-    frame = interpreter.history(corners) if corners else interpreter.long(term)
+    converter = Converter(cells, uses, values, facts, problems)
+    frame, rows = _transitions(converter, corners, term)
     if frame.empty:
         problems.raise_all(source)
-        raise _all_under_4(cells, uses, where)
+        raise _all_under_4(cells, uses, problems)
     details = (
-        how.sheet and f"sheet={how.sheet}",
-        _mapping_text(typed, interpreter.used, values),
+        facts.sheet and f"sheet={facts.sheet}",
+        _mapping_text(typed, converter.used, values),
     )
     origin = provenance(path, "columns", *(text for text in details if text))
-    own = as_text(frame["source"]) if "source" in frame else ""
-    frame["source"] = (
-        origin if isinstance(own, str) else (origin + "; " + own).where(own != "", origin)
-    )
-    rows = interpreter.rows
-    line = None if rows is None or source.lines is None else source.lines[rows].item
-    del cells, interpreter  # of a million rows: 0.2 GB that validating needs
-    table = _validated(RawTable(frame, where, line), rows, problems, source)
+    sources = as_text(frame["source"]) if "source" in frame else pd.Series("", frame.index)
+    frame["source"] = (origin + "; " + sources).where(sources != "", origin)
+    lines = None if rows is None or source.lines is None else source.lines[rows]
+    del cells, converter  # of a million rows: 0.2 GB that validating needs
+    table = _validated(RawTable(frame, where, lines), rows, problems, source)
     return Imported(table, (*problems.messages, *_kept(table)), problems.known)
+
+
+def _transitions(
+    converter: Converter, corners: list[Use], term: str | None
+) -> tuple[pd.DataFrame, "pd.Index[int] | None"]:
+    """Return a row for each transition, and which rows of the file they are, where they are."""
+    if corners:
+        return of_corners(converter, corners), None
+    frame = converter.rows(term)
+    is_plain = "kind" not in frame and "status" not in frame
+    if len(frame) and is_plain and counts_repeat(frame):
+        return of_counts(converter, frame), None
+    if len(frame):
+        load_se = frame.pop("load_se").to_numpy() if "load_se" in frame else None
+        frame = converter.finished(with_load_se(frame, load_se))
+    return frame.reset_index(drop=True), frame.index
 
 
 def _fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> None:
@@ -188,40 +183,38 @@ def _one_series(
     name = ", ".join(use.header for use in kept)
     joined = pd.DataFrame({use.header: as_text(cells[use.header]) for use in kept})
     problems.messages.append(f"series: {name}, joined")
-    one = Use("series", name, how="guessed")
-    return cells.assign(**{name: joined.agg(", ".join, axis=1)}), [*rest, one]
+    series = Use("series", name, how="guessed")
+    return cells.assign(**{name: joined.agg(", ".join, axis=1)}), [*rest, series]
 
 
 def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:
     """Note the cells of a column that cannot be what it is, and empty them."""
-    if not use.is_number or use.key not in (*ABOVE_0, *LOWERS, "pressure"):
+    if use.key not in (*ABOVE_0, *LOWERS, "pressure"):
         return
     numbers = cells[use.header].to_numpy(dtype=float)
     if use.key in LOADS[1:] and len(numbers) > 1 and np.nanmax(numbers, initial=-np.inf) <= 0:
         cells[use.header] = -numbers
-        told = f"column {use.header!r}: no load above 0, so compression is negative: sign turned"
-        problems.messages.append(told)
+        problems.messages.append(
+            f"column {use.header!r}: no load above 0, so compression is negative: sign turned"
+        )
         return
-    must_be_full = use.key in ("a", "b", "R", "E", "D", "pitch") and use.Q is None
-    rules: tuple[tuple[str, bool, BoolArray], ...] = (
-        ("not empty", must_be_full, np.isnan(numbers)),
-        # Increments of a run may have no load yet; other rows have a rule of the table for it.
-        ("above 0", use.key in ABOVE_0, numbers < 0 if use.key in LOADS else numbers <= 0),
-        ("0 or above", use.key in LOWERS, numbers < 0),
-        ("0 where open, above 0 where closed", use.key == "pressure", numbers < 0),
-    )
-    for rule, applies, bad in rules:
-        if applies and bad.any():
-            problems.cells(cells.index[bad], use.header, f"expected {rule}")
-            cells[use.header] = np.where(bad, np.nan, numbers)
+    sign = "above 0" if use.key in ABOVE_0 else "0 or above"
+    sign = "0 where open, above 0 where closed" if use.key == "pressure" else sign
+    # Increments of a run may have no load yet; other rows have a rule of the table for it.
+    is_low = numbers <= 0 if use.key in ABOVE_0 and use.key not in LOADS else numbers < 0
+    is_lost = np.isnan(numbers) & (use.key in _FULL and use.Q is None)
+    for rule, bad in (("not empty", is_lost), (sign, is_low)):
+        problems.cells(cells.index[bad], use.header, f"expected {rule}")
+    if is_low.any():
+        cells[use.header] = np.where(is_low, np.nan, numbers)
 
 
-def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], where: str) -> InputError:
+def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> InputError:
     """Return an error about counts of which no row is left."""
     counts = next(use for use in uses if use.key == "Q")
     name = "Q" if counts.how == "wide" else f"column {counts.header!r}"
-    return InputError(
-        f"{where}: {name}, {count(len(cells), 'row')}: expected Q of 4 or more in some row, got a "
+    return problems.error(
+        f"{name}, {count(len(cells), 'row')}: expected Q of 4 or more in some row, got a "
         f"count of {cells[counts.header].max():g} at most: that many touch at any load"
     )
 
@@ -231,27 +224,21 @@ def _validated(
 ) -> ContactTable:
     """Return the table, or refuse the rules that it breaks beside what was noted before."""
     frame, findings = checked(raw)
-    told = set() if rows is None else problems.rows()
+    noted = set() if rows is None else problems.rows()
     for column, rule, bad, other in findings.complaints():
         if "empty" in rule and rows is not None:
-            keep = np.array([int(rows[row]) not in told for row in bad], dtype=bool)
+            keep = np.array([int(rows[row]) not in noted for row in bad], dtype=bool)
             bad, other = bad[keep], None if other is None else other[keep]
         if not len(bad):
             continue
-        shown = [
-            f"{raw.place(int(row))}: {column} = {raw.shown(int(row), column)}"
-            for row in bad[:SHOWN]
-        ]
         rule = rule if other is None else rule.format(other=int(other[0]) + 1)
+        first = [(raw.place(int(row)), raw.shown(int(row), column)) for row in bad[:SHOWN]]
         if len(bad) == 1:
-            problems.wrong.append(f"{shown[0]}: {rule}")
+            problems.wrong.append(f"{first[0][0]}: {column} = {first[0][1]}: {rule}")
         else:
-            spots = [
-                one.removeprefix(f"{raw.where}, ").replace(f": {column} =", " =") for one in shown
-            ]
-            problems.wrong.append(
-                f"{column}, {len(bad)} rows: {rule}: " + some_of(spots, SHOWN, len(bad))
-            )
+            spots = [f"{place.removeprefix(f'{raw.where}, ')} = {cell}" for place, cell in first]
+            shown = some_of(spots, SHOWN, len(bad))
+            problems.wrong.append(f"{column}, {len(bad)} rows: {rule}: {shown}")
     problems.raise_all(source)
     return ContactTable(frame, raw.where)
 
@@ -265,49 +252,43 @@ def _mapping_text(
     uses: Iterable[Use], used: Collection[Use], values: Mapping[str, str | float]
 ) -> str:
     """Return the mapping on one line, of many columns for each Q the first."""
-    own = [
-        use
-        for use in uses
-        if (use.name != use.header or use.unit is not None)
-        and (use in used or use.Q is not None or use.repeat is not None)
-    ]
-    first: dict[tuple[str, bool], list[Use]] = {}
-    for use in own:
-        first.setdefault((use.key, use.Q is None), []).append(use)
-    shown = [some_of(map(str, some), 1) for some in first.values()]
+    groups: dict[tuple[str, bool], list[Use]] = {}
+    for use in uses:
+        is_plain = use.name == use.header and use.unit is None
+        if not is_plain and (use in used or use.label is not None):
+            groups.setdefault((use.key, use.Q is None), []).append(use)
+    shown = [some_of(map(str, some), 1) for some in groups.values()]
     text = ", ".join([*shown, *(f"{key}={value}" for key, value in values.items())])
     # It stands in every row.
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def open_table(path: Path, how: Reading, problems: FileError) -> TableFile:
+def open_table(path: Path, facts: Given, problems: FileError) -> TableFile:
     """Return the file, by its suffix; nothing in it is run."""
     suffix = path.suffix.lower()
-    if suffix in _OLD:
-        raise InputError(f"{path}: {suffix} may hold macros and is not read; save as .xlsx")
     if suffix not in SUFFIXES:
         raise InputError(
             f"{path}: ends in {path.suffix or 'no suffix'!r}; expected one of {', '.join(SUFFIXES)}"
         )
-    if how.sheet is not None and suffix != ".xlsx":
-        raise InputError(f"{path}: sheet {how.sheet!r}: expected --sheet for .xlsx files only")
+    if facts.sheet is not None and suffix != ".xlsx":
+        raise InputError(f"{path}: sheet {facts.sheet!r}: expected --sheet for .xlsx files only")
     content = read_bytes(path)
-    for beginning, what in _DISGUISED:
-        if content.startswith(beginning):
-            raise InputError(f"{path}: the content is {what}; expected a {suffix} file")
     if not content:
         raise InputError(f"{path}: the file is empty")
+    for beginning, what in DISGUISES.items():
+        if content.startswith(bytes.fromhex(beginning)):
+            raise InputError(f"{path}: the content is {what}; expected a {suffix} file")
     for beginning, what in ((b"PK\x03\x04", ".xlsx"), (b"PAR1", ".parquet")):
         if content.startswith(beginning) != (suffix == what):
             is_it = "begins as" if content.startswith(beginning) else "does not begin as"
             raise InputError(
                 f"{path}: {is_it} a {what} file; expected a suffix that tells the format"
             )
-    if suffix == ".xlsx":
-        return read_workbook(path, content, how, problems)
     if suffix == ".parquet":
         return ParquetTable(path, content)
-    return read_delimited(str(path), content, how, problems)
+    if suffix == ".xlsx":
+        return read_workbook(path, content, facts, problems)
+    return read_delimited(content, facts, problems)
 
 
 def _kept(table: ContactTable) -> list[str]:

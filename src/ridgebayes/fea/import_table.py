@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from ridgebayes.errors import CautionWarning
-from ridgebayes.fea.read import Given, import_files
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.read import import_files
 from ridgebayes.scene.texture_text import parse_texture
 from ridgebayes.table.table import ContactTable
 

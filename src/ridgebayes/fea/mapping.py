@@ -23,23 +23,21 @@ from ridgebayes.table.columns import NAMES, NUMBERS
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
 LOADS = ("p_over_E", "p", "line", "force")
 LOWERS = tuple(f"{key}_lower" for key in LOADS)
+_SDS = tuple(f"{key}_sd" for key in LOADS)
 CORNERS = ("gap", "gap_over_R", "pressure", "status")
-KEYS = (
-    *NAMES,
-    *(key for key in DIMENSIONS if key not in ("gap", "thickness")),
-    *("load", "load_lower", "load_sd", "n_mean"),
-)
+ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
+_OF_MEANS = ("load", "load_lower", "load_sd", "n_mean")
+KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in ("gap", "thickness", *_SDS)), *_OF_MEANS)
 PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", *CORNERS)
-_QUANTITIES = (*NUMBERS, *DIMENSIONS, "load", "load_lower", "load_sd", "n_mean")
-_QUANTITIES += ("gap_over_R", "pressure")
+_QUANTITIES = (*NUMBERS, *DIMENSIONS, *_OF_MEANS, "p_over_E_sd", "gap_over_R", "pressure")
 _VARYING = ("Q", "p_over_E", "p_over_E_lower", "source")
-_KNOWN = ("R", "D", "E", "thickness", "load_se", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
-CONSTANTS = tuple(name for name in _KNOWN if name not in _VARYING)
+_CONSTANT = ("R", "D", "E", "thickness", "load_se", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
+CONSTANTS = tuple(name for name in _CONSTANT if name not in _VARYING)
 _WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
 _SAME = (
     *(("a", "a_over_R"), ("b", "b_over_R"), ("offset", "offset_over_R")),
-    *((*LOADS, "load"), (*LOWERS, "load_lower")),
+    *((*LOADS, "load"), (*LOWERS, "load_lower"), (*_SDS, "load_sd")),
 )
 
 
@@ -79,6 +77,11 @@ class Use:
     def own_unit(self) -> str:
         """Unit that the mapping gives, or else the text in the unit's place in the header."""
         return split_header(self.header)[1] if self.unit is None else self.unit
+
+    @property
+    def label(self) -> int | str | None:
+        """The corner or the repeat that the column is of; None where it is of all."""
+        return self.repeat if self.Q is None else self.Q
 
     @property
     def name(self) -> str:
@@ -129,18 +132,18 @@ def assign(
             is_wide = True
         else:
             columns.map(name, " ".join(text.split()))
-    columns.name_contract(is_wide or any(use.Q is not None for use in columns.uses))
-    columns.name_keys()
+    columns.name(is_wide)
     of_corners = ("load", *LOADS, *CORNERS)
     if not any(u.key == "Q" or (u.Q is not None and u.key in of_corners) for u in columns.uses):
         columns.name_corners(required=is_wide)
     columns.guess()
-    columns.check_once()
+    columns.settle()
     # Q by words that may count something else.
     counts = [u for u in columns.uses if u.key == "Q" and u.how == "guessed"]
     terms = columns.terms | {count_term(use.header) for use in counts}
     term = None if not terms else min(terms) if len(terms) == 1 else ""
-    return [as_load(use, columns.uses, values, problems) for use in columns.uses], term
+    uses = [as_load(use, columns.uses, values, problems) for use in columns.uses]
+    return [_as_sd(use, uses) for use in uses], term
 
 
 def check_constants(values: Mapping[str, object], where: str) -> None:
@@ -173,7 +176,7 @@ class _Columns:
     def map(self, name: str, text: str) -> None:
         """Add what the mapping says."""
         key, Q = name.strip(), None
-        if key not in (*KEYS, *CORNERS):
+        if key not in (*KEYS, *CORNERS, *_SDS):
             match = _KEY.fullmatch(key)
             key, Q = (match[1] or "load", int(match[2])) if match else (key, None)
             if match is None or key not in PER_Q:
@@ -187,56 +190,51 @@ class _Columns:
         if "*" in header and header not in self._headers:
             self._map_all(key, header, unit)
             return
-        found = [one for one in self._headers if one == header]
-        found = found or [one for one in self._headers if split_header(one)[0] == header]
-        if len(found) != 1:
-            several = "several columns" if found else "no column"
-            error = self._missing(f"mapping {name}={text}: {several} {header!r}")
-            words = {split_header(one)[0]: one for one in self._headers}
-            if not (near := get_close_matches(header, words, 1)):
-                raise error
-            found = [words[near[0]]]
-            meant = found[0] if unit is None else f"{found[0]};{unit}"
-            self.problems.need(f"{error}; did you mean {found[0]!r}?", {name: meant})
         if Q is None and key in CORNERS and key not in KEYS:
             raise self.problems.error(
                 f"mapping {name}={text}: expected with a corner, as '{key} Q=4'"
             )
-        self.uses.append(Use(key, found[0], unit, Q))
+        headers = [header] if header in self._headers else self._of_words(header)
+        if len(headers) != 1:
+            several = "several columns" if headers else "no column"
+            error = self._missing(f"mapping {name}={text}: {several} {header!r}")
+            words = (split_header(other)[0] for other in self._headers)
+            if not (near := get_close_matches(header, words, 1)):
+                raise error
+            headers = self._of_words(near[0])[-1:]
+            meant = headers[0] if unit is None else f"{headers[0]};{unit}"
+            self.problems.need(f"{error}; did you mean {headers[0]!r}?", {name: meant})
+        self.uses.append(Use(key, headers[0], unit, Q))
 
-    def _map_all(self, key: str, header: str, unit: str | None) -> None:
+    def _of_words(self, words: str) -> list[str]:
+        return [header for header in self._headers if split_header(header)[0] == words]
+
+    def _map_all(self, key: str, text: str, unit: str | None) -> None:
         """Add the columns of a header with ``*``."""
-        if header.count("*") != 1 or key not in PER_Q:
+        if text.count("*") != 1 or key not in PER_Q:
             raise self.problems.error(
-                f"mapping {key}={header}: expected one * in a header of {', '.join(PER_Q)}"
+                f"mapping {key}={text}: expected one * in a header of {', '.join(PER_Q)}"
             )
-        pattern = re.compile(r"(\d{1,6})".join(map(re.escape, header.split("*"))))
+        pattern = re.compile(r"(\d{1,6})".join(map(re.escape, text.split("*"))))
         n = len(self.uses)
-        for one in self._headers:
-            if match := pattern.fullmatch(one) or pattern.fullmatch(split_header(one)[0]):
-                self.uses.append(Use(key, one, unit, int(match[1])))
+        for header in self._headers:
+            if match := pattern.fullmatch(header) or pattern.fullmatch(split_header(header)[0]):
+                self.uses.append(Use(key, header, unit, int(match[1])))
         if len(self.uses) == n:
-            raise self._missing(f"mapping {key}={header}: no such column")
+            raise self._missing(f"mapping {key}={text}: no such column")
 
-    def name_contract(self, is_wide: bool) -> None:
-        """Add columns of the contract by their names."""
-        keys = self._keys()
-        for header, *_ in self._free():
-            # Columns given in another way: Q by the headers, a load by another column.
-            by_another = header in (*LOADS, *LOWERS) and _rivals(header) & keys
-            is_given = header in keys or (header == "Q" and is_wide) or by_another
-            if header in NAMES and not is_given:
-                self.uses.append(Use(header, header, how="named"))
-
-    def name_keys(self) -> None:
-        """Add columns whose headers are keys with dimensions."""
-        keys = self._keys()
-        for header, key, unit in self._free():
-            if key in ("p", "line", "force") and unit and not unit_factor(unit, DIMENSIONS[key]):
-                continue  # "force [N/mm]": its unit tells what it is
-            # A contract column says the same without a unit, and says it better.
-            if key in KEYS and key not in ("Q", *TEXTS) and not _rivals(key) & keys:
-                self.uses.append(Use(key, header, how="named"))
+    def name(self, is_wide: bool) -> None:
+        """Add columns by their names: of the contract, then keys with dimensions."""
+        has_Q = is_wide or any(use.Q is not None for use in self.uses)
+        for names in (NAMES, set(KEYS) - {"Q", *TEXTS}):
+            keys = self._keys()
+            for header, words, unit in self._free():
+                key = header if names is NAMES else words
+                # "force [N/mm]": its unit tells what it is.
+                is_other = key in LOADS[1:] and unit and not unit_factor(unit, DIMENSIONS[key])
+                is_given = _rivals(key) & keys or (key == "Q" and has_Q)
+                if key in names and not is_given and not is_other:
+                    self.uses.append(Use(key, header, how="named"))
 
     def name_corners(self, *, required: bool) -> None:
         """Add columns with headers such as ``Q=4``, or that differ in one even number."""
@@ -249,10 +247,10 @@ class _Columns:
             if match is not None and key:
                 self.uses.append(Use(key, header, Q=int(match[2]), how="named"))
         if len(self.uses) == n:
-            found = corners_of(words.values())
+            corners = corners_of(words.values())
             for header, text in words.items():
-                if text in found:
-                    key, Q, term = found[text]
+                if text in corners:
+                    key, Q, term = corners[text]
                     self.uses.append(Use(key, header, Q=Q, how="guessed"))
                     self.terms.add(term)
         if required and len(self.uses) == n:
@@ -260,56 +258,45 @@ class _Columns:
 
     def guess(self) -> None:
         """Add columns whose headers have words of the field."""
-        keys = self._keys()
+        keys, free = self._keys(), self._free()
         is_wide = any(use.Q is not None for use in self.uses)
-        found: dict[str, dict[str, str]] = {}
-        free = self._free()
         of_mean = sum(key_of(words) in ("load_sd", "Q") for _, words, _ in free) > 2
-        for header, words, _ in free:
-            key = key_of(words)
-            key = "n_mean" if of_mean and is_number_of_repeats(words) else key
-            if key and not _rivals(key) & keys and not (key == "Q" and is_wide):
-                found.setdefault(min(_rivals(key)), {})[header] = key
-        for some in found.values():
-            header, key = next(iter(some.items()))
-            if key == "series" or (key in PER_Q and not is_wide and repeats_of(some)):
-                repeats = {} if key == "series" else repeats_of(some)
-                self.uses += [Use(key, one, how="guessed", repeat=repeats.get(one)) for one in some]
+        for header, words, unit in free:
+            key = "n_mean" if of_mean and is_number_of_repeats(words) else key_of(words)
+            of_each_Q = is_wide and (key == "Q" or (key in PER_Q and key != "rel_se"))
+            if not key or _rivals(key) & keys or of_each_Q:
                 continue
-            if len(some) > 1 and key not in TEXTS and not (key in PER_Q and is_wide):
-                self.problems.need(
-                    f"columns {', '.join(map(repr, some))} could each be {key}: name one with "
-                    f"--map '{key}=HEADER'",
-                    {key: header},
-                )
-            if key in PER_Q and key != "rel_se" and is_wide:
-                continue
-            of_R = key in ("a", "b", "offset") and split_header(header)[1].startswith("%")
-            one = Use(f"{key}_over_R", header, "%") if of_R else Use(key, header)
-            self.uses.append(replace(one, how="guessed"))
+            of_R = key in ("a", "b", "offset") and unit.startswith("%")
+            use = Use(f"{key}_over_R", header, "%") if of_R else Use(key, header)
+            self.uses.append(replace(use, how="guessed"))
 
-    def check_once(self) -> None:
-        """Refuse two columns, or a column and a value, that say the same."""
-        seen: dict[tuple[str, object], str] = {}
-        for use in [*self.uses]:
+    def settle(self) -> None:
+        """Take columns of one meaning as repeats, or ask for one of them; refuse a value beside."""
+        places: dict[tuple[str, int | None], list[Use]] = {}
+        for use in self.uses:
+            is_corner = use.Q is not None and use.key in CORNERS
             rivals = _rivals(use.key)
             for key in {use.key} if use.key in CORNERS else rivals:
                 if key in self.values:
                     raise self._twice(key, use.header)
-            is_corner = use.Q is not None and use.key in CORNERS
-            place = ("corner" if is_corner else min(rivals), use.Q or use.repeat)
-            if place in seen and not (use.key == "series" and use.how == "guessed"):
-                of_Q = "" if use.Q is None else f" of Q = {use.Q}"
-                text = (
-                    f"columns {seen[place]!r} and {use.header!r} could both be {use.key}{of_Q}; "
-                    "name one with --map"
-                )
-                if use.how == "mapped":
-                    raise self.problems.error(text)
-                self.problems.need(text, {use.name: seen[place]})
-                self.uses.remove(use)
-                continue
-            seen[place] = use.header
+            places.setdefault(("corner" if is_corner else min(rivals), use.Q), []).append(use)
+        self.uses = [use for uses in places.values() for use in self._settled(uses)]
+
+    def _settled(self, uses: list[Use]) -> list[Use]:
+        """Return the columns that stay, of some of one meaning."""
+        first, headers = uses[0], [use.header for use in uses]
+        are_guessed = all(use.how == "guessed" for use in uses)
+        if len(uses) == 1 or (first.key == "series" and are_guessed):
+            return uses
+        if are_guessed and first.key in PER_Q and first.Q is None and (n := repeats_of(headers)):
+            return [replace(use, key=first.key, repeat=n[use.header]) for use in uses]
+        if not (are_guessed and first.key in TEXTS):
+            text = f"columns {', '.join(map(repr, headers))} could each be {first.name}"
+            if any(use.how == "mapped" for use in uses[1:]):
+                raise self.problems.error(f"{text}; expected one")
+            text += f": name one with --map '{first.name}=HEADER'"
+            self.problems.need(text, {first.name: headers[0]})
+        return uses[:1]
 
     def _keys(self) -> set[str]:
         """Return keys that are given."""
@@ -318,7 +305,7 @@ class _Columns:
     def _free(self) -> list[tuple[str, str, str]]:
         """Return headers that are not used, with their words and what stands in place of units."""
         used = {use.header for use in self.uses}
-        return [(one, *split_header(one)) for one in self._headers if one not in used]
+        return [(text, *split_header(text)) for text in self._headers if text not in used]
 
     def _missing(self, message: str) -> InputError:
         there = ", ".join(map(repr, self._headers[:50]))
@@ -346,9 +333,9 @@ def as_load(
     for key in LOADS[1:]:
         if unit_factor(unit, DIMENSIONS[key]) is not None:
             return replace(use, key=key + lower)
-    of_dimension = [one for one in uses if one.key in DIMENSIONS]
-    has_units = any(one.own_unit not in ("", "1", "-") for one in of_dimension)
-    keys = {one.key for one in of_dimension}
+    others = [other for other in uses if other.key in DIMENSIONS]
+    has_units = any(other.own_unit not in ("", "1", "-") for other in others)
+    keys = {other.key for other in others}
     needs_R = bool(keys & {"a", "b"}) and not keys & {"R", "D"}
     if use.unit is None and (has_units or needs_R or {"E", "R"} & values.keys()):
         shown = re.sub(r"\d+", "*", use.header) if use.Q is not None else use.header
@@ -361,3 +348,13 @@ def as_load(
             **({} if "E" in keys | values.keys() else {"E": "? kPa"}),
         )
     return replace(use, key=f"p_over_E{lower}")
+
+
+def _as_sd(use: Use, uses: Sequence[Use]) -> Use:
+    """Return what a standard deviation of loads is, by its unit or that of their mean."""
+    mean = next((other for other in uses if other.key in LOADS), None)
+    if use.key != "load_sd" or mean is None:
+        return use
+    unit = use.own_unit or mean.own_unit
+    kinds = (key for key in LOADS[1:] if unit_factor(unit, DIMENSIONS[key]) is not None)
+    return replace(use, key=f"{next(kinds, mean.key)}_sd", unit=use.unit if use.own_unit else unit)

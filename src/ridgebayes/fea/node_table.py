@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.fea.columns import open_table
-from ridgebayes.fea.delimited import Reading
+from ridgebayes.fea.given import Given
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.record import FileError, provenance
 from ridgebayes.fea.transitions import last_digit
@@ -19,7 +19,7 @@ _CONTACT = ("gap", "pressure", "status")
 _NEEDED = {"load": "the load of the step, the same in its rows", "x": "where the node is"}
 
 
-def read_node_table(path: Path, mapping: Mapping[str, str], how: Reading) -> ContactHistory:
+def read_node_table(path: Path, mapping: Mapping[str, str], how: Given) -> ContactHistory:
     """Read a table of a row for each node at each step.
 
     Parameters
@@ -30,7 +30,7 @@ def read_node_table(path: Path, mapping: Mapping[str, str], how: Reading) -> Con
         ``step`` and ``node`` where loads or places do not tell rows apart.
     mapping : mapping of str to str
         Keys to headers, beside what words say.
-    how : Reading
+    how : Given
         How the file is to be read, and which codes of a status mean contact.
 
     Returns

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.layout import FINITE, clean_headers, filled
+from ridgebayes.fea.cells import FINITE
+from ridgebayes.fea.header import clean_headers, filled
 from ridgebayes.fea.record import FileError, TableFile
 from ridgebayes.runtime.reading import refusing
 from ridgebayes.table.files import read_arrow
@@ -52,7 +53,7 @@ class ParquetTable(TableFile):
                 columns[name] = values
         for name in wanted & columns.keys():
             problems.cells(np.isinf(columns[name]), name, FINITE)
-        return filled(pd.DataFrame(columns), self.where, problems)
+        return filled(pd.DataFrame(columns), problems)
 
     def spot(self, row: int, name: str) -> str:
         """Return words for a cell."""
@@ -78,5 +79,5 @@ class ParquetTable(TableFile):
         if types.is_string(kind) or types.is_large_string(kind):
             return column.to_pandas().fillna("").astype(str)
         if types.is_boolean(kind) or types.is_temporal(kind):
-            return pd.Series(["" if one is None else str(one) for one in column.to_pylist()])
+            return pd.Series(["" if value is None else str(value) for value in column.to_pylist()])
         return None

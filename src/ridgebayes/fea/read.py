@@ -2,8 +2,8 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -16,91 +16,38 @@ from ridgebayes.fea.ansys import read_ansys
 from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.columns import SUFFIXES, read_columns
 from ridgebayes.fea.deck import Deck, RunDeck, read_deck
-from ridgebayes.fea.delimited import Reading
 from ridgebayes.fea.febio import read_febio
+from ridgebayes.fea.given import Given, parse_map
 from ridgebayes.fea.history import ContactHistory, RunBody, table_of
-from ridgebayes.fea.map_files import parse_map, read_mapping
 from ridgebayes.fea.mesh_series import read_series
 from ridgebayes.fea.node_table import read_node_table
 from ridgebayes.fea.record import FileError, Imported
-from ridgebayes.fea.words import COUNTS, NOT_READ
+from ridgebayes.fea.words import COUNTS, NOT_READ, OPTIONS
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.table.table import ContactTable
 
 _LOOKED_AT = 20_000  # bytes
-_ABAQUS = (b"THE FOLLOWING TABLE IS PRINTED", b"A B A Q U S", b"Abaqus")
-_CALCULIX = (b"displacements (", b"contact stress (", b") for set ")
-_OF_TABLES = ("sheet", "skip_rows", "header_row", "decimal", "empty", "count_is", "interpolate")
 _OF_DECKS = ("deck", "surface", "reaction")
-_OF_BODIES = ("texture", "symmetry", "top", "thickness", "corner")
-# Options that are not of every format.
-_ALLOWED: dict[str, tuple[str, ...]] = {
-    "table": ("map", "texture", "thickness", "closed_is", "skip_empty", "load_se", *_OF_TABLES),
-    "calculix": (*_OF_BODIES, *_OF_DECKS),
-    "abaqus-dat": (*_OF_BODIES, *_OF_DECKS),
-    "abaqus-rpt": (*_OF_BODIES, *_OF_DECKS),
-    "febio": _OF_BODIES,
-    "ansys": (*_OF_BODIES, "closed_is", "map"),
-    "nodes": (*_OF_BODIES, "closed_is", "map", *_OF_TABLES[:5]),
-    "series": (*_OF_BODIES, "field", "time", "loads"),
-}
-FORMATS = tuple(_ALLOWED)
+FORMATS = tuple(OPTIONS)
+# The first that a file's name and its beginning fit is its format.
+_RECOGNISED: tuple[tuple[str, tuple[str, ...], re.Pattern[bytes]], ...] = (
+    ("series", (".vtu", ".pvd", ".xdmf", ".xmf"), re.compile(b"")),
+    ("calculix", (".frd",), re.compile(b"")),
+    ("febio", (), febio.MARK),
+    ("ansys", (), ansys.MARK),
+    ("abaqus-rpt", (), re.compile(b"Field Output Report")),
+    ("abaqus-dat", (".dat",), re.compile(b"THE FOLLOWING TABLE IS PRINTED|A B A Q U S|Abaqus")),
+    ("calculix", (".dat",), re.compile(rb"(?:displacements|contact stress) \(|\) for set ")),
+    ("table", SUFFIXES, re.compile(b"")),
+)
 _WITH_DECK = ("calculix", "abaqus-dat")
 _OF_SEVERAL = ("febio", "ansys", "series")
 _CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
 
 
-@dataclass(frozen=True)
-class Given(Reading):
-    """Facts that a file lacks and the user gives; each format takes only some of them.
-
-    Parameters
-    ----------
-    map : tuple of str
-        ``key=header``, or paths of TOML files with them.
-    texture : (float, float) or None
-        Ridge and groove width over R.
-    nu, R, E : str or None
-        As typed; lengths and stresses with units for tables, plain numbers in a run's own units.
-    symmetry : str or None
-        "half" or "full".
-    top, corner : float or None
-        Height of the ridges' tops, corner radius over R.
-    thickness : str or None
-        As R: of the slice, or of the body that forces press on.
-    deck : Path or None
-        Input deck of a run.
-    surface, reaction : str or None
-        Node sets.
-    field, time : str or None
-        Name of a series' displacements; meaning of its time, "p_over_E" or "line".
-    loads : tuple of float
-        Loads of several ``.vtu``, or of a ``.pvd`` whose times are no loads, as `time` says.
-    load_se : str or None
-        Standard error of every load of a table, in any unit of loads.
-    """
-
-    map: tuple[str, ...] = ()
-    texture: tuple[float, float] | None = None
-    nu: str | None = None
-    R: str | None = None
-    E: str | None = None
-    symmetry: str | None = None
-    top: float | None = None
-    thickness: str | None = None
-    corner: float | None = None
-    deck: Path | None = None
-    surface: str | None = None
-    reaction: str | None = None
-    field: str | None = None
-    time: str | None = None
-    loads: tuple[float, ...] = ()
-    load_se: str | None = None
-
-
 def import_files(
     paths: Sequence[Path],
-    given: Given,
+    facts: Given,
     *,
     program: str | None = None,
     role: str | None = None,
@@ -112,7 +59,7 @@ def import_files(
     paths : sequence of Path
         One, several ``.vtu`` in the order of their loads, or what FEBio or ANSYS printed of a run
         into several.
-    given : Given
+    facts : Given
         Facts that the files lack.
     program : str or None
         One of `ridgebayes.fea.read.FORMATS`; None looks.
@@ -137,13 +84,13 @@ def import_files(
             f"{len(paths)} files of format {name}: expected one (several of "
             f"{', '.join(_OF_SEVERAL)})"
         )
-    _check_given(name, given)
-    found = _read(name, paths, given)
+    _check_given(name, facts)
+    imported = _read(name, paths, facts)
+    table, messages = imported.table, (f"format: {name}", *imported.messages)
     if role is not None:
-        frame = found.table.frame.assign(role=role)
-        table = ContactTable.from_frame(frame, where=found.table.where)
-        found = replace(found, table=table, messages=(*found.messages, f"role: {role}"))
-    return replace(found, messages=(f"format: {name}", *found.messages))
+        table = ContactTable.from_frame(table.frame.assign(role=role), where=table.where)
+        messages += (f"role: {role}",)
+    return replace(imported, table=table, messages=messages)
 
 
 def recognise(path: Path) -> str:
@@ -165,90 +112,75 @@ def recognise(path: Path) -> str:
         If it cannot be read, is of a program whose files are not read, or is none that is known.
     """
     suffix, name = path.suffix.lower(), path.name.lower()
-    content = read_bytes(path)
-    head = content[:_LOOKED_AT]
-    for one in NOT_READ.values():
-        if suffix in one.get("suffixes", ()) or name in one.get("names", ()):
-            raise InputError(f"{path}: {one['is']} is not read; {one['instead']}")
-    if suffix in (".vtu", ".pvd", ".xdmf", ".xmf"):
-        return "series"
-    if suffix == ".frd":
-        return "calculix"
-    for program, mark in (("febio", febio.MARK), ("ansys", ansys.MARK)):
-        if mark.search(head):
+    head = read_bytes(path)[:_LOOKED_AT]
+    for kind in NOT_READ.values():
+        if suffix in kind.get("suffixes", ()) or name in kind.get("names", ()):
+            raise InputError(f"{path}: {kind['is']} is not read; {kind['instead']}")
+    for program, suffixes, mark in _RECOGNISED:
+        if (not suffixes or suffix in suffixes) and mark.search(head):
             return program
-    if b"Field Output Report" in head:
-        return "abaqus-rpt"
-    if suffix == ".dat":
-        if any(mark in head for mark in _ABAQUS):
-            return "abaqus-dat"
-        if any(mark in head for mark in _CALCULIX):
-            return "calculix"
-    if suffix in SUFFIXES:
-        return "table"
     raise InputError(
         f"{path}: its format is not recognised; expected --format {', '.join(FORMATS)}, or a "
         f"suffix of {', '.join(SUFFIXES)}, .frd, .vtu, .pvd or .xdmf"
     )
 
 
-def _check_given(name: str, given: Given) -> None:
-    for option in dict.fromkeys(chain(*_ALLOWED.values())):
-        if getattr(given, option) != getattr(Given, option) and option not in _ALLOWED[name]:
+def _check_given(name: str, facts: Given) -> None:
+    for option in sorted(set(chain(*OPTIONS.values())) - set(OPTIONS[name])):
+        if getattr(facts, option) != getattr(Given, option):
             typed = option.replace("_", "-")
             raise InputError(f"--{typed}: not used by format {name}; remove it")
-    if given.decimal not in (None, "point", "comma"):
-        raise InputError(f"--decimal {given.decimal}: expected point, comma")
-    if given.count_is not in (None, *COUNTS):
-        raise InputError(f"--count-is {given.count_is}: expected {', '.join(sorted(COUNTS))}")
+    if facts.decimal not in (None, "point", "comma"):
+        raise InputError(f"--decimal {facts.decimal}: expected point, comma")
+    if facts.count_is not in (None, *COUNTS):
+        raise InputError(f"--count-is {facts.count_is}: expected {', '.join(sorted(COUNTS))}")
 
 
-def _read(name: str, paths: Sequence[Path], given: Given) -> Imported:
+def _read(name: str, paths: Sequence[Path], facts: Given) -> Imported:
     if name == "table":
-        mapping, values = _mapping(given)
-        return read_columns(paths[0], mapping, values=values, how=given)
-    given, messages = _completed(paths[0], given, name)
-    body = _body(given)
+        return read_columns(paths[0], facts)
+    facts, messages = _completed(paths[0], facts, name)
+    body = _body(facts)
     if name == "nodes":  # gaps are from the tops
         body = replace(body, top=body.top or 0.0)
-    history = _history(name, paths, given, body)
+    history = _history(name, paths, facts, body)
     history = replace(history, messages=(*messages, *history.messages))
-    return table_of(history, body, brackets=given.brackets)
+    return table_of(history, body, brackets=facts.brackets)
 
 
-def _history(name: str, paths: Sequence[Path], given: Given, body: RunBody) -> ContactHistory:
+def _history(name: str, paths: Sequence[Path], facts: Given, body: RunBody) -> ContactHistory:
     """Return what the files of a run print."""
     path = paths[0]
     if name == "series":
-        how = {key: getattr(given, key) or None for key in ("field", "time", "loads")}
+        how = {key: getattr(facts, key) or None for key in ("field", "time", "loads")}
         return read_series(paths, R=body.R, **how)
     if name == "febio":
         return read_febio(paths)
     if name == "nodes":
-        return read_node_table(path, parse_map(given.map), given)
+        return read_node_table(path, parse_map(facts.map), facts)
     if name == "ansys":
         corners = {}
-        for key, node in parse_map(given.map).items():
+        for key, node in parse_map(facts.map).items():
             match = _CORNER.fullmatch(key.strip())
             if match is None or not node.isdigit():
                 raise InputError(f"--map {key}={node}: expected 'status Q=4=NODE' for a listing")
             corners[int(match[1])] = int(node)
-        if corners and given.symmetry is None:
+        if corners and facts.symmetry is None:
             raise FileError(
                 str(path),
                 needs=["--symmetry: missing; expected half or full, the body of the reactions"],
                 options={"symmetry": "?"},
             )
-        return read_ansys(paths, closed_is=given.closed_is, corners=corners)
+        return read_ansys(paths, closed_is=facts.closed_is, corners=corners)
     if name == "abaqus-rpt":
-        if given.deck is not None:
-            read_deck(given.deck).check_material(body.E, body.nu, given.deck)
-        options = {option: getattr(given, option) for option in _OF_DECKS}
+        if facts.deck is not None:
+            read_deck(facts.deck).check_material(body.E, body.nu, facts.deck)
+        options = {option: getattr(facts, option) for option in _OF_DECKS}
         return read_abaqus_rpt(path, **options)
-    assert given.deck is not None
-    assert given.surface is not None
-    assert given.reaction is not None
-    run = RunDeck.read(given.deck, given.surface, given.reaction, E=body.E, nu=body.nu)
+    assert facts.deck is not None
+    assert facts.surface is not None
+    assert facts.reaction is not None
+    run = RunDeck.read(facts.deck, facts.surface, facts.reaction, E=body.E, nu=body.nu)
     if name == "abaqus-dat":
         return read_abaqus_dat(path, deck=run)
     # CalculiX writes its status beside its results.
@@ -256,95 +188,78 @@ def _history(name: str, paths: Sequence[Path], given: Given, body: RunBody) -> C
     return read_calculix(path, deck=run, sta=sta if sta.is_file() else None)
 
 
-def _completed(path: Path, given: Given, name: str) -> tuple[Given, list[str]]:
+def _completed(path: Path, facts: Given, name: str) -> tuple[Given, list[str]]:
     """Return what is given and what the run's deck says; ask for all the rest at once."""
     problems = FileError(str(path))
-    found: dict[str, Any] = {}
-    is_run = name in _WITH_DECK
+    more: dict[str, Any] = {}
+    has_deck = name in _WITH_DECK
     beside = path.with_suffix(".inp")
-    if is_run and given.deck is None and beside.is_file():
-        found["deck"] = beside
-    file = given.deck or found.get("deck")
+    if has_deck and facts.deck is None and beside.is_file():
+        more["deck"] = beside
+    file = facts.deck or more.get("deck")
     deck = Deck() if file is None else read_deck(file)
-    if given.nu is None and deck.nu is not None:
-        found["nu"] = f"{deck.nu:.6g}"
+    if facts.nu is None and deck.nu is not None:
+        more["nu"] = f"{deck.nu:.6g}"
     # The unit modulus of export-deck is 1 but for printed digits.
-    if given.E is None and deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
-        found["E"] = f"{deck.E:.10g}"
-    if is_run:
-        found |= _sets(deck, given, problems)
-    if is_run and file is None:
-        problems.need("--deck: missing; expected the run's input deck", deck="?.inp")
-    _ask(path, name, given, file, deck, problems)
+    if facts.E is None and deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
+        more["E"] = f"{deck.E:.10g}"
+    sets, needed = _sets(deck) if has_deck else ({}, {})
+    more |= sets
+    if has_deck and file is None:
+        needed["deck"] = "the run's input deck"
+    needed |= _facts_of(path, name, facts, deck, has_file=file is not None)
+    for key, what in needed.items():
+        if getattr(facts, key) is None:
+            value = {"texture": "?,?", "deck": "?.inp"}.get(key, "?")
+            problems.need(f"--{key}: missing; expected {what}", **{key: value})
     problems.raise_all()
-    if given.E is None and deck.E is None and file is not None:
+    more = {key: value for key, value in more.items() if getattr(facts, key) is None}
+    if facts.E is None and deck.E is None and file is not None:
         problems.messages.append(f"{file}: no material, so E = 1; --E gives another")
-    if found:
-        shown = ", ".join(f"{key} = {value}" for key, value in found.items())
+    if more:
+        shown = ", ".join(f"{key} = {value}" for key, value in more.items())
         problems.messages.append(f"{file}: {shown}")
-    return replace(given, **found), problems.messages
+    return replace(facts, **more), problems.messages
 
 
-def _ask(
-    path: Path, name: str, given: Given, file: Path | None, deck: Deck, problems: FileError
-) -> None:
-    """Ask for what neither the files of a run nor the user say of the body."""
-    if given.texture is None:
-        text = "--texture: missing; expected A,B, ridge and groove width over R"
-        problems.need(text, texture="?,?")
-    if given.nu is None and deck.nu is None:
-        problems.need("--nu: missing; expected Poisson's ratio of the run", nu="?")
+def _facts_of(path: Path, name: str, facts: Given, deck: Deck, *, has_file: bool) -> dict[str, str]:
+    """Return what neither the files of a run nor its deck say of the body, by option."""
     without_deck = name in ("febio", "ansys", "nodes")
-    is_line = given.time == "line" or (name == "abaqus-rpt" and file is None)
-    if given.E is None and (without_deck or is_line):
-        problems.need("--E: missing; expected Young's modulus, in the units of the run", E="?")
-    if path.suffix.lower() == ".pvd" and given.time is None:
-        problems.need(
-            "--time: missing; expected line or p_over_E, what times or loads are", time="?"
-        )
-    if given.R is None and without_deck:
-        problems.need("--R: missing; expected the body's radius, in the units of the run", R="?")
+    is_line = facts.time == "line" or (name == "abaqus-rpt" and not has_file)
+    needed = {"texture": "A,B, ridge and groove width over R"}
+    if deck.nu is None:
+        needed["nu"] = "Poisson's ratio of the run"
+    if without_deck or is_line:
+        needed["E"] = "Young's modulus, in the units of the run"
+    if path.suffix.lower() == ".pvd":
+        needed["time"] = "line or p_over_E, what times or loads are"
+    if without_deck:
+        needed["R"] = "the body's radius, in the units of the run"
+    return needed
 
 
-def _sets(deck: Deck, given: Given, problems: FileError) -> dict[str, str]:
-    """Return the node sets of surface and load that a deck prints; ask for those it leaves open."""
-    found = {}
-    for key, kind in (("surface", "U"), ("reaction", "RF")):
-        if getattr(given, key) is not None:
-            continue
+def _sets(deck: Deck) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the node sets of surface and load that a deck prints, and what to ask for others."""
+    names, needed = {}, {}
+    for key, kind, what in (
+        ("surface", "U", "the body's surface"),
+        ("reaction", "RF", "the driven nodes"),
+    ):
         sets = deck.printed.get(kind, [])
-        others = [one for one in sets if one not in deck.printed.get("RF", [])]
+        others = [name for name in sets if name not in deck.printed.get("RF", [])]
         sets = others if kind == "U" and len(others) == 1 else sets
-        if len(sets) == 1:
-            found[key] = sets[0]
-            continue
         there = ", ".join(sets or deck.nsets) or "in the deck"
-        what = "the body's surface" if kind == "U" else "the driven nodes"
-        problems.need(f"--{key}: missing; expected the node set of {what}: {there}", **{key: "?"})
-    return found
+        if len(sets) == 1:
+            names[key] = sets[0]
+        else:
+            needed[key] = f"the node set of {what}: {there}"
+    return names, needed
 
 
-def _mapping(given: Given) -> tuple[dict[str, str], Mapping[str, str | float]]:
-    mapping: dict[str, str] = {}
-    values: dict[str, str | float] = {}
-    files = [one for one in given.map if one.endswith(".toml") and "=" not in one]
-    for file in files:
-        columns, constants = read_mapping(Path(file))
-        mapping |= columns
-        values |= constants
-    mapping |= parse_map(one for one in given.map if one not in files)
-    values |= _numbers(given)
-    if given.load_se is not None:
-        values["load_se"] = given.load_se
-    if given.texture is not None:
-        values["a_over_R"], values["b_over_R"] = given.texture
-    return mapping, values
-
-
-def _body(given: Given) -> RunBody:
-    assert given.texture is not None
+def _body(facts: Given) -> RunBody:
+    assert facts.texture is not None
     numbers = {}
-    for key, text in _numbers(given).items():
+    for key, text in facts.numbers().items():
         try:
             numbers[key] = float(text)
         except ValueError:
@@ -352,14 +267,9 @@ def _body(given: Given) -> RunBody:
                 f"--{key} {text!r}: expected a plain number, in the units of the run"
             ) from None
     return RunBody(
-        *given.texture,
+        *facts.texture,
         **numbers,
-        symmetry=given.symmetry or "half",
-        top=given.top,
-        corner_over_R=given.corner,
+        symmetry=facts.symmetry or "half",
+        top=facts.top,
+        corner_over_R=facts.corner,
     )
-
-
-def _numbers(given: Given) -> dict[str, str]:
-    typed = {key: getattr(given, key) for key in ("nu", "R", "E", "thickness")}
-    return {key: text for key, text in typed.items() if text is not None}

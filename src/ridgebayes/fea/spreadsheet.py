@@ -4,27 +4,27 @@ import io
 import re
 import warnings
 import zipfile
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import replace
 from importlib import import_module
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import Reading, TextTable
-from ridgebayes.fea.layout import LOOKED_AT, find_layout, known
+from ridgebayes.fea.cells import TextTable
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.header import LOOKED_AT, Row, find_header, n_known
 from ridgebayes.fea.record import FileError
 from ridgebayes.runtime.reading import extra, refusing
 
-LARGEST = 2**30  # bytes of all members, unpacked
 LARGEST_XML = 2**26  # bytes of the members that are parsed: more would take minutes
 LARGEST_RATIO = 200  # of unpacked to packed, above a megabyte
-MOST_CELLS = 250_000  # some seconds
-MOST_ROWS = 2**20  # of a worksheet, by the format
+MOST_CELLS = 250_000  # of a worksheet, and rows: some seconds
 _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
+_PARSED = (".xml", ".rels")
 # What Python takes for a part of a number, and Excel does not: "1_000", digits of other scripts.
 _ODD = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
 
@@ -33,8 +33,8 @@ ALL = "all"  # sheets
 Grids = dict[str, list[list[str]]]  # text of cells, by sheet and row
 
 
-def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError) -> TextTable:
-    """Read one worksheet of an Excel workbook, as the text that its cells hold.
+def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError) -> TextTable:
+    """Read one worksheet of an Excel workbook, or all, as the text that their cells hold.
 
     Parameters
     ----------
@@ -42,10 +42,10 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError)
         Its name, for messages.
     content : bytes
         All of it.
-    how : Reading
+    facts : Given
         Its sheet is a name or a number, or all; None takes the one with most words of the field.
     problems : FileError
-        As `ridgebayes.fea.delimited.TextTable`.
+        As `ridgebayes.fea.cells.TextTable`.
 
     Raises
     ------
@@ -54,64 +54,60 @@ def read_workbook(path: Path, content: bytes, how: Reading, problems: FileError)
         sheet is meant.
     """
     _check_archive(content, str(path))
-    found, typed = _grids(content, problems, how.sheet)
-    name, rows = next(iter(found.items()))
-    if len(rows) <= how.skip_rows:
+    grids, typed = _grids(content, problems, facts.sheet)
+    name, cells = next(iter(grids.items()))
+    if len(cells) <= facts.skip_rows:
         raise InputError(f"{path}, sheet {name!r}: the file is empty")
-    if how.sheet == ALL and len(found) > 1:
-        return _joined(path, found, typed, how, problems)
-    width = max(map(len, rows))
-    wide = ([*row, *[""] * (width - len(row))] for row in rows)
-    lines = list(islice(enumerate(wide, start=1), how.skip_rows, None))
-    problems.where = f"{path}, sheet {name!r}"
     letter = import_module("openpyxl.utils").get_column_letter
-    return TextTable(
-        problems.where,
-        lambda _: lines,
-        "\t",
-        how,
-        problems,
-        lambda line, column: f"cell {letter(column)}{line}",
-        typed,
-    )
+    if len(grids) == 1:
+        problems.where = f"{path}, sheet {name!r}"
+        numbered = _even(cells)[facts.skip_rows :]
+        return TextTable(
+            numbered, "\t", facts, problems, lambda line, i: f"cell {letter(i)}{line}", typed
+        )
+    rows, places = _joined(path, grids, facts, problems)
+
+    def spot(line: int, column: int) -> str:
+        sheet, at = places[line - 1]
+        return f"sheet {sheet!r}, cell {letter(column)}{at}"
+
+    facts = replace(facts, header_row=None, skip_rows=0)
+    return TextTable(_even(rows), "\t", facts, problems, spot, typed)
+
+
+def _even(rows: list[list[str]]) -> list[Row]:
+    """Return lines from 1, and their cells, as many as in the longest."""
+    width = max(map(len, rows))
+    return [(i, [*cells, *[""] * (width - len(cells))]) for i, cells in enumerate(rows, start=1)]
 
 
 def _joined(
-    path: Path, found: Grids, typed: set[str], how: Reading, problems: FileError
-) -> TextTable:
-    """Read all sheets with the header of the first, and their names as a column."""
+    path: Path, grids: Grids, facts: Given, problems: FileError
+) -> tuple[list[list[str]], list[tuple[str, int]]]:
+    """Return the rows of all sheets with the header of the first, and their sheets and lines."""
     rows: list[list[str]] = []
-    places: list[tuple[str, int]] = []  # sheet and line of each row
-    first, left_out = None, []
-    for name, cells in found.items():
-        full = [(i, row) for i, row in enumerate(cells, start=1) if any(row) and i > how.skip_rows]
-        layout = find_layout(full[:LOOKED_AT], f"{path}, sheet {name!r}", how.header_row)
-        first = first or layout
-        if layout.headers != first.headers:
-            left_out.append(name)
-            continue
+    places: list[tuple[str, int]] = []
+    names: dict[bool, list[str]] = {True: [], False: []}  # whether sheets are read
+    for name, cells in grids.items():
+        full = [
+            row for row in enumerate(cells, start=1) if any(row[1]) and row[0] > facts.skip_rows
+        ]
+        headers, n_head = find_header(
+            full[:LOOKED_AT], facts.header_row, FileError(f"{path}, sheet {name!r}")
+        )
         if not rows:
-            rows.append([*layout.headers, "Sheet"])
-            places.append((name, full[max(layout.first - 1, 0)][0]))
-        for i, row in full[layout.first :]:
-            rows.append([*row, *[""] * (len(layout.headers) - len(row)), name])
-            places.append((name, i))
-    names = [name for name in found if name not in left_out]
-    problems.messages.append(f"sheets read one after the other: {', '.join(map(repr, names))}")
-    if left_out:
-        told = ", ".join(map(repr, left_out))
-        problems.messages.append(f"sheets ignored, with another header: {told}")
-    width = max(map(len, rows))
-    lines = [(i, [*row, *[""] * (width - len(row))]) for i, row in enumerate(rows, start=1)]
-    problems.where = f"{path}, {len(names)} sheets"
-    letter = import_module("openpyxl.utils").get_column_letter
-
-    def cell(line: int, column: int) -> str:
-        name, at = places[line - 1]
-        return f"sheet {name!r}, cell {letter(column)}{at}"
-
-    plain = replace(how, header_row=None, skip_rows=0)
-    return TextTable(problems.where, lambda _: lines, "\t", plain, problems, cell, typed)
+            rows, places = [[*headers, "Sheet"]], [(name, full[max(n_head - 1, 0)][0])]
+        names[is_read := rows[0] == [*headers, "Sheet"]].append(name)
+        for line, row in full[n_head:] if is_read else ():
+            rows.append([*row, *[""] * (len(headers) - len(row)), name])
+            places.append((name, line))
+    said = {True: "read one after the other", False: "ignored, with another header"}
+    for is_read, some in names.items():
+        if some:
+            shown = ", ".join(map(repr, some))
+            problems.messages.append(f"sheets {said[is_read]}: {shown}")
+    problems.where = f"{path}, {len(names[True])} sheets"
+    return rows, places
 
 
 def _check_archive(content: bytes, where: str) -> None:
@@ -120,24 +116,23 @@ def _check_archive(content: bytes, where: str) -> None:
     unreadable = refusing(f"{where}: not a readable Excel file", most=200)
     with unreadable, zipfile.ZipFile(io.BytesIO(content)) as archive:
         members = archive.infolist()
-        parsed = [one for one in members if one.filename.lower().endswith((".xml", ".rels"))]
-        total, size = (sum(one.file_size for one in some) for some in (members, parsed))
-        most = max(10**6, LARGEST_RATIO * len(content))
-        macros = any("vbaproject" in one.filename.lower() for one in members)
+        parsed = [member for member in members if member.filename.lower().endswith(_PARSED)]
+        total, size = (sum(member.file_size for member in some) for some in (members, parsed))
         rules = {
-            f"unpacks to {total} bytes; expected at most {LARGEST}": total <= LARGEST,
             f"unpacks to {total} bytes from {len(content)}; expected at most {LARGEST_RATIO} times "
-            "its size": total <= most,
+            "its size": total <= max(10**6, LARGEST_RATIO * len(content)),
             f"{size} bytes of sheets; expected at most {LARGEST_XML}, save larger tables as CSV": (
                 size <= LARGEST_XML
             ),
-            "holds macros; expected a workbook without macros": not macros,
+            "holds macros; expected a workbook without macros": not any(
+                "vbaproject" in member.filename.lower() for member in members
+            ),
         }
         for rule, holds in rules.items():
             if not holds:
                 raise InputError(f"{where}: {rule}")
-        for one in parsed:
-            _check_xml(archive.read(one), one.filename, where)
+        for member in parsed:
+            _check_xml(archive.read(member), member.filename, where)
 
 
 def _check_xml(text: bytes, name: str, where: str) -> None:
@@ -159,31 +154,25 @@ def _grids(content: bytes, problems: FileError, sheet: str | None) -> tuple[Grid
     """Return the sheet that is asked for, or all of them, and the cells that are numbers."""
     where = problems.where
     openpyxl = extra("openpyxl", "excel", f"{where}: Excel files need openpyxl")
-    options = {"read_only": True, "data_only": False, "keep_links": False}
+    typed: set[str] = set()
     # openpyxl lets out exceptions of many kinds on what is no workbook.
     with refusing(f"{where}: not a readable Excel file", most=200), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of styles and extensions, which hold no values
-        with closing(openpyxl.load_workbook(io.BytesIO(content), **options)) as book:
-            sheets = {one.title: one for one in book.worksheets}
-            sheet = None if (is_all := sheet == ALL and ALL not in sheets) else sheet
-            if sheet is not None and sheet not in sheets:
-                numbers = dict(zip(map(str, range(1, len(sheets) + 1)), sheets, strict=True))
-                if sheet not in numbers:
-                    there = ", ".join(map(repr, sheets))
-                    raise InputError(f"{where}: no sheet {sheet!r}; the sheets are {there}")
-                sheet = numbers[sheet]
-            wanted = sheets if sheet is None else {sheet: sheets[sheet]}
-            typed: set[str] = set()
-            found = {name: _rows(one, where, typed) for name, one in wanted.items()}
-        if any(cell.startswith("=") for rows in found.values() for row in rows for cell in row):
-            found = _stored(openpyxl, content, found, typed)
-    full = {name: rows for name, rows in found.items() if rows}
+        with _opened(openpyxl, content, data_only=False) as book:
+            sheets = {page.title: page for page in book.worksheets}
+            is_all = sheet == ALL and ALL not in sheets
+            wanted = list(sheets) if sheet is None or is_all else [_name_of(sheet, sheets, where)]
+            grids = {name: _rows(sheets[name], where, typed) for name in wanted}
+        if any(cell.startswith("=") for rows in grids.values() for row in rows for cell in row):
+            with _opened(openpyxl, content, data_only=True) as book:
+                for name, rows in grids.items():
+                    _store(rows, _rows(book[name], where, typed))
+    full = {name: rows for name, rows in grids.items() if rows}
     if not full:
-        raise InputError(f"{where}: no sheet with cells{'' if sheet is None else f' in {sheet!r}'}")
+        raise InputError(f"{where}: no sheet with cells{f' in {wanted[0]!r}' if sheet else ''}")
     if is_all:
         return full, typed
-    tops = {name: [one for one in rows[:LOOKED_AT] if any(one)] for name, rows in full.items()}
-    words = {name: max(map(known, rows)) for name, rows in tops.items()}
+    words = {name: max(map(n_known, filter(any, rows[:LOOKED_AT]))) for name, rows in full.items()}
     best = [name for name in full if words[name] == max(words.values())]
     if len(best) > 1:
         problems.need(
@@ -194,19 +183,26 @@ def _grids(content: bytes, problems: FileError, sheet: str | None) -> tuple[Grid
     return {best[0]: full[best[0]]}, typed
 
 
-def _stored(
-    openpyxl: Any, content: bytes, found: dict[str, list[list[str]]], typed: set[str]
-) -> dict[str, list[list[str]]]:
-    """Return cells with the values that the file stores of formulas, where it does."""
-    options = {"read_only": True, "data_only": True, "keep_links": False}
-    with closing(openpyxl.load_workbook(io.BytesIO(content), **options)) as book:
-        values = {name: _rows(book[name], name, typed) for name in found}
-    for name, rows in found.items():
-        for row, stored in zip(rows, values[name], strict=False):
-            for i, cell in enumerate(row):
-                if cell.startswith("=") and i < len(stored) and stored[i]:
-                    row[i] = stored[i]
-    return found
+def _opened(openpyxl: Any, content: bytes, *, data_only: bool) -> Any:
+    options = {"read_only": True, "data_only": data_only, "keep_links": False}
+    return closing(openpyxl.load_workbook(io.BytesIO(content), **options))
+
+
+def _name_of(sheet: str, sheets: Iterable[str], where: str) -> str:
+    """Return the name of a sheet that is asked for by name or number."""
+    numbers = {str(n): name for n, name in enumerate(sheets, start=1)}
+    if sheet not in sheets and sheet not in numbers:
+        there = ", ".join(map(repr, sheets))
+        raise InputError(f"{where}: no sheet {sheet!r}; the sheets are {there}")
+    return sheet if sheet in sheets else numbers[sheet]
+
+
+def _store(rows: list[list[str]], values: list[list[str]]) -> None:
+    """Put the values that the file stores of formulas in their places, where it does."""
+    for row, stored in zip(rows, values, strict=False):
+        for i, value in enumerate(stored):
+            if value and i < len(row) and row[i].startswith("="):
+                row[i] = value
 
 
 def _rows(sheet: Any, where: str, typed: set[str]) -> list[list[str]]:
@@ -215,15 +211,15 @@ def _rows(sheet: Any, where: str, typed: set[str]) -> list[list[str]]:
     n_cell = 0
     for number, row in enumerate(sheet.iter_rows(), start=1):
         n_cell += len(row)
-        if number > MOST_ROWS or n_cell > MOST_CELLS:
+        if max(number, n_cell) > MOST_CELLS:
             raise InputError(
                 f"{where}, sheet {sheet.title!r}: more than {MOST_CELLS} cells; save larger "
                 "tables as CSV"
             )
         rows.append([_text(cell.value, cell.data_type) for cell in row])
-        typed |= {
+        typed.update(
             text for cell, text in zip(row, rows[-1], strict=True) if cell.data_type == "n" and text
-        }
+        )
     while rows and not any(rows[-1]):
         rows.pop()
     return rows

@@ -1,6 +1,7 @@
 """Words of `words.toml` in headers, numbers in them, and units: exact, everywhere or nowhere."""
 
 import functools
+import math
 import re
 import unicodedata
 from collections.abc import Collection, Iterable
@@ -15,31 +16,13 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_toml
 from ridgebayes.scene.units import Dimension, to_si
 
-_KEYS: dict[Dimension, tuple[str, ...]] = {
-    "length": ("a", "b", "pitch", "R", "D", "thickness", "offset", "gap"),
-    "pressure": ("E", "p", "p_lower"),
-    "line load": ("line", "line_lower"),
-    "force": ("force", "force_lower"),
+_WORDS = read_toml(Path(__file__).with_name("words.toml"))
+_UNITS = _WORDS["units"]
+DIMENSIONS: dict[str, Dimension] = {
+    key: dimension for dimension, keys in _WORDS["dimensions"].items() for key in keys
 }
-DIMENSIONS = {key: dimension for dimension, keys in _KEYS.items() for key in keys}
-_NONE = ("", "-", "1")  # units of a column without one
+_PLACES = [re.compile(pattern) for pattern in _UNITS["places"]]
 _MOST_ROUNDED = 10_000  # distinct numbers
-_STYLES = (
-    (re.compile(r"(.*?)\s*\[([^\[\]]*)\]"), True),
-    (re.compile(r"(.*?)\s*\(([^()]*)\)"), True),
-    (re.compile(r"(.*),\s*([^,]*)"), False),
-    (re.compile(r"(.*?)\s+/\s+(\S+)"), False),
-    (re.compile(r"(.*?)\s+in\s+(\S+)"), False),
-    (re.compile(r"([^/]*?)/\(?([^()]+)\)?"), False),  # "Width/mm"
-    (re.compile(r"(.*)_([^_]+_per_[^_]+)"), False),  # "load_N_per_mm"
-    (re.compile(r"(.*)_([^_]+)"), False),
-)
-# Common spellings of units that pint knows under another name.
-_SPELLINGS = (
-    *(("²", "^2"), ("³", "^3"), ("·", "*"), ("⁻¹", "^-1"), ("mm2", "mm^2"), ("cm2", "cm^2")),
-    *(("m2", "m^2"), ("Zoll", "inch"), ('"', "inch"), ("kpa", "kPa"), ("kp", "kilopond")),
-    *(("KPa", "kPa"), ("Mpa", "MPa"), ("gf", "gram_force"), ("kgram_force", "kilogram_force")),
-)
 NUMBER = re.compile(r"\s*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 # Exponents as Fortran prints them: with a D, or of three digits and without any letter.
 FORTRAN = re.compile(r"\s*([+-]?(?:\d+\.\d*|\.\d+))(?:[dD]([+-]?\d+)|([+-]\d{3}))\s*", re.A)
@@ -57,8 +40,8 @@ def unit_factor(unit: str, dimension: Dimension) -> Fraction | None:
     >>> unit_factor("mm", "pressure") is None
     True
     """
-    for written, known in _SPELLINGS:
-        unit = unit.replace(written, known)
+    for spelling, name in _UNITS["spellings"].items():
+        unit = unit.replace(spelling, name)
     if not unit.strip():
         return None
     try:
@@ -77,20 +60,32 @@ def split_header(header: str) -> tuple[str, str]:
     >>> split_header("Load, total"), split_header("p_kPa")
     (('Load, total', ''), ('p', 'kPa'))
     """
-    for pattern, strict in _STYLES:
+    for pattern in _PLACES:
         if match := pattern.fullmatch(header):
             words, unit = match.group(1).strip(), match.group(2).strip().replace("_per_", "/")
             # "Load N/mm" is no load in N over mm, and "load_N_mm" none in mm.
             last = re.split(r"[\s_]+", words)[-1]
             is_sure = is_unit(unit) and last != "per" and not is_unit(last)
-            if words and (strict or is_sure):
+            if words and (pattern in _PLACES[:2] or is_sure):
                 return words, unit
     return header, ""
 
 
 def is_unit(text: str) -> bool:
     """Return whether text is a unit of length, pressure, line load or force."""
-    return any(unit_factor(text, dimension) is not None for dimension in _KEYS)
+    return any(unit_factor(text, dimension) is not None for dimension in _WORDS["dimensions"])
+
+
+def number_and_unit(text: str) -> tuple[float, str]:
+    """Return the number at the beginning of a text, NaN if there is none, and what follows.
+
+    Examples
+    --------
+    >>> number_and_unit("0.05 N"), number_and_unit("half")
+    ((0.05, 'N'), (nan, ''))
+    """
+    match = NUMBER.match(text)
+    return (math.nan, "") if match is None else (float(match[0]), text[match.end() :].strip())
 
 
 def column_unit(key: str, header: str, explicit: str | None, where: str) -> tuple[str, Fraction]:
@@ -113,24 +108,22 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
         If the unit is not understood, is of another dimension, or differs from the header's.
     """
     words, unit = split_header(header)
-    place = f"{where}, header {header!r}"
-    if explicit is not None and explicit not in _NONE and unit and key in DIMENSIONS:
-        dimension = DIMENSIONS[key]
-        own = unit_factor(unit, dimension)
-        if own is not None and own != unit_factor(explicit, dimension):
-            raise InputError(f"{place}: the mapping says {explicit!r}; expected one unit a column")
+    place, dimension = f"{where}, header {header!r}", DIMENSIONS.get(key)
     if explicit is not None:
+        of_header = unit_factor(unit, dimension) if dimension and unit else None
+        is_unit_too = dimension is not None and explicit not in _UNITS["none"]
+        if is_unit_too and of_header not in (None, unit_factor(explicit, dimension)):
+            raise InputError(f"{place}: the mapping says {explicit!r}; expected one unit a column")
         unit = explicit.strip()
-    if key not in DIMENSIONS:
+    if dimension is None:
         if unit == "%":
             return "%", Fraction(1, 100)
         if power := _POWER.fullmatch(unit):
             return unit, Fraction(10) ** int(power[1])
-        if is_unit(unit) or (explicit is not None and unit not in _NONE):
+        if is_unit(unit) or (explicit is not None and unit not in _UNITS["none"]):
             raise InputError(f"{place}: unit {unit!r}: expected {key} is a plain number, or in %")
         return "", Fraction(1)
-    dimension = DIMENSIONS[key]
-    if unit in _NONE:
+    if unit in _UNITS["none"]:
         # "a_mm" without a unit would make metres of millimetres wherever R has one.
         last = re.split(r"[\s_/]+", words)[-1]
         if explicit is None and last != words and unit_factor(last, dimension) is not None:
@@ -155,16 +148,13 @@ def divided(over: FloatArray, *under: FloatArray) -> FloatArray:
     write them, where there are not over 10,000 distinct ones.
     """
     with np.errstate(all="ignore"):
-        found = functools.reduce(np.divide, under, over)
-    place, distinct = pd.factorize(found.ravel(), use_na_sentinel=False)
+        quotient = np.asarray(functools.reduce(np.divide, under, over))
+    place, distinct = pd.factorize(quotient.ravel(), use_na_sentinel=False)
     if distinct.size > _MOST_ROUNDED:
-        return np.asarray(found)
-    short = np.array([float(f"{one:.14g}") for one in distinct])
+        return quotient
+    short = np.array([float(f"{number:.14g}") for number in distinct])
     near = np.isclose(short, distinct, rtol=2e-15, atol=0.0)
-    return np.where(near, short, distinct)[place].reshape(found.shape)
-
-
-_WORDS = read_toml(Path(__file__).with_name("words.toml"))
+    return np.where(near, short, distinct)[place].reshape(quotient.shape)
 
 
 def _any(words: Iterable[str]) -> str:
@@ -174,13 +164,13 @@ def _any(words: Iterable[str]) -> str:
 
 # A key, what its words look like, and what they must not hold. The first that fits is taken.
 _PATTERNS = [
-    (key, re.compile(_any(one["words"])), re.compile(_any(one.get("but_not", [r"(?!)"]))))
-    for key, one in _WORDS["keys"].items()
+    (key, re.compile(_any(words["words"])), re.compile(_any(words.get("but_not", [r"(?!)"]))))
+    for key, words in _WORDS["keys"].items()
 ]
-_TERMS = {term: _any(one["words"]) for term, one in _WORDS["counts"].items()}
-NOT_READ = _WORDS["not_read"]
+_TERMS = {term: _any(count["words"]) for term, count in _WORDS["counts"].items()}
+NOT_READ, DISGUISES, OPTIONS = (_WORDS[name] for name in ("not_read", "disguises", "options"))
 OF_NODES = _WORDS["nodes"]
-COUNTS = {term: one["said"] for term, one in _WORDS["counts"].items()}
+COUNTS = {term: count["said"] for term, count in _WORDS["counts"].items()}
 STATUS_RULE = (
     "expected open or 0, closed or 1, or an empty cell; --closed-is says which codes are contact"
 )
@@ -202,7 +192,7 @@ def plain(text: str) -> str:
     """
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     text = unicodedata.normalize("NFKD", text.lower().replace("ß", "ss"))
-    text = "".join(one for one in text if not unicodedata.combining(one))
+    text = "".join(sign for sign in text if not unicodedata.combining(sign))
     return re.sub(r"[^a-z0-9/*\u03bd%]+", " ", text.replace("'", "")).strip()
 
 
@@ -211,7 +201,7 @@ def key_of(words: str) -> str:
 
     Examples
     --------
-    >>> [key_of(one) for one in ("Stegbreite", "Groove width", "Normalkraft", "p over E", "Note")]
+    >>> [key_of(text) for text in ("Stegbreite", "Groove width", "Normalkraft", "p over E", "Note")]
     ['a', 'b', 'load', 'p_over_E', '']
     """
     text = plain(words)
@@ -273,19 +263,17 @@ def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
     groups: dict[str, dict[str, int]] = {}
     for header in headers:
         if len(numbers := re.findall(r"\d+", header)) == 1 and len(numbers[0]) <= 6:
-            template = re.sub(r"\d+", "*", header)
-            groups.setdefault(template, {})[header] = int(numbers[0])
-    found: dict[str, tuple[str, int, str]] = {}
+            groups.setdefault(re.sub(r"\d+", "*", header), {})[header] = int(numbers[0])
+    corners: dict[str, tuple[str, int, str]] = {}
     for template, some in groups.items():
         words = plain(template.replace("*", " "))
-        term = count_term(words)
-        rest = " ".join(_FILLERS.sub(" ", words).split())
+        term, rest = count_term(words), " ".join(_FILLERS.sub(" ", words).split())
         key = key_of(rest) if rest else "load"
-        is_even = all(n % 2 == 0 for n in some.values())
+        is_count = term or all(n % 2 == 0 for n in some.values())
         is_load = key.removesuffix("_lower") in ("load", "p", "line", "p_over_E")
-        if len(some) > 1 and (is_even or term) and is_load and not _NO_CORNER.search(words):
-            found |= {header: (key, n, term) for header, n in some.items()}
-    return found
+        if len(some) > 1 and is_count and is_load and not _NO_CORNER.search(words):
+            corners |= {header: (key, n, term) for header, n in some.items()}
+    return corners
 
 
 def repeats_of(headers: Iterable[str]) -> dict[str, str]:
@@ -296,12 +284,11 @@ def repeats_of(headers: Iterable[str]) -> dict[str, str]:
     >>> repeats_of(["Force 1 (N)", "Force 2 (N)"]), repeats_of(["Force", "Load"])
     ({'Force 1 (N)': '1', 'Force 2 (N)': '2'}, {})
     """
-    headers = list(headers)
-    found = {one: re.findall(r"\d+", one) for one in headers}
-    templates = {re.sub(r"\d+", "*", one) for one in headers}
-    numbers = {one: words[0] for one, words in found.items() if len(words) == 1}
-    is_one = len(templates) == 1 and len(set(numbers.values())) == len(headers) > 1
-    return numbers if is_one else {}
+    parts = {header: re.split(r"(\d+)", header) for header in headers}
+    numbers = {header: words[1] for header, words in parts.items() if len(words) == 3}
+    templates = {(words[0], *words[2:]) for words in parts.values()}
+    are_repeats = len(templates) == 1 and len(set(numbers.values())) == len(parts) > 1
+    return numbers if are_repeats else {}
 
 
 def is_number_of_repeats(words: str) -> bool:
@@ -328,7 +315,7 @@ def touching(
     ([inf, -inf, nan, nan], [False, False, False, True])
     """
     status, plain = _WORDS["status"], words.str.strip().str.lower()
-    is_open, closed = (plain.isin(status[one]).to_numpy(bool) for one in ("open", "closed"))
+    is_open, closed = (plain.isin(status[state]).to_numpy(bool) for state in ("open", "closed"))
     if closed_is:
         code = pd.to_numeric(plain, errors="coerce").to_numpy(float)
         closed = np.isin(code, list(closed_is)) | (closed & np.isnan(code))

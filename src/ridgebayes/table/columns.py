@@ -1,6 +1,6 @@
 """The column contract of a contact table, the check of a header, and messages on bad cells."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -168,16 +168,16 @@ SHOWN = 20  # a message a person can still read; the rest is counted
 class RawTable:
     """Cells as they came in, with what a message needs to point at them.
 
-    `line` gives the file's line of a row counted from 0, where there is one.
+    `lines` are the file's, of the rows, where it has lines.
     """
 
     frame: "pd.DataFrame"
     where: str
-    line: Callable[[int], int] | None = None
+    lines: IntArray | None = None
 
     def place(self, row: int) -> str:
         """Return the words for a row counted from 0."""
-        line = "" if self.line is None else f" (line {self.line(row)})"
+        line = "" if self.lines is None else f" (line {self.lines[row]})"
         return f"{self.where}, row {row + 1}{line}"
 
     def shown(self, row: int, column: str) -> str:

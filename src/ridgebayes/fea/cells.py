@@ -1,0 +1,301 @@
+"""Rows of text to the columns of a table: header, units, cells, and the numbers meant by them."""
+
+import csv
+import io
+import re
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Sequence
+from functools import cached_property
+from itertools import chain, islice
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.errors import InputError
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.header import LOOKED_AT, Row, clean_headers, filled, find_header
+from ridgebayes.fea.record import FileError, TableFile
+from ridgebayes.fea.words import FORTRAN, NOTHING, NUMBER, is_unit, split_header
+from ridgebayes.runtime.text import clipped, count, some_of
+from ridgebayes.table.files import even_lines, lossless
+
+SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
+FINITE = "expected a finite number, with a point for decimals, or an empty cell"
+_MARKS = {".": "point", ",": "comma"}
+_COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
+_WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
+_NOTE = re.compile(r"#.*|[^\W\d].*\s.*")  # words, and not one label of a row cut off
+# What Python takes for blanks, but for control characters that only damage brings into a file.
+_BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
+_UNEVEN = ("#", "=", "nan")  # comments, formulas, no numbers
+_IS_NEW = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)  # digits are exact by default
+_EXACT: dict[str, Any] = {} if _IS_NEW else {"float_precision": "round_trip"}
+
+
+def _style(mark: str, thousands: str = "") -> tuple[str, str, re.Pattern[str]]:
+    """Return a decimal mark, a mark between thousands, and what cells with them look like."""
+    number = (NUMBER if mark == "." else _COMMA).pattern
+    group, point = re.escape(thousands), re.escape(mark)
+    grouped = rf"\s*[+-]?\d{{1,3}}(?:{group}\d{{3}})+(?:{point}\d*)?\s*|" if thousands else ""
+    return mark, thousands, re.compile(grouped + number, re.A)
+
+
+_STYLES = (
+    *(_style("."), _style(",")),
+    *(_style(".", thousands) for thousands in ",' \xa0\u202f"),
+    *(_style(",", thousands) for thousands in ".' \xa0\u202f"),
+)
+
+
+class TextTable(TableFile):
+    """A table whose cells are text.
+
+    Parameters
+    ----------
+    rows : iterable of (int, list of str)
+        Lines from 1 and their cells.
+    separator : str
+        Separator between cells.
+    facts : Given
+        Options that the user gives.
+    problems : FileError
+        Where rows of another length and formulas are noted.
+    cell : callable, optional
+        Returns words for a worksheet's cell in a line and a column, both from 1.
+    typed : collection of str, optional
+        Cells of a worksheet that are numbers, not text, and so have a point for decimals.
+    text : str, optional
+        Text of the rows; pandas reads it if all rows have equally many plain cells.
+
+    Raises
+    ------
+    InputError
+        If there is no header, or no row.
+    """
+
+    def __init__(
+        self,
+        rows: Iterable[Row],
+        separator: str,
+        facts: Given,
+        problems: FileError,
+        cell: Callable[[int, int], str] | None = None,
+        typed: Collection[str] = (),
+        text: str = "",
+    ) -> None:
+        self.where, self._facts, self._cell = problems.where, facts, cell
+        self._separator, self._is_typed = separator, typed
+        rows = iter(rows)
+        head = [*islice(rows, LOOKED_AT)]
+        full = [row for row in head if any(map(str.strip, row[1]))]
+        headers, n_head = find_header(full or [(1, [""])], facts.header_row, problems)
+        self.headers = clean_headers(headers, self.where)
+        if n_head >= len(full):
+            raise InputError(f"{self.where}: no rows below the header")
+        first = full[n_head][0]
+        self._units: dict[str, str] = {}  # that stand in the cells
+        self._body: str | None = None
+        if not self._read_even(text, first - facts.skip_rows):
+            below = [row for row in chain(head, rows) if row[0] >= first]
+            self._read_uneven(below, full[n_head:], problems)
+
+    def _read_even(self, text: str, first: int) -> bool:
+        """Keep the rows for pandas, if they are cells and nothing else, as many in each."""
+        body = text.split("\n", first - 1)[-1].rstrip("\n")
+        small, separator = body.lower(), self._separator
+        if not body or self._facts.empty or any(mark in small for mark in _UNEVEN):
+            return False
+        if (lines := even_lines(body, separator, len(self.headers))) is None:
+            return False
+        begin, last = body.lstrip("\n").split("\n", 1)[0], body.rpartition("\n")[2]
+        is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # perhaps
+        if is_note or any(map(_WITH_UNIT.fullmatch, begin.split(separator))):
+            return False
+        self._body = body
+        self.lines = lines + first + self._facts.skip_rows
+        return True
+
+    def _read_uneven(self, rows: list[Row], head: Sequence[Row], problems: FileError) -> None:
+        """Keep the rows as they were typed, without what stands between and below them."""
+        begin = next((cells for _, cells in head if not self._is_comment(cells)), head[0][1])
+        renamed = {}
+        for name, match in zip(self.headers, map(_WITH_UNIT.fullmatch, begin), strict=False):
+            if match and (match[1] == "%" or is_unit(match[1])) and not split_header(name)[1]:
+                renamed[name] = f"{name} [{match[1]}]"
+                self._units[renamed[name]] = match[1]
+        self.headers = tuple(renamed.get(name, name) for name in self.headers)
+        rows = self._without_notes(self._without_comments(rows, problems), problems)
+        self.lines, self._typed = self._checked(rows, problems)
+        for name in self.headers:
+            cells = self._typed[name]
+            begins = cells.str.lstrip().str.startswith("=").to_numpy(bool)
+            save = "; no value is stored: open the file in Excel or LibreOffice, and save it once"
+            rule = "expected values, not formulas" + (save if self._cell else "")
+            problems.cells(begins, name, rule)
+
+    def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
+        """Read all rows, the columns of these headers as numbers; note cells that are none."""
+        wanted = [name for name in self.headers if name in numeric]
+        frame, mark = self._plain(wanted), "."
+        if frame is None:
+            numbers, mark = self._numbers(wanted, problems)
+            frame = self._typed.assign(**numbers)
+        frame = frame.assign(**{n: lossless(frame[n]) for n in self.headers if n not in wanted})
+        name = "TSV" if self._separator == "\t" else "CSV"
+        kind = "Excel" if self._cell else f"{name}, separator {SEPARATORS[self._separator]}"
+        thousands = f", {mark[1:]!r} between thousands" if mark[1:] else ""
+        dialect = f"{kind}, decimal {_MARKS[mark[0]]}{thousands}"
+        problems.messages.insert(0, f"{self.where}: {dialect}, {len(frame)} rows")
+        return filled(frame, problems)
+
+    def spot(self, row: int, name: str) -> str:
+        """Return words for a cell."""
+        line = int(self.lines[row])
+        return self._cell(line, self.headers.index(name) + 1) if self._cell else f"line {line}"
+
+    def typed(self, row: int, name: str) -> str:
+        """Return a cell as it was typed."""
+        return str(self._typed[name].iloc[row])
+
+    @cached_property
+    def _typed(self) -> pd.DataFrame:
+        """All cells as they were typed, of an even text."""
+        return self._by_pandas(dtype=str)
+
+    def _by_pandas(self, **options: Any) -> pd.DataFrame:
+        options |= {"sep": self._separator, "header": None, "names": list(self.headers)}
+        options |= {"keep_default_na": False, "quoting": csv.QUOTE_NONE, "low_memory": False}
+        frame: pd.DataFrame = pd.read_csv(io.StringIO(self._body), **options)
+        return frame
+
+    def _plain(self, wanted: list[str]) -> pd.DataFrame | None:
+        """Return an even text whose numbers are all plain ones; None of any other."""
+        if self._body is None or self._facts.decimal == "comma":
+            return None
+        text = {name: str for name in self.headers if name not in wanted}
+        frame = self._by_pandas(dtype=text, na_values={name: [""] for name in wanted}, **_EXACT)
+        if not all(frame[name].dtype.kind in "if" for name in wanted):
+            return None
+        frame = frame.astype(dict.fromkeys(wanted, float))
+        return None if any(np.isinf(frame[name]).any() for name in wanted) else frame
+
+    def _is_comment(self, cells: list[str]) -> bool:
+        """Return whether a record begins with a # that is not part of a label."""
+        is_whole = len(cells) == len(self.headers)
+        return cells[0].lstrip().startswith("# " if is_whole else "#")
+
+    def _without_comments(self, rows: list[Row], problems: FileError) -> list[Row]:
+        """Return the rows without comments; if most rows were some, they are labels."""
+        comments = [cells for _, cells in rows if self._is_comment(cells)]
+        n_whole, n_row = (
+            sum(len(cells) == len(self.headers) for cells in some)
+            for some in (comments, (cells for _, cells in rows))
+        )
+        if not comments or 2 * n_whole > n_row:
+            return rows
+        shown = f"{count(len(comments), 'comment')} such as {self._separator.join(comments[0])!r}"
+        problems.messages.append(f"{self.where}: passed over: {shown}")
+        return [row for row in rows if not self._is_comment(row[1])]
+
+    def _without_notes(self, rows: list[Row], problems: FileError) -> list[Row]:
+        """Return the rows without those below them that hold one text and nothing else."""
+        notes: list[str] = []
+        for n_row in range(len(rows), 0, -1):
+            words = [cell.strip() for cell in rows[n_row - 1][1] if cell.strip()]
+            if n_row == 1 or len(words) > 1 or (words and not _NOTE.fullmatch(words[0])):
+                break
+            notes += words
+        said = f"{self.where}: passed over below the rows:"
+        problems.messages += [f"{said} {note!r}" for note in reversed(notes)]
+        return rows[:n_row] if rows else rows
+
+    def _checked(self, rows: list[Row], problems: FileError) -> tuple[IntArray, pd.DataFrame]:
+        """Return each row's line, and every cell as it was typed.
+
+        Rows of another length are noted; empty cells beyond the header are none.
+        """
+        width, whole, bad = len(self.headers), list[Row](), list[str]()
+        for line, cells in rows:
+            while len(cells) > width and not cells[-1].strip():
+                cells.pop()
+            if len(cells) == width:
+                whole.append((line, cells))
+            else:
+                shown = clipped(self._separator.join(cells))
+                bad.append(f"line {line}: {shown} has {len(cells)} cells")
+        if bad:
+            problems.wrong.append(
+                f"{self.where}, {some_of(bad, 3)}: expected {width} cells, as the header "
+                f"(separator {SEPARATORS[self._separator]})"
+            )
+        frame = pd.DataFrame([cells for _, cells in whole], columns=list(self.headers), dtype=str)
+        return np.array([line for line, _ in whole], dtype=np.int64), frame
+
+    def _numbers(self, wanted: list[str], problems: FileError) -> tuple[dict[str, FloatArray], str]:
+        """Read in the style of which fewest cells are no number, and note those that are none."""
+        text: dict[str, pd.Series[str]] = {}
+        counts: Counter[Any] = Counter()
+        for name in wanted:
+            cells = self._typed[name].str.strip(_BLANKS)
+            cells = cells.str.removesuffix(self._units.get(name, "")).str.strip(_BLANKS)
+            text[name] = cells.mask(cells.isin(self._facts.empty), "")
+            counts.update(text[name].value_counts(sort=False).to_dict())
+        del counts[""]
+        numbers = {cell: number for cell in counts if (number := self._exact(cell)) is not None}
+        if fortran := [cell for cell in numbers if cell not in self._is_typed]:
+            problems.messages.append(
+                f"{count(len(fortran), 'number')} with an exponent of Fortran's, such as "
+                f"{fortran[0].strip()!r} = {numbers[fortran[0]]:g}"
+            )
+        for cell in numbers:
+            del counts[cell]
+        mark, thousands, style = self._style_of(counts, problems)
+        rule = FINITE.replace("a point", "a comma") if mark == "," else FINITE
+        nothing = []
+        for cell in counts:
+            if style.fullmatch(cell):
+                numbers[cell] = float(cell.strip().replace(thousands, "").replace(mark, "."))
+            else:
+                numbers[cell] = np.inf
+            if np.isinf(numbers[cell]) and NOTHING.fullmatch(cell):
+                nothing.append(cell)
+        columns = {}
+        for name in wanted:
+            values = text[name].map(numbers).to_numpy(dtype=float)
+            bad, is_nothing = np.isinf(values), text[name].isin(nothing).to_numpy(bool)
+            problems.cells(bad & ~is_nothing, name, rule)
+            problems.cells(is_nothing, name, f"{rule}; --empty where such a cell is empty")
+            columns[name] = np.where(bad, np.nan, values)
+        if nothing:
+            problems.options["empty"] = "\n".join(dict.fromkeys(map(str.strip, nothing)))
+        return columns, mark + thousands
+
+    def _exact(self, cell: str) -> float | None:
+        """Return a number that no decimal mark has to be known for; None of other cells."""
+        if cell in self._is_typed:
+            return float(cell) if NUMBER.fullmatch(cell) else None
+        match = FORTRAN.fullmatch(cell)
+        return None if match is None else float(f"{match[1]}e{match[2] or match[3]}")
+
+    def _style_of(
+        self, counts: Counter[str], problems: FileError
+    ) -> tuple[str, str, re.Pattern[str]]:
+        """Return the first style of which fewest cells are no number; ask where two would do."""
+
+        def n_off(style: tuple[str, str, re.Pattern[str]]) -> int:
+            return sum(n for cell, n in counts.items() if not style[2].fullmatch(cell))
+
+        decimal = self._facts.decimal
+        styles = [style for style in _STYLES if decimal in (None, _MARKS[style[0]])]
+        style = next((some for some in styles if not n_off(some)), None) or min(styles, key=n_off)
+        if style[0] == "," and not style[1] and not decimal:
+            commas = [cell for cell in counts if "," in cell and style[2].fullmatch(cell)]
+            if commas and all(map(_STYLES[2][2].fullmatch, commas)):
+                problems.need(
+                    f"cells such as {commas[0]!r} may have a decimal comma or thousands, and no "
+                    "cell tells which: expected --decimal comma or point",
+                    decimal="point" if self._separator == "," else "comma",
+                )
+        return style

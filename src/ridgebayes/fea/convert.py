@@ -1,0 +1,336 @@
+"""Columns and constants of a table in SI units, the rows that they make, and what is said."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray
+from ridgebayes.errors import InputError
+from ridgebayes.fea.given import Given
+from ridgebayes.fea.mapping import ABOVE_0, LOADS, Use
+from ridgebayes.fea.record import FileError
+from ridgebayes.fea.words import (
+    COUNTS,
+    DIMENSIONS,
+    column_unit,
+    divided,
+    number_and_unit,
+    split_header,
+    unit_factor,
+)
+from ridgebayes.runtime.text import some_of
+from ridgebayes.table.columns import COUNT, NAMES, OK
+from ridgebayes.table.rules import as_text
+
+_NEEDED = {  # what it is for, and an example
+    "R": ("radius of the body", "? mm"),
+    "E": ("Young's modulus of the body", "? kPa"),
+    "thickness": ("length of the body along the ridges, needed for forces", "? mm"),
+}
+# Divisors that make p/E of loads of each kind: p is the line load over 2 R.
+_OVER = {"p_over_E": (), "p": ("E",), "line": ("R", "E"), "force": ("thickness", "R", "E")}
+_SHOWN = 8  # names that a line lists
+
+
+class Converter:
+    """Columns that are understood, constants, and their units: all have one, or none has.
+
+    Parameters
+    ----------
+    cells : DataFrame, n_row rows
+        Numbers and texts by header.
+    uses : list of Use
+        Columns of which it is clear what they are.
+    values : mapping of str to str or float
+        Constants by key.
+    facts : Given
+        Options that the user gives.
+    problems : FileError
+        Where messages are noted, and what the user has to say.
+    """
+
+    def __init__(
+        self,
+        cells: pd.DataFrame,
+        uses: Sequence[Use],
+        values: Mapping[str, str | float],
+        facts: Given,
+        problems: FileError,
+    ) -> None:
+        self.cells, self.facts, self.problems = cells, facts, problems
+        self.messages = problems.messages
+        self.uses, self._values = {(use.key, use.Q): use for use in uses}, values
+        self.used: dict[Use, None] = {}
+        self._used_values: set[str] = set()
+        self._units: dict[str, str] = {}  # of what has a dimension, by its name in messages
+
+    def rows(self, term: str | None) -> pd.DataFrame:
+        """Return a row for each transition or increment, and the user's own columns.
+
+        Parameters
+        ----------
+        term : str or None
+            Things counted, as `ridgebayes.fea.mapping.assign` returns it.
+
+        Returns
+        -------
+        DataFrame
+            Empty if a column is missing, which is noted.
+        """
+        columns = self.curve()
+        columns["Q"] = self._counts(self.quantity("Q"), term)
+        load = columns["p_over_E"] = self.load()
+        columns |= {"p_over_E_lower": self.load("_lower"), "rel_se": self._rel_se(load)}
+        columns["load_se"] = self.load_se()
+        columns |= self.texts("kind", "role", "status")
+        self.summarize()
+        if any(columns[key] is None for key in ("a_over_R", "b_over_R", "Q", "p_over_E")):
+            return pd.DataFrame()
+        return self.framed(columns)
+
+    def finished(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """Return the rows that are transitions, with the user's own columns beside them."""
+        left = self.left()
+        extra = [name for name in left if name not in NAMES]
+        for name in left:
+            if name in NAMES:
+                self.messages.append(f"column {name!r} ignored: the mapping uses another column")
+        if extra:
+            self.messages.append(f"kept as they are: {listed(extra)}")
+        frame = frame.assign(**{name: self.cells[name] for name in extra})
+        keep = (frame["Q"] >= 4) | ~frame["Q"].isin([0, 2]) | (frame.get("kind", "") == COUNT)
+        if n := int((~keep).sum()):
+            self.messages.append(f"{n} rows of Q under 4 ignored: that many touch at any load")
+        keep &= ~self._empty(frame, extra)
+        return frame[keep]
+
+    def curve(self) -> dict[str, Any]:
+        """Return what is constant along a curve."""
+        a, b = self._over_R("a"), self._over_R("b")
+        if b is None and a is not None and (pitch := self._over_R("pitch")) is not None:
+            b = np.round(pitch - a, 12)  # a difference of decimals is one
+            self.messages.append("b: pitch minus ridge width")
+        columns = {"a_over_R": a, "b_over_R": b, "offset_over_R": self._over_R("offset")}
+        columns["nu"] = self.quantity("nu")
+        return columns | self.texts("texture", "series", "solver", "source")
+
+    def load(self, suffix: str = "") -> FloatArray | None:
+        """Return loads over E, of whichever kind there are; None where there are none."""
+        for key in LOADS:
+            if (numbers := self.quantity(key + suffix)) is not None:
+                return self._over_E(key, numbers)
+        return None
+
+    def load_se(self) -> FloatArray | None:
+        """Return the standard error of every load, over E, where the user gives one."""
+        if "load_se" not in self._values:
+            return None
+        text = str(self._values["load_se"]).strip()
+        number, unit = number_and_unit(text)
+        key = next((key for key in LOADS[1:] if unit_factor(unit, DIMENSIONS[key])), "")
+        if not unit and (use := self.load_use()) is not None:  # as the loads: without a unit
+            key = use.key
+        if not key or not number > 0:
+            raise self.problems.error(
+                f"--load-se {text!r}: expected a number above 0 and a unit of loads, as '0.05 N'"
+            )
+        self._tell_value("load_se")
+        if key in DIMENSIONS:
+            self._units[f"{key} (--load-se)"] = unit
+        factor = unit_factor(unit, DIMENSIONS[key]) if unit else None
+        return self._over_E(key, np.array(number * float(factor or 1)))
+
+    def load_use(self) -> Use | None:
+        """Return the column of loads; None where there is none, or one for each Q."""
+        return next((use for key in LOADS if (use := self.uses.get((key, None)))), None)
+
+    def texts(self, *keys: str) -> dict[str, Any]:
+        """Return columns of text, and constants in place of some."""
+        columns: dict[str, Any] = {}
+        for key in keys:
+            if (use := self.uses.get((key, None))) is not None:
+                self.tell(use)
+                codes, distinct = pd.factorize(self.cells[use.header], use_na_sentinel=False)
+                words = as_text(pd.Series(distinct)).take(codes)  # each text once
+                columns[key] = words.set_axis(self.cells.index)
+            elif key in self._values:
+                self._tell_value(key)
+                columns[key] = str(self._values[key])
+        return columns
+
+    def quantity(self, key: str, Q: int | None = None) -> FloatArray | None:
+        """Return a column or constant in SI units; None where there is none."""
+        use = self.uses.get((key, Q)) or self.uses.get((key, None))
+        return self._constant(key) if use is None else self._column(use)
+
+    def tell(self, use: Use, what: str = "", *, is_plain: bool = True) -> None:
+        """Say which column is used, but of a plain one by its own name, which `summarize` does."""
+        self.used[use] = None
+        what += ", guessed from its header" if use.how == "guessed" else ""
+        if use.name != use.header or what or not is_plain:
+            self.messages.append(f"{use.name}: column {use.header!r}{what}")
+
+    def summarize(self) -> None:
+        """Say which columns go by their own names, and ask for units that are missing."""
+        if plain := [use.key for use in self.used if use.key == use.header and use.key in NAMES]:
+            self.messages.append(f"recognised by name: {', '.join(plain)}")
+        have = [f"{name} in {unit}" for name, unit in self._units.items() if unit]
+        bare = [name for name, unit in self._units.items() if not unit]
+        if have and bare:
+            self._ask_units(have, bare)
+        elif have or bare:
+            one_system = "no units given; one consistent system assumed"
+            self.messages.append("all units converted" if have else one_system)
+        if unused := set(self._values) - self._used_values:
+            self.messages.append(f"values given but not used: {', '.join(sorted(unused))}")
+
+    def framed(self, columns: Mapping[str, Any]) -> pd.DataFrame:
+        """Return the columns that there are as a frame."""
+        there = {key: value for key, value in columns.items() if value is not None}
+        return pd.DataFrame(there, index=self.cells.index)
+
+    def left(self) -> list[str]:
+        """Return the columns that are nothing of the contract."""
+        used = {use.header for use in self.used}
+        return [name for name in map(str, self.cells) if name not in used]
+
+    def _column(self, use: Use) -> FloatArray:
+        key = use.key
+        try:
+            unit, factor = column_unit(key, use.header, use.unit, self.problems.where)
+        except InputError as error:
+            last = split_header(use.header)[0].replace("_", " ").split()[-1]
+            fits = key in DIMENSIONS and unit_factor(last, DIMENSIONS[key]) is not None
+            self.problems.need(str(error), {use.name: f"{use.header};{last if fits else '?'}"})
+            unit, factor = None, Fraction(1)
+        if use not in self.used:
+            self.tell(use, f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else "")
+        if unit is not None and key in DIMENSIONS:  # else told above, and not to be told again
+            self._units[f"{key} ({use.header!r})"] = unit
+        numbers = self.cells[use.header].to_numpy(dtype=float)
+        return numbers if factor == 1 else divided(numbers * float(factor))
+
+    def _constant(self, key: str) -> FloatArray | None:
+        if key not in self._values:
+            return None
+        text = str(self._values[key]).strip()
+        number, unit = number_and_unit(text)
+        factor = unit_factor(unit, DIMENSIONS[key]) if unit and key in DIMENSIONS else None
+        rule = ""
+        if np.isnan(number) or (unit and factor is None):
+            rule = f"a number and a unit of {DIMENSIONS[key]}" if key in DIMENSIONS else "a number"
+        elif not np.isfinite(number) or (key in ABOVE_0 and number <= 0):
+            rule = "above 0" if key in ABOVE_0 else "finite"
+        if rule:
+            raise self.problems.error(f"value {key} = {text!r}: expected {rule}")
+        self._tell_value(key)
+        if key in DIMENSIONS:
+            self._units[key] = unit
+        return np.array(number * float(factor or 1))
+
+    def _tell_value(self, key: str) -> None:
+        """Say once that a constant is used."""
+        if key not in self._used_values:
+            self.messages.append(f"{key}: {str(self._values[key]).strip()}, as given")
+        self._used_values.add(key)
+
+    def _over_R(self, key: str) -> FloatArray | None:
+        ratio = self.quantity(f"{key}_over_R")
+        if ratio is not None or (length := self.quantity(key)) is None:
+            return ratio
+        return divided(length, self._needed("R"))
+
+    def _over_E(self, key: str, loads: FloatArray) -> FloatArray:
+        by = [self._needed(name) for name in _OVER[key]]
+        return divided(loads / 2 if len(by) > 1 else loads, *by) if by else loads
+
+    def _needed(self, key: str) -> FloatArray:
+        if (numbers := self.quantity(key)) is not None:
+            return numbers
+        if key == "R" and (numbers := self.quantity("D")) is not None:
+            return numbers / 2
+        why, example = _NEEDED[key]
+        self._units[key] = example.split()[1]  # as the user is asked for it
+        ways = f"expected --{key} '{example}', or a column, --map '{key}=HEADER'"
+        self.problems.need(f"{key} is missing ({why}): {ways}", None, **{key: example})
+        return np.array(1.0)  # loads rise or do not, whatever it is
+
+    def _rel_se(self, load: FloatArray | None) -> FloatArray | None:
+        """Return the relative error of loads: as a column, or a deviation over its mean."""
+        rel_se, sd, n = self.quantity("rel_se"), self.load("_sd"), self.uses.get(("n_mean", None))
+        if sd is None or load is None:
+            return rel_se
+        if n is not None:
+            sd = sd / np.sqrt(self.cells[n.header].to_numpy(dtype=float))
+            self.tell(n, ", how many loads the mean is of: its error is sd over their root")
+        return divided(sd, load) if rel_se is None else np.hypot(rel_se, divided(sd, load))
+
+    def _counts(self, counts: FloatArray | None, term: str | None) -> FloatArray | None:
+        """Return Q of counts, whatever they are of."""
+        if counts is None:
+            return None
+        if self.facts.count_is is None and term == "":
+            is_odd = (counts[~np.isnan(counts)] % 2 == 1).any()
+            self.problems.need(
+                "counts: the header does not say what is counted; expected --count-is edges, "
+                "ridges, segments or per-side (edges on one side of the body)",
+                count_is="per-side" if is_odd else "edges",
+            )
+        if term := self.facts.count_is or term:
+            self.messages.append(f"counts of {term}: {COUNTS[term]}")
+        return 2 * counts if term == "per-side" else counts
+
+    def _empty(self, frame: pd.DataFrame, extra: list[str]) -> "pd.Series[bool]":
+        """Return which rows have no load and are left out; refuse them without `--skip-empty`."""
+        is_ok = frame["status"].isin(["", OK]) if "status" in frame else True
+        empty = frame["p_over_E"].isna() & is_ok
+        empty &= ~frame.index.isin(list(self.problems.broken_rows()))
+        if not empty.any():
+            return empty
+        if not self.facts.skip_empty:
+            use = self.load_use()
+            rule = "expected a load; --skip-empty leaves out rows without one"
+            if use is not None and use.header in self.cells:
+                self.problems.cells(frame.index[empty], use.header, rule)
+            self.problems.options.setdefault("skip_empty", "yes")
+            return empty & False
+        texts = [name for name in extra if frame[name].dtype.kind not in "if"]
+        why = frame.loc[empty, texts].astype(str).agg(" ".join, axis=1).str.strip()
+        said = listed(why.mask(why == "", "no reason given").unique(), "")
+        self.messages.append(f"{int(empty.sum())} rows without a load left out: {said}")
+        return empty
+
+    def _ask_units(self, have: list[str], bare: list[str]) -> None:
+        """Ask for units, with those of the same dimension as a first guess."""
+        units = {DIMENSIONS[name.split(" ")[0]]: unit for name, unit in self._units.items() if unit}
+        mapping, options = {}, {}
+        for name in bare:
+            key = name.split(" ")[0]
+            unit = units.get(DIMENSIONS[key], "?")
+            option = "load_se" if name.endswith("(--load-se)") else key
+            if option in self._values:
+                options[option] = f"{self._values[option]} {unit}"
+            elif (use := self.uses.get((key, None))) is not None:
+                mapping[key] = f"{use.header};{unit}"
+        self.problems.need(
+            f"{self.problems.where}: {', '.join(have)}, but {', '.join(bare)} without a "
+            "unit; expected units on all columns and values that have dimensions, or on none",
+            mapping,
+            **options,
+        )
+
+
+def with_load_se(frame: pd.DataFrame, p_se: FloatArray | None) -> pd.DataFrame:
+    """Return rows with the load cell's error, over E, in rel_se, in quadrature."""
+    if p_se is None:
+        return frame
+    rel_se = frame["rel_se"].fillna(0.0) if "rel_se" in frame else 0.0
+    return frame.assign(rel_se=np.hypot(rel_se, p_se / frame["p_over_E"].to_numpy()))
+
+
+def listed(names: Iterable[str], quote: str = "'") -> str:
+    """Return names in quotes, the first of them."""
+    return some_of((repr(name) if quote else name for name in names), _SHOWN)

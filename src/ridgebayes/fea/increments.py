@@ -1,0 +1,120 @@
+"""Increments of runs in a table: gaps, pressures, status or counts that become transitions."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.errors import InputError
+from ridgebayes.fea.convert import Converter, listed, with_load_se
+from ridgebayes.fea.mapping import CORNERS, LOWERS, Use
+from ridgebayes.fea.transitions import (
+    last_digit,
+    middle_loads,
+    transitions_of_runs,
+)
+from ridgebayes.fea.words import STATUS_RULE, divided, touching
+from ridgebayes.table.columns import OK
+from ridgebayes.table.rules import as_text
+
+
+def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
+    """Return the transitions of tables whose rows are increments of runs.
+
+    Parameters
+    ----------
+    converter : Converter
+        The table.
+    corners : sequence of Use
+        Columns of what each corner does.
+    """
+    cells, problems = converter.cells, converter.problems
+    for use in converter.uses.values():
+        wrong = use.Q is not None and use.key not in CORNERS
+        if use.how == "mapped" and (wrong or use.key in ("Q", "kind", "rel_se", *LOWERS)):
+            raise problems.error(
+                f"column {use.header!r} as {use.key} beside {corners[0].header!r}; expected a "
+                "load of each increment, and columns of corners"
+            )
+    curve = converter.curve() | converter.texts("role")
+    load, load_se = converter.load(), converter.load_se()
+    corners = sorted(corners, key=lambda use: use.Q or 0)
+    gaps = np.column_stack([_gap(converter, use) for use in corners])
+    digits = last_digit(gaps) / 2  # a gap is printed as it is, and so rounded once
+    keep, said = np.ones(len(cells), dtype=bool), []
+    if status := converter.uses.get(("status", None)):
+        keep = as_text(cells[status.header]).isin(["", OK]).to_numpy(bool)
+        converter.used[status] = None
+        if n := int((~keep).sum()):
+            said.append(f"{n} increments ignored: their status is not 'ok'")
+        if not keep.any():
+            raise problems.error("no increment whose status is 'ok'")
+    converter.summarize()
+    if load is None or problems:
+        return pd.DataFrame()
+    # In a run the empty cells of a column are its default; NaN would tell rows apart.
+    frame = converter.framed(curve | {"p_over_E": load, "load_se": load_se})[keep]
+    Q = np.array([use.Q or 0 for use in corners])
+    return _transitions(converter, frame.reset_index(drop=True), gaps[keep], Q, said, digits)
+
+
+def of_counts(converter: Converter, frame: pd.DataFrame) -> pd.DataFrame:
+    """Return the transitions of increments with a count each."""
+    Q = frame["Q"].to_numpy()
+    levels = np.arange(4, int(np.nanmax(Q)) + 1, 2)
+    gaps = np.where(Q[:, None] >= levels, -np.inf, np.inf)
+    gaps[np.isnan(Q)] = np.nan
+    how = "loads" if converter.facts.interpolate else "brackets (--interpolate gives loads)"
+    said = f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}"
+    if converter.problems:
+        return pd.DataFrame()
+    curve = frame.drop(columns=["Q", "p_over_E_lower", "rel_se"], errors="ignore")
+    return _transitions(converter, curve, gaps, levels, [said])
+
+
+def _transitions(
+    converter: Converter,
+    frame: pd.DataFrame,
+    gaps: FloatArray,
+    Q: IntArray,
+    said: list[str],
+    digits: float = 0.0,
+) -> pd.DataFrame:
+    problems, load = converter.problems, frame.pop("p_over_E").to_numpy()
+    load_se = frame.pop("load_se").to_numpy() if "load_se" in frame else None
+    brackets = converter.facts.brackets
+    try:
+        rows, remarks = transitions_of_runs(frame, load, gaps, Q, brackets=brackets, digits=digits)
+    except InputError as error:
+        raise problems.error(str(error)) from None
+    if left := converter.left():
+        problems.messages.append(f"not used: {listed(left)}")
+    problems.messages += [*said, *remarks]
+    if converter.facts.interpolate:
+        rows, n = middle_loads(rows)
+        problems.messages.append(f"{n} loads in the middle of their increments")
+    if load_se is not None and np.ptp(load_se):
+        raise problems.error("--load-se: expected one R and E in all increments")
+    return with_load_se(rows, None if load_se is None else load_se[:1])
+
+
+def _gap(converter: Converter, use: Use) -> FloatArray:
+    """Return the gap of a corner at each increment; the sign alone, of a status or a pressure."""
+    cells, problems = converter.cells, converter.problems
+    if use.key == "status":
+        converter.tell(use, is_plain=False)
+        gap, bad = touching(as_text(cells[use.header]), converter.facts.closed_is)
+        problems.cells(cells.index[bad], use.header, STATUS_RULE)
+        if bad.any():
+            problems.options.setdefault("closed_is", "?")
+        return gap
+    if use.key == "pressure":
+        converter.tell(use, ", contact pressure", is_plain=False)
+        numbers = cells[use.header].to_numpy(dtype=float)
+        return np.where(np.isnan(numbers), np.nan, np.where(numbers > 0, -np.inf, np.inf))
+    distance = converter.quantity(use.key, use.Q)
+    assert distance is not None
+    R = None if use.key == "gap_over_R" else converter.quantity("R")
+    # Without R: only its zero counts, and how it falls, not its size.
+    return distance if R is None else divided(distance, R)
