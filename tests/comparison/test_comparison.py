@@ -439,9 +439,9 @@ def test_stages__are_told_in_order_and_progress_names_what_is_under_way(paper):
     names = [
         "evidences",
         "posteriors",
+        "prior sensitivity",
         "walk modified",
         "walk hybrid",
-        "prior sensitivity",
         "leave-one-out",
     ]
     assert stages == [f"{when} {name}" for name in names for when in ("begin", "end")]
