@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from ridgebayes import Fit, LoadDistribution
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.posterior import posterior_of
@@ -10,9 +11,7 @@ from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.predict.load_distribution import LoadDistribution
 from ridgebayes.predict.load_draws import LoadDraws
-from ridgebayes.results import Fit
 
 
 def model_of(rows, form, noise="iid", priors=None):

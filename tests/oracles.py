@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 from scipy.special import logsumexp
 
-from ridgebayes.model.forms import PowerLaw
+from ridgebayes import PowerLaw
 
 LEAST_REL_SE = 1e-8  # of rows that share offsets
 

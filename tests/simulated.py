@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ridgebayes import InputError
 from ridgebayes._types import FloatArray
-from ridgebayes.errors import InputError
 from ridgebayes.model.observations import Observations
 
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.special import softmax
 
 import ridgebayes as rb
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes import ComputationError, InputError
 from ridgebayes.evidence import pairs as pairs_module
 from ridgebayes.evidence.pairs import Weighed, weigh_pairs
 from ridgebayes.evidence.tables import (

@@ -28,7 +28,7 @@ import pandas as pd
 import pint
 import pyarrow.parquet
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
 from ridgebayes.fea.record import Imported

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ridgebayes import Scene, generate
 from ridgebayes.contact.cylinder.faces import first_height
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.fea.calculix import read_calculix
@@ -15,8 +16,7 @@ from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
 from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
-from ridgebayes.scene.scene import Scene, Texture
-from ridgebayes.simulate.generation import generate
+from ridgebayes.scene.scene import Texture
 
 SOLVER = shutil.which("ccx") or shutil.which("ccx_2.20")
 if SOLVER is None and os.environ.get("RIDGEBAYES_NEEDS_CCX"):

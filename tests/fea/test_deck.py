@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.fea.deck import read_deck
 
 NODES = "*NODE\n1, 0., -1., 0.\n2, 1., 0.\n3, 0., 1.\n"

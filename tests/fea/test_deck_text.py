@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from ridgebayes import InputError, Scene
 from ridgebayes.contact import hertz
-from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import read_deck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
-from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.scene.scene import Texture
 
 A, B = 0.06, 0.03
 

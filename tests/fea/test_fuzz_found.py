@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from tests.fea import runs
 from tests.fea.fuzzing import RUN, TARGETS, io
 

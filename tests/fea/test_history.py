@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.fea.history import ContactHistory, RunBody, table_of
 from tests.fea.abaqus_writer import pressed
 

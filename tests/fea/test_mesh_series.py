@@ -8,10 +8,10 @@ import h5py
 import numpy as np
 import pytest
 
+from ridgebayes import InputError
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import write_fields
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import InputError
 from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
 from tests.fea import runs

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ridgebayes import ContactTable
 from ridgebayes.contact.hertz import load_of_half_width
 from ridgebayes.fea.record import Imported
-from ridgebayes.table.table import ContactTable
 
 A, B, NU = 0.04, 0.02, 0.49
 

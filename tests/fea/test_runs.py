@@ -9,7 +9,7 @@ import re
 import numpy as np
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.fea.read import recognise
 from tests.fea import abaqus_writer as writer
 from tests.fea import runs

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
+from ridgebayes import generate
 from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
-from ridgebayes.simulate.generation import generate
 from ridgebayes.table.datafiles import CALCULIX_FE, data_path
 
 FEA = data_path(CALCULIX_FE).parent

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.fea.transitions import last_digit, transitions_of, transitions_of_runs
 
 LOAD = np.array([0.1, 0.2, 0.3, 0.4, 0.5])

@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 import ridgebayes as rb
+from ridgebayes import generate
 from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.pool import workers
-from ridgebayes.simulate.generation import generate
 from tests.hard_cases.case import hard_case
 from tests.hard_cases.likelihood import weighed
 from tests.hard_cases.machine import ROOT, run_contents

@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import ridgebayes as rb
+from ridgebayes import LogNormal
 from ridgebayes.contact import hertz
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.halfplane import transition_loads
@@ -17,7 +18,6 @@ from ridgebayes.contact.loadtable import HalfPlaneLoads
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.scaling import reduced_load
-from ridgebayes.distributions.distribution import LogNormal
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ridgebayes.errors import InputError
+from ridgebayes import Hybrid, InputError, Modified
 from ridgebayes.inference import arviz_groups
 from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.diagnostics import arviz_object, leave_one_out
@@ -14,7 +14,6 @@ from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget
-from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
@@ -155,7 +154,7 @@ def test_joint_log_likelihood__is_that_of_all_rows(paper):
 
 
 def test_predictive_groups__are_left_out_where_no_prior_draw_has_a_load(paper, monkeypatch):
-    from ridgebayes.errors import ComputationError
+    from ridgebayes import ComputationError
 
     def none(*_):
         raise ComputationError("none has")

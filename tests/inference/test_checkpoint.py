@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.inference.checkpoint import Checkpoint, Walk, packed, unpacked
 
 

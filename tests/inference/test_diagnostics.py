@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 from scipy import optimize, signal, stats
 
+from ridgebayes import PowerLaw, read_table
 from ridgebayes.inference.diagnostics import (
     Loo,
     autocorrelation_time,
@@ -20,10 +21,8 @@ from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.left_out import AllRows
 from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget
-from ridgebayes.model.forms import PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
-from ridgebayes.table.table import read_table
 
 
 def noise(shape, seed=0):

@@ -8,10 +8,9 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes import ComputationError, InputError, SampleSettings
 from ridgebayes.evidence.bridge import bridge_evidence
 from ridgebayes.inference import emcee_sampling
-from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import effective_sample_size, failed_diagnostics, summarise
 from ridgebayes.inference.emcee_sampling import walk

@@ -9,7 +9,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import ridgebayes as rb
-from ridgebayes.errors import ComputationError
+from ridgebayes import ComputationError
 from ridgebayes.inference.importance import (
     Effort,
     at_least,

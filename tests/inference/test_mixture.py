@@ -15,10 +15,16 @@ import pytest
 from scipy import special, stats
 
 import ridgebayes as rb
-from ridgebayes.distributions.bounded import Truncated, Uniform
-from ridgebayes.distributions.distribution import Gamma, HalfNormal, LogNormal, Normal
-from ridgebayes.errors import InputError
-from ridgebayes.inference.mixture import PosteriorMixture
+from ridgebayes import (
+    Gamma,
+    HalfNormal,
+    InputError,
+    LogNormal,
+    Normal,
+    PosteriorMixture,
+    Truncated,
+    Uniform,
+)
 from ridgebayes.model.joint_prior import JointPrior
 from tests.test_pages import DOCS, blocks_of
 

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.errors import InputError
+from ridgebayes import InputError, generate
 from ridgebayes.evidence.pairs import weigh_pairs
 from ridgebayes.inference.presets import PRESETS, QUICK, REFERENCE, STANDARD, Preset
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.simulate.generation import LOAD_PRESETS, generate
+from ridgebayes.simulate.generation import LOAD_PRESETS
 
 
 def test_accuracies__are_three_each_tighter_than_the_one_before():

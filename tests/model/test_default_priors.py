@@ -1,8 +1,17 @@
 import pytest
 
-from ridgebayes.distributions.distribution import Gamma, HalfNormal, LogNormal, Normal
+from ridgebayes import (
+    Classic,
+    Gamma,
+    HalfNormal,
+    HalfPlane,
+    Hybrid,
+    LogNormal,
+    Modified,
+    Normal,
+    PowerLaw,
+)
 from ridgebayes.model.default_priors import default_priors
-from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.model.noise import Noise
 
 

@@ -6,16 +6,24 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes.distributions.distribution import LogNormal, Normal
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes import (
+    Classic,
+    ComputationError,
+    ContactTable,
+    HalfPlane,
+    Hybrid,
+    InputError,
+    LogNormal,
+    Modified,
+    Normal,
+    PowerLaw,
+)
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.target import ModelTarget
-from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified, PowerLaw
 from ridgebayes.model.model import MAX_COEFFICIENTS, Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
-from ridgebayes.table.table import ContactTable
 
 TEXTURES = np.array([(0.012, 0.03), (0.032, 0.01), (0.022, 0.02)])
 FORMS = [Classic(), Modified(), Hybrid(), PowerLaw(), HalfPlane()]

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.model.noise import NUGGET, Noise
 
 

@@ -4,9 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ridgebayes.errors import InputError
+from ridgebayes import ContactTable, InputError
 from ridgebayes.model.observations import Observations
-from ridgebayes.table.table import ContactTable
 
 TEXTURES = np.array([(0.012, 0.03), (0.032, 0.01), (0.022, 0.02)])
 

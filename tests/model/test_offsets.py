@@ -6,8 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from ridgebayes.errors import ComputationError, InputError
-from ridgebayes.model.forms import Modified, PowerLaw
+from ridgebayes import ComputationError, InputError, Modified, PowerLaw
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.offsets import MAX_OTHER_LEVELS, Offsets

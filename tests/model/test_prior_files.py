@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.errors import InputError
+from ridgebayes import InputError
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import posterior_of

@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ridgebayes.distributions.distribution import Normal
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes import ComputationError, Hybrid, InputError, Modified, Normal
 from ridgebayes.inference.latent import LatentIntegral
-from ridgebayes.model.forms import Hybrid, Modified
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.replicated import form_log_loads, is_possible, prior_draws, simulate_log_loads

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from ridgebayes.errors import InputError
-from ridgebayes.model.forms import Classic, HalfPlane, Modified
+from ridgebayes import Classic, HalfPlane, InputError, Modified
 from ridgebayes.model.rows import RowGroups, Rows
 from ridgebayes.model.tails import NormalTail, StudentTail
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ridgebayes.model.forms import Modified
+from ridgebayes import Modified
 
 
 class Even(Modified):

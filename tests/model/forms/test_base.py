@@ -5,19 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ridgebayes import Classic, HalfPlane, Hybrid, InputError, Modified, PowerLaw
 from ridgebayes.contact.scaling import reduced_load
-from ridgebayes.errors import InputError
-from ridgebayes.model.forms import (
-    FORMS,
-    Classic,
-    Form,
-    HalfPlane,
-    Hybrid,
-    Modified,
-    PowerLaw,
-    as_form,
-    form_named,
-)
+from ridgebayes.model.forms import FORMS, Form, as_form, form_named
 
 # Algebra: a dozen roundings of condition 1.
 ROUNDING = 1e-14

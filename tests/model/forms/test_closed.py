@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from ridgebayes.model.forms import Classic, HalfPlane, Hybrid, Modified
+from ridgebayes import Classic, HalfPlane, Hybrid, Modified
 
 # Algebra: a dozen roundings of condition 1.
 ROUNDING = 1e-14

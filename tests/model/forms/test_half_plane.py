@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from ridgebayes import HalfPlane, InputError
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.loadtable import HalfPlaneLoads
-from ridgebayes.errors import InputError
-from ridgebayes.model.forms import HalfPlane, half_plane
+from ridgebayes.model.forms import half_plane
 
 FORM = HalfPlane()
 

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from ridgebayes.errors import InputError
-from ridgebayes.model.forms import PowerLaw
+from ridgebayes import InputError, PowerLaw
 
 TEXTURES = ((0.012, 0.03), (0.032, 0.01))
 FORM = PowerLaw().bind(TEXTURES)
