@@ -3,13 +3,12 @@
 import numpy as np
 import pandas as pd
 
-from ridgebayes import Fit, LoadDistribution
+from ridgebayes import Fit, LoadDistribution, Noise
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.load_draws import LoadDraws
 

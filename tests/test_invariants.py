@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.comparison.bayes_factors import summed_bayes_factors
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.q_distribution import mix_q
 from tests.drawn import loads_of

@@ -34,10 +34,10 @@ import typer
 from typer.testing import CliRunner
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.commands.cli import app
 from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.model.default_priors import default_priors
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.prior_files import resolve_priors
 from ridgebayes.report.figures.gallery import Gallery

@@ -6,9 +6,9 @@ import pytest
 from scipy import integrate, stats
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.inference.diagnostics import effective_sample_size
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from tests.drawn import drawn_posterior
 

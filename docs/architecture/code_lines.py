@@ -15,7 +15,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "ridgebayes"
 # Code lines that a room may have: today's count, so that a room which grows says so. Lower a budget
 # when its room has shrunk; write the reason beside a budget that is raised.
 BUDGETS = {
-    "modules of the package": 497,  # with `request` and `cautions`, which were in rooms below
+    "modules of the package": 499,  # with `request` and `cautions`, which were in rooms below
     "runtime": 785,
     "distributions": 494,  # with those of SciPy
     "drawing": 986,

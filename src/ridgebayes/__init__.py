@@ -38,6 +38,7 @@ _HOME = {
     "Hybrid": "model.forms",
     "Modified": "model.forms",
     "PowerLaw": "model.forms",
+    "Noise": "model.noise",
     "Empirical": "distributions.empirical",
     "Gamma": "distributions.distribution",
     "HalfNormal": "distributions.distribution",
@@ -120,6 +121,7 @@ if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
     from ridgebayes.model.forms import Hybrid as Hybrid
     from ridgebayes.model.forms import Modified as Modified
     from ridgebayes.model.forms import PowerLaw as PowerLaw
+    from ridgebayes.model.noise import Noise as Noise
     from ridgebayes.predict.load_distribution import LoadDistribution as LoadDistribution
     from ridgebayes.predict.q_distribution import QDistribution as QDistribution
     from ridgebayes.report import write_report as write_report

@@ -10,6 +10,7 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.checks.left_out import (
     LEFT_OUT_COLUMNS,
     Fold,
@@ -20,7 +21,6 @@ from ridgebayes.checks.left_out import (
     row_crps,
 )
 from ridgebayes.inference.importance import Effort
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.prior_files import resolve_priors
 from tests.drawn import drawn_posterior, model_of, points_of
 

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.evidence.pairs import WeighedPairs, weigh_pairs
-from ridgebayes.model.noise import Noise
 from ridgebayes.report.figures.gallery import Gallery
 
 FORMS = ["modified", "hybrid"]

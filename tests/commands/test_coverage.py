@@ -8,9 +8,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from ridgebayes import Noise
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS, PROBS
 from ridgebayes.commands.run_folder import RUN_JSON
-from ridgebayes.model.noise import Noise
 
 ROWS = """a_over_R,b_over_R,Q,p_over_E
 0.012,0.03,4,0.00084

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.commands.run_files import summary_table, verdicts, write_comparison, write_run_json
 from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.comparison.bands import bands_table
@@ -18,7 +19,6 @@ from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, bayes_fact
 from ridgebayes.comparison.scores import loo_table
 from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.log_evidence import LogEvidence
-from ridgebayes.model.noise import Noise
 
 STAGES = [{"name": "calibrate classic", "wall_s": 1.5, "cpu_s": 1.25}]
 

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.comparison import bands as module
 from ridgebayes.comparison.bands import bands_table, default_loads, loads_table
-from ridgebayes.model.noise import Noise
 
 SHARES = {"classic": 0.2, "modified": 0.3, "hybrid": 0.5}
 BAND_COLUMNS = [

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ridgebayes import Noise
 from ridgebayes.comparison.ranking import (
     best_form,
     factors_by_method,
@@ -14,7 +15,6 @@ from ridgebayes.comparison.ranking import (
     problems,
     sensitivity_factors,
 )
-from ridgebayes.model.noise import Noise
 
 
 def test_factors_by_method_are_differences_and_agree(comparison):

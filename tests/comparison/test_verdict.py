@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ridgebayes import Noise
 from ridgebayes.comparison.bayes_factors import summed_bayes_factors
 from ridgebayes.comparison.verdict import GRADES, verdict_of
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.log_evidence import LogEvidence
-from ridgebayes.model.noise import Noise
 
 NO_SENSITIVITY = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
 LITTLE = 2.0**-20  # so that every sum below is exact

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.checks.coverage import PROBS
 from ridgebayes.drawing.coverage import plot_coverage
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.model.forms import FORMS
-from ridgebayes.model.noise import Noise
 
 NOISES = [noise.name for noise in Noise.every()]
 

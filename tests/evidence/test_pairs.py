@@ -10,7 +10,7 @@ import pytest
 from scipy.special import softmax
 
 import ridgebayes as rb
-from ridgebayes import ComputationError, InputError
+from ridgebayes import ComputationError, InputError, Noise
 from ridgebayes.evidence import pairs as pairs_module
 from ridgebayes.evidence.pairs import Weighed, weigh_pairs
 from ridgebayes.evidence.tables import (
@@ -24,7 +24,7 @@ from ridgebayes.evidence.tables import (
 )
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.presets import QUICK
-from ridgebayes.model.noise import AUTO, Noise, error_models_for
+from ridgebayes.model.noise import AUTO, error_models_for
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.prior_files import priors_of, resolve_priors
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.special import logsumexp
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.evidence.pairs import weigh_pairs
 from ridgebayes.evidence.prior_sensitivity import (
     NUGGET,
@@ -17,7 +18,6 @@ from ridgebayes.evidence.prior_sensitivity import (
 )
 from ridgebayes.inference.presets import QUICK, STANDARD
 from ridgebayes.model.default_priors import NOISE_PRIORS, coefficient_priors
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from tests.tables_in_the_wild import tables
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.evidence.pairs import weigh_pairs
 from ridgebayes.inference.posterior import posterior_of
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from tests import oracles
 

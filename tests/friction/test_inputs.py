@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.contact import two_scale
 from ridgebayes.friction.files import write_inputs
 from ridgebayes.friction.inputs import SMALL_STRAIN, InputDraws
 from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.predict.q_distribution import mix_q

@@ -14,6 +14,7 @@ from scipy import stats
 from scipy.special import ndtr
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.compare import compared
 from ridgebayes.inference.chains import Chains
@@ -21,7 +22,6 @@ from ridgebayes.inference.posterior import completed
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.predict.load_distribution import mix_loads
 from ridgebayes.predict.predict import predict_q

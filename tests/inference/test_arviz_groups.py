@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ridgebayes import Hybrid, InputError, Modified
+from ridgebayes import Hybrid, InputError, Modified, Noise
 from ridgebayes.inference import arviz_groups
 from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.diagnostics import arviz_object, leave_one_out
@@ -15,7 +15,6 @@ from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.quiet import import_arviz
 from tests import oracles

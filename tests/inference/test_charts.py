@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.inference.modes import find_modes
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 
 NOISES = ["iid", "texture", "step-smooth", "iid:student", "texture+step:student"]

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes import ComputationError, InputError, SampleSettings
+from ridgebayes import ComputationError, InputError, Noise, SampleSettings
 from ridgebayes.evidence.bridge import bridge_evidence
 from ridgebayes.inference import emcee_sampling
 from ridgebayes.inference.checkpoint import Checkpoint
@@ -19,7 +19,6 @@ from ridgebayes.inference.posterior import posterior_of, walked_posterior
 from ridgebayes.inference.proposal import Mixture
 from ridgebayes.inference.target import ModelTarget, PlainTarget
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 
 NAMES = ("x", "y", "z")
 FACTOR = np.array([[0.02, 0, 0], [-0.3, 0.1, 0], [1.0, -2.0, 5.0]])

@@ -5,10 +5,10 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.posterior import SharedOffsets, completed
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from tests import oracles
 
 NORMAL = [noise.name for noise in Noise.candidates(2) if noise.tail == "normal"]

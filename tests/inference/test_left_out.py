@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ridgebayes import ComputationError, HalfNormal, LogNormal, Modified, PowerLaw
+from ridgebayes import ComputationError, HalfNormal, LogNormal, Modified, Noise, PowerLaw
 from ridgebayes.inference import left_out
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.left_out import AllRows, rest_of
 from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.predict.predict import predict_load
 from tests.exact_evidence import modified_evidence, power_law_evidence
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from ridgebayes import Fit, InputError, Modified, SampleSettings, calibrate
+from ridgebayes import Fit, InputError, Modified, Noise, SampleSettings, calibrate
 from ridgebayes.inference import posterior as posterior_module
 from ridgebayes.inference.arviz_groups import all_groups, attributes
 from ridgebayes.inference.importance import Effort, importance_sample
@@ -17,7 +17,6 @@ from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import Posterior, posterior_of
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.quiet import import_arviz
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -8,11 +8,11 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
+from ridgebayes import Noise
 from ridgebayes.evidence.pairs import weigh_pairs
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.model import tails
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from tests import oracles
 
 PAGE = Path(__file__).parents[2] / "CONTRIBUTING.md"

@@ -3,14 +3,13 @@ import pickle
 import numpy as np
 import pytest
 
-from ridgebayes import Modified, PowerLaw
+from ridgebayes import Modified, Noise, PowerLaw
 from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 
 

@@ -2,10 +2,9 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes import InputError, generate
+from ridgebayes import InputError, Noise, generate
 from ridgebayes.evidence.pairs import weigh_pairs
 from ridgebayes.inference.presets import PRESETS, QUICK, REFERENCE, STANDARD, Preset
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.simulate.generation import LOAD_PRESETS
 

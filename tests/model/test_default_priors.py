@@ -8,11 +8,11 @@ from ridgebayes import (
     Hybrid,
     LogNormal,
     Modified,
+    Noise,
     Normal,
     PowerLaw,
 )
 from ridgebayes.model.default_priors import default_priors
-from ridgebayes.model.noise import Noise
 
 
 def test_default_priors__of_each_error_model_follow_the_coefficients():

@@ -15,6 +15,7 @@ from ridgebayes import (
     InputError,
     LogNormal,
     Modified,
+    Noise,
     Normal,
     PowerLaw,
 )
@@ -22,7 +23,6 @@ from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import MAX_COEFFICIENTS, Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 
 TEXTURES = np.array([(0.012, 0.03), (0.032, 0.01), (0.022, 0.02)])

@@ -2,8 +2,8 @@ import re
 
 import pytest
 
-from ridgebayes import InputError
-from ridgebayes.model.noise import NUGGET, Noise
+from ridgebayes import InputError, Noise
+from ridgebayes.model.noise import NUGGET
 
 
 def test_noise__refuses_an_error_model_that_it_does_not_know():

@@ -6,9 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from ridgebayes import ComputationError, InputError, Modified, PowerLaw
+from ridgebayes import ComputationError, InputError, Modified, Noise, PowerLaw
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.offsets import MAX_OTHER_LEVELS, Offsets
 from tests import oracles
 

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes import InputError
+from ridgebayes import InputError, Noise
 from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.default_priors import slope_prior
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.prior_files import resolve_priors
 from tests import oracles
 

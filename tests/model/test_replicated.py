@@ -2,10 +2,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ridgebayes import ComputationError, Hybrid, InputError, Modified, Normal
+from ridgebayes import ComputationError, Hybrid, InputError, Modified, Noise, Normal
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.model.model import Model
-from ridgebayes.model.noise import Noise
 from ridgebayes.model.replicated import form_log_loads, is_possible, prior_draws, simulate_log_loads
 from tests.simulated import simulated
 

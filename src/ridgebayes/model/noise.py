@@ -48,10 +48,16 @@ class Noise:
 
     Examples
     --------
-    >>> Noise.named("texture+step:student").parameter_names
+    >>> import ridgebayes as rb
+    >>> rb.Noise.named("texture+step:student").parameter_names
     ('sigma', 'tau_texture', 'tau_step', 'df')
-    >>> Noise("iid+series").name, Noise("iid+series").parameter_names
-    ('series', ('sigma', 'tau_series'))
+    >>> series = rb.Noise("iid+series")
+    >>> series.name, series.parameter_names, series.factors, series.distribution.name
+    ('series', ('sigma', 'tau_series'), ('series',), 'normal')
+    >>> series.caution
+    'rows are not independent'
+    >>> len(rb.Noise.every())
+    10
     """
 
     structure: str = "iid"
@@ -80,7 +86,18 @@ class Noise:
 
     @classmethod
     def named(cls, name: str) -> "Noise":
-        """Return the error model that commands and files call STRUCTURE or STRUCTURE:student."""
+        """Return the error model that commands and files call STRUCTURE or STRUCTURE:student.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``texture+step:student``.
+
+        Raises
+        ------
+        InputError
+            If there is no error model of this name.
+        """
         structure, colon, tail = name.partition(":")
         if structure not in _CANONICAL or (colon and tail not in cls.tails):
             raise InputError(
