@@ -14,20 +14,17 @@ from scipy import stats
 from scipy.special import ndtr
 
 import ridgebayes as rb
-from ridgebayes import Noise
 from ridgebayes.comparison.bands import bands_table
 from ridgebayes.comparison.compare import compared
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.posterior import completed
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
-from ridgebayes.model.model import Model
-from ridgebayes.model.observations import Observations
 from ridgebayes.predict.load_distribution import mix_loads
 from ridgebayes.predict.predict import predict_q
 from ridgebayes.predict.q_distribution import mix_q
 from ridgebayes.request import Request
-from tests.drawn import drawn_posterior
+from tests.drawn import drawn_posterior, model_of
 from tests.hard_cases.case import hard_case, refused
 
 FAR = ((1e-6, 1.0), (1.0, 1e-6), (0.012, 0.09), (0.09, 0.01))
@@ -49,8 +46,7 @@ def weighed() -> rb.Comparison:
 
 def single_draw(form: Form, noise: str, theta: list[float]) -> rb.Fit:
     """A fit to the paper's sweep whose posterior is a single point, without sampling."""
-    data = Observations.from_table(rb.paper_sweep())
-    model = Model(data, form, Noise.named(noise))
+    model = model_of(rb.paper_sweep(), form, noise)
     outer = model.to_scores(np.array([theta]))[:, model.outer]
     # With a draw of the offsets, where rows share some.
     u = completed(model, outer, np.empty((1, 0)), np.random.default_rng(1)).reshape(1, 1, 1, -1)
@@ -300,8 +296,7 @@ def skewed_posterior():
     skew = float(stats.skew(fit.draws[:, 2]))
     loads = np.geomspace(5e-4, 0.02, 20)
     q = predict_q(fit, 0.032, 0.01, loads)
-    model = Model(Observations.from_table(few), rb.Hybrid())
-    reference = drawn_posterior(model, seed=5, n_draw=4_096)
+    reference = drawn_posterior(model_of(few, rb.Hybrid()), seed=5, n_draw=4_096)
     theta = reference.model.to_theta(reference.chains.u.reshape(-1, 3))
     worst = 0.0
     for n in (4, 6, 8):
@@ -391,31 +386,3 @@ def nothing_asked():
         refused(lambda w=bad: mix_q([one, one], w), rb.InputError, "weights:")
         refused(lambda w=bad: mix_loads([two, two], w), rb.InputError, "weights:")
     return "empty as asked; 4 pairs of weights refused"
-
-
-@hard_case(
-    "Distributions of 2,000 counts, and of one",
-    why="Sums of thousands of differences of probabilities drift from 1. Quantiles at the edges "
-    "of steps can be one step too far.",
-    expected="Probabilities sum to 1 (1e-12) and none is below 0. Quantiles agree with a direct "
-    "search through the cumulative sum.",
-)
-def distributions_of_many_counts():
-    probs = (0.0, 1e-15, 1e-9, 0.05, 0.5, 0.95, 1 - 1e-9, 1.0)
-    n_step = 0
-    for name, p in (("modified", [0.0, 1e-4, 0.02, 1.0, 1e3]), ("power-law", [1e3])):
-        q = fitted(name).predict(0.022, 0.02, p)
-        pmf = q.pmf
-        np.testing.assert_allclose(pmf.sum(axis=-1), 1, atol=1e-12)
-        assert np.all(pmf >= 0)
-        for prob in probs:
-            total = np.cumsum(pmf, axis=-1)
-            by_hand = []
-            for row in total:
-                reached = [int(n) for n, x in zip(q.q, row, strict=True) if x >= prob * (1 - 2e-12)]
-                by_hand.append(reached[0] if reached else int(q.q[-1]))
-            if 1e-12 < prob < 1 - 1e-8:
-                assert q.quantile(prob).tolist() == by_hand
-        assert np.all(np.diff([q.quantile(prob) for prob in probs], axis=0) >= 0)
-        n_step = max(n_step, len(q.q))
-    return f"up to {n_step:,} counts; sums and quantiles as by hand"

@@ -64,25 +64,6 @@ def test_named__refuses_what_is_no_structure_and_tail(name):
         Noise.named(name)
 
 
-@pytest.mark.parametrize(
-    ("structure", "own"),
-    [
-        ("iid", ()),
-        ("texture", ("tau_texture",)),
-        ("step", ("tau_step",)),
-        ("texture+step", ("tau_texture", "tau_step")),
-        ("step-smooth", ("tau_step", "length_h", "length_ratio")),
-        ("series", ("tau_series",)),
-        ("texture+step+series", ("tau_texture", "tau_step", "tau_series")),
-        ("step-smooth+series", ("tau_step", "tau_series", "length_h", "length_ratio")),
-    ],
-)
-def test_parameter_names__are_sigma_then_the_structures_then_the_tails(structure, own):
-    assert Noise(structure).parameter_names == ("sigma", *own)
-    assert Noise(structure, "student").parameter_names == ("sigma", *own, "df")
-    assert Noise(structure, "student").distribution.name == "student"
-
-
 def test_caution__is_for_independent_rows_alone():
     for noise in Noise.candidates(2):
         assert (noise.caution is None) == (noise.structure not in ("iid", "series"))

@@ -114,17 +114,6 @@ def test_area__is_the_disks_to_fourth_order(part, area):
     np.testing.assert_allclose(ratios, 16.0, rtol=0.01)
 
 
-@pytest.mark.parametrize("part", PARTS)
-def test_rim__lies_on_the_circle_with_its_nodes_halfway(part):
-    found = disk_mesh(graded, **part)
-    at = found.points[found.rim]
-    # Rounding.
-    np.testing.assert_allclose(np.hypot(at[..., 0], at[..., 1]), 1.0, rtol=0, atol=1e-15)
-    chord = np.linalg.norm(np.diff(at, axis=1), axis=-1)
-    # Rounding of the difference of neighbours 1e-3 apart.
-    np.testing.assert_allclose(chord[:, 0], chord[:, 1], rtol=1e-11)
-
-
 @pytest.mark.parametrize("refine", [1, 3])
 @pytest.mark.parametrize("size", SIZES)
 def test_size__is_the_most_an_edge_is_long(size, refine):
