@@ -3,7 +3,6 @@ import re
 import pytest
 
 from ridgebayes import InputError, Noise
-from ridgebayes.model.noise import NUGGET
 
 
 def test_noise__refuses_an_error_model_that_it_does_not_know():
@@ -43,13 +42,6 @@ def test_candidates__are_the_ten_and_of_several_series_also_each_with_series():
     assert [noise.tail for noise in found[10:]] == ["normal"] * 5 + ["student"] * 5
 
 
-def test_nugget__is_a_keyword_that_the_name_does_not_tell():
-    assert Noise("step-smooth").nugget == NUGGET == 1e-8
-    other = Noise("step-smooth", nugget=1e-4)
-    assert other.name == "step-smooth"
-    assert other != Noise("step-smooth")
-
-
 @pytest.mark.parametrize("nugget", [0.0, -1e-8, 1.01e-4, float("nan"), float("inf")])
 def test_nugget__is_above_zero_and_small(nugget):
     with pytest.raises(InputError, match=r"nugget: expected a number > 0 and <= 0\.0001, got "):
@@ -62,8 +54,3 @@ def test_named__refuses_what_is_no_structure_and_tail(name):
         InputError, match="expected STRUCTURE or STRUCTURE:student, STRUCTURE one of "
     ):
         Noise.named(name)
-
-
-def test_caution__is_for_independent_rows_alone():
-    for noise in Noise.candidates(2):
-        assert (noise.caution is None) == (noise.structure not in ("iid", "series"))

@@ -87,16 +87,6 @@ def test_log_probability__adds_up(kind, low, log10_first, log10_second):
     assert abs(whole - parts) < 3 * rounding(whole) + share
 
 
-@given(kinds, places, log10_widths)
-def test_log_probability__is_symmetric(kind, low, log10_width):
-    tail, df = kind
-    high = low + 10**log10_width
-    assume(low < high)
-    value = tail.log_probability(low, high, df)
-    # Rounding: the quadrature sums its nodes in the other order.
-    assert abs(value - tail.log_probability(-high, -low, df)) < 1e-14 + 1e-15 * abs(value)
-
-
 @pytest.mark.parametrize(("tail", "df"), KINDS)
 def test_log_probability__is_smooth_where_the_way_of_computing_it_changes(tail, df):
     width = np.geomspace(1e-3, 60, 4001)

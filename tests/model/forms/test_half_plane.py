@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ridgebayes import HalfPlane, InputError
-from ridgebayes.contact import halfplane, hertz
+from ridgebayes.contact import halfplane
 
 FORM = HalfPlane()
 
@@ -47,11 +47,6 @@ def test_continuous_count__reaches_rungs_beyond_the_first_guess():
     for texture in ((0.3, 0.3), (0.01, 0.5), (1e-4, 5.0)):
         count = FORM.continuous_count(FORM.load(Q, *texture), *texture)
         np.testing.assert_allclose(count, Q, rtol=1e-12)  # algebra: root and interpolation
-
-
-def test_slope__is_that_of_the_smooth_cylinder():
-    expected = 2 * float(hertz.hertz_constant()) / 0.05 * 1.1
-    assert float(FORM.slope(0.02, 0.03, [1.1])) == pytest.approx(expected, rel=1e-14)  # algebra
 
 
 def test_load__refuses_more_pairs_than_the_solver_is_for():
