@@ -126,7 +126,7 @@ def test_load_and_count__are_adjoint(form, texture, factor, nu, loads):
 
 @pytest.mark.slow
 @given(rows(), noise, st.randoms(use_true_random=False), st.floats(0.9, 1.1))
-@settings(max_examples=60)
+@settings(max_examples=25)
 def test_likelihood__does_not_depend_on_the_order_of_rows_and_textures(data, noise, random, factor):
     order = np.arange(len(data.Q))
     random.shuffle(order)
@@ -148,7 +148,7 @@ def test_likelihood__of_a_table_several_times_is_so_many_times_that_of_independe
 
 @pytest.mark.slow
 @given(rows(), noise, poisson, st.floats(0.9, 1.1))
-@settings(max_examples=60)
+@settings(max_examples=25)
 def test_likelihood__of_loads_at_any_poissons_ratio_is_that_of_loads_reduced(
     data, noise, nu, factor
 ):

@@ -92,26 +92,6 @@ def environments():
 
 
 @hard_case(
-    "A run in one process and with two workers",
-    why="Workers get pickled copies. Arrays then have another memory layout, caches are empty, "
-    "and sums over other strides differ in the last digit.",
-    expected="Every file has the same bytes: posteriors, bands, figures and reports (exact, apart "
-    "from times).",
-    long=True,
-)
-def run_shared_out(folder):
-    generate(SCENE).write(folder / "t.csv")
-    found = {}
-    for n in (1, 2):
-        # With shared offsets, which is where factors are kept.
-        what = {"forms": ["modified", "hybrid"], "noise": "step-smooth", "accuracy": "quick"}
-        rb.run(folder / "t.csv", folder / str(n), workers=n, **what)
-        found[n] = run_contents(folder / str(n))
-    assert found[1] == found[2]
-    return f"{len(found[1])} files, the same bytes"
-
-
-@hard_case(
     "Forms and textures in another order",
     why="If parts share one random stream, or sums follow the order given, a comparison depends "
     "on the order of its parts.",

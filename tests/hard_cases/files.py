@@ -244,9 +244,7 @@ def leading_out(folder):
         with h5py.File(folder / "s.h5", "w") as file:
             spoil(file)
         xdmf = disk_xdmf(folder, "s.h5:/x")
-        seen.append(
-            refused(lambda xdmf=xdmf: import_series(xdmf), rb.InputError, "s.h5", "expected")
-        )
+        seen.append(refused(lambda xdmf=xdmf: import_series(xdmf), rb.InputError, "s.h5: '/x'"))
     (folder / "in").mkdir()
     (folder / "in" / "link.h5").symlink_to(secret)
     for name in ("../secret.h5", str(secret), "link.h5", "..\\secret.h5", "C:\\x.h5"):
@@ -645,36 +643,18 @@ def formulas(folder):
     table = rb.read_table(path)
     assert table.labels == ("=1+1",)
     assert table.frame["own"].tolist() == ["=HYPERLINK(1)", "@SUM(1)"]
-    said = []
-    try:
+    with pytest.raises(rb.InputError, match=r"not formulas: line 2 = '=1\+1'") as told:
         import_files([path], Given())
-    except rb.InputError as refusal:
-        said.append(str(refusal))
-    assert len(said) == 1
-    assert "line 2" in said[0]
-    assert "formula" in said[0]
-    path.write_text(GOOD.replace("0.002", "=0.002"), encoding="utf-8")
+    said = [str(told.value)]
+    labelled = GOOD.replace("p_over_E", "p_over_E,texture").replace("0.005", "0.005,a")
     for text, words in [
         (GOOD.replace("0.002", "=0.002"), "p_over_E = '=0.002'"),
-        (
-            GOOD.replace("p_over_E", "p_over_E,texture")
-            .replace("\n0", "\n0")
-            .replace("0.002", '0.002,"a\nb"')
-            .replace("0.005", '0.005,"a\nb"'),
-            "text on one line",
-        ),
-        (
-            GOOD.replace("p_over_E", "p_over_E,texture")
-            .replace("0.002", "0.002,a\x1bb")
-            .replace("0.005", "0.005,a\x1bb"),
-            "text on one line",
-        ),
+        (labelled.replace("0.002", '0.002,"a\nb"'), "text on one line"),
+        (labelled.replace("0.002", "0.002,a\x1bb"), "text on one line"),
     ]:
         path.write_text(text, encoding="utf-8")
-        try:
+        with pytest.raises(rb.InputError, match=words) as told:
             rb.read_table(path)
-        except rb.InputError as refusal:
-            said.append(str(refusal))
-        assert words in said[-1], said[-1]
+        said.append(str(told.value))
         assert "\x1b" not in said[-1]
     return f"{len(said)} refusals; formulas stay text"
