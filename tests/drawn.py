@@ -14,9 +14,9 @@ from ridgebayes.predict.load_draws import LoadDraws
 
 
 def model_of(rows, form, noise="iid", priors=None):
-    """Return the model of a table or of observations; the error model by its name."""
+    """Return the model of a table or of observations; the error model or its name."""
     data = rows if isinstance(rows, Observations) else Observations.from_table(rows)
-    return Model(data, form, Noise.named(noise), priors)
+    return Model(data, form, noise if isinstance(noise, Noise) else Noise.named(noise), priors)
 
 
 def points_of(model, theta=None, u=None):
@@ -28,10 +28,14 @@ def points_of(model, theta=None, u=None):
     return Fit(model, chains, pd.DataFrame(), (), 0)
 
 
+def importance_draws(model, *, seed=1, **effort):
+    """Return importance draws of a model, with their evidence; fields of `Effort` as keywords."""
+    return importance_sample(ModelTarget(model, seed), Effort(**effort), seed)
+
+
 def drawn_posterior(model, *, seed=1, **effort):
-    """Return importance draws of a model; fields of `Effort` as keywords."""
-    drawn = importance_sample(ModelTarget(model, seed), Effort(**effort), seed)
-    return posterior_of(model, drawn, seed)
+    """Return the posterior of importance draws of a model; fields of `Effort` as keywords."""
+    return posterior_of(model, importance_draws(model, seed=seed, **effort), seed)
 
 
 def loads_of(log_mean, sd, weight, flags=None):

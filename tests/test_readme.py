@@ -10,16 +10,9 @@ import pytest
 from scipy.special import logsumexp
 
 import ridgebayes as rb
-from ridgebayes.comparison.compare import DEFAULT_FORMS
-from ridgebayes.evidence.pairs import weigh_pairs
 from ridgebayes.evidence.prior_sensitivity import scale_factors
-from ridgebayes.evidence.tables import selected_error_model
-from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.forms import FORMS, form_named
-from ridgebayes.model.model import Model
-from ridgebayes.model.noise import AUTO, error_models_for
-from ridgebayes.model.observations import Observations
-from tests.drawn import drawn_posterior
+from tests.drawn import drawn_posterior, model_of
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -69,23 +62,20 @@ def test_files_named__exist():
 
 
 # The default run's evidences, with error models summed out, by fewer draws than its own.
-def test_table__is_that_of_the_default_run(paper):
-    data = Observations.from_table(paper)
-    noises = error_models_for(AUTO, data.n_series)
-    weighed = weigh_pairs(data, DEFAULT_FORMS, noises, accuracy=QUICK)
-    printed = selected_error_model(weighed.evidence)
-    assert printed.name == "step-smooth"
-    used = weighed.evidence.query("used").groupby("form")["log_evidence"]
-    found = used.agg(lambda values: logsumexp(values) - np.log(len(noises)))
+def test_table__is_that_of_the_default_run(compare, paper):
+    compared = compare(paper, rng=0, accuracy="quick")
+    assert compared.noise.name == "step-smooth"
+    n_noise = compared.evidence["noise"].nunique()
+    used = compared.evidence.query("used").groupby("form")["log_evidence"]
+    found = used.agg(lambda values: logsumexp(values) - np.log(n_noise))
     shown = table_of(README)
-    posteriors = weighed.posteriors(list(shown), printed.name, QUICK.n_kept)
     assert list(shown) == list(found.sort_values(ascending=False).index)
     for form, (*_, fitted, evidence) in shown.items():
         # Three standard errors of the least draws, and a rounding.
         assert abs(number(evidence) - found[form]) < 0.2, form
-        draws = posteriors[form][printed.name]
+        fit = compared.fits[form]
         for name, mean, sd in re.findall(r"(\w+) = ([\d.]+) ± ([\d.]+)", fitted):
-            values = draws.draws[:, draws.model.parameter_names.index(name)]
+            values = fit.draws[:, fit.model.parameter_names.index(name)]
             assert abs(float(mean) - values.mean()) < 0.2 * values.std(), (form, name)
             assert abs(float(sd) / values.std() - 1.0) < 0.2, (form, name)
     (ln_bf,) = re.findall(r"ln BF = ([\d.]+) over Modified", README)
@@ -111,11 +101,7 @@ def test_results__have_every_form():
 @pytest.fixture(scope="module")
 def on_elements():
     """Log evidence of each form on the finite-element rows that a run compares."""
-    data = Observations.from_table(rb.reference_fe())
-    found = {}
-    for name in FORMS:
-        found[name] = evidence_of(Model(data, form_named(name)))
-    return found
+    return {name: evidence_of(model_of(rb.reference_fe(), form_named(name))) for name in FORMS}
 
 
 @pytest.mark.parametrize("form", ["classic", "power-law", "modified", "hybrid", "half-plane"])
@@ -180,7 +166,7 @@ def test_prior_sensitivity_in_the_text__to_the_digits_shown(fits):
                 stretched = {
                     p: q.stretched(factor) for p, q in original.priors.items() if p in scaled
                 }
-                changed = Model(original.data, original.form, original.noise, stretched)
+                changed = model_of(original.data, original.form, original.noise, stretched)
                 new[name] = evidence_of(changed)[0]
             # The error model's prior is both forms'; coefficients are each form's own.
             together = scaled == ("sigma",)

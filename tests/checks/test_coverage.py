@@ -127,24 +127,6 @@ def test_coverage__has_no_row_where_only_brackets_could_be_predicted():
     assert shown.empty
 
 
-def test_coverage__of_textures_of_brackets_alone_is_not_a_number(monkeypatch):
-    frame, first = simulated(3, 2, seed=1).frame, simulated(3, 2, seed=1).frame["texture"].iloc[0]
-    lower = (frame["p_over_E"] / 2).where(frame["texture"] != first)
-    some = rb.ContactTable.from_frame(frame.assign(p_over_E_lower=lower))
-
-    own = Fold.left_out
-
-    def failing(fold):
-        if fold.rows.is_exact.any():
-            raise rb.ComputationError("no draws")
-        return own(fold)
-
-    monkeypatch.setattr(Fold, "left_out", failing)
-    shown = rb.coverage(some, [rb.Modified()], ["iid"], probs=[0.9])
-    assert shown[["n", "covered", "n_texture", "n_failed"]].iloc[0].tolist() == [0, 0, 0, 1]
-    assert shown[["share", "share_se", "mean_width"]].isna().all(axis=None)
-
-
 def test_bad_input_is_refused(table):
     fit = fit_at(table, "iid", [C, SIGMA])
     with pytest.raises(rb.InputError, match=r"texture a/R = 0\.01\d*, b/R = 0\.03 was fitted"):

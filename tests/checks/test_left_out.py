@@ -1,7 +1,7 @@
 """Rows left out: folds, closed forms of scores, failures, and who computes."""
 
 import pickle
-from concurrent.futures import Executor, Future
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -216,25 +216,6 @@ def test_left_out_scores__take_an_own_form_under_its_given_priors(data):
     assert (scores["failed"] == "").all()
 
 
-class Backwards(Executor):
-    """An executor that pickles its tasks, and computes the last one first."""
-
-    n_worker = 10  # all tasks at once
-
-    def __init__(self, sizes):
-        self.tasks, self.sizes = [], list(sizes)
-
-    def submit(self, function, task):
-        future = Future()
-        self.tasks.append((future, pickle.dumps((function, task))))
-        if len(self.tasks) == self.sizes[0]:
-            tasks, self.tasks, self.sizes = self.tasks, [], self.sizes[1:]
-            for waiting, message in reversed(tasks):
-                function, task = pickle.loads(message)
-                waiting.set_result(pickle.loads(pickle.dumps(function(task))))
-        return future
-
-
 @pytest.fixture(scope="module")
 def forms():
     return rb.Modified(), rb.Hybrid()
@@ -262,11 +243,10 @@ def test_left_out_scores__are_sums_over_folds(scores, fe_table, forms):
 
 
 def test_left_out_scores__do_not_depend_on_who_computes(scores, fe_table):
-    n_fold = int(scores["n_fold"].iloc[2])
-    executor = Backwards((1, n_fold))
-    again = left_out_scores(
-        fe_table, [rb.Modified()], leaves=["step"], rng=3, effort=QUICK, executor=executor
-    )
+    with ThreadPoolExecutor(2) as executor:
+        again = left_out_scores(
+            fe_table, [rb.Modified()], leaves=["step"], rng=3, effort=QUICK, executor=executor
+        )
     same = [name for name in LEFT_OUT_COLUMNS if name != "stacking_weight"]
     pd.testing.assert_frame_equal(again[same], scores[same].iloc[2:3].reset_index(drop=True))
 

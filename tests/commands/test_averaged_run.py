@@ -81,7 +81,7 @@ def content(folder):
 SERIES = ("series", "texture+step+series", "step-smooth+series", "step+series:student")
 
 
-IN_MAKE_TEST = ("step-smooth+series", "iid:student")  # one of each kind; texture below
+IN_MAKE_TEST = ("step-smooth+series",)  # and texture below
 
 
 @pytest.mark.parametrize(
@@ -191,7 +191,7 @@ def test_components__are_written_read_back_and_in_the_report(folder):
     assert row.endswith(f"| {reading} |")
 
 
-@pytest.mark.parametrize("damage", ["gone", "cut", "another"])
+@pytest.mark.parametrize("damage", ["gone", "cut", "modified--iid", "hybrid--step"])
 def test_read_run__a_damaged_posterior_of_an_average_is_named(folder, tmp_path, damage):
     run = shutil.copytree(folder, tmp_path / "run")
     path = run / "posteriors/hybrid--iid.nc"
@@ -200,13 +200,7 @@ def test_read_run__a_damaged_posterior_of_an_average_is_named(folder, tmp_path, 
     elif damage == "cut":
         path.write_bytes(path.read_bytes()[:1000])
     else:
-        shutil.copy(run / "posteriors/modified--iid.nc", path)
-    with pytest.raises(rb.InputError, match=r"hybrid--iid\.nc"):
-        rb.read_run(run)
-
-
-def test_read_run__a_posterior_under_another_error_model_than_its_name_is_refused(folder, tmp_path):
-    run = shutil.copytree(folder, tmp_path / "run")
-    shutil.copy(run / "posteriors/hybrid--step.nc", run / "posteriors/hybrid--iid.nc")
-    with pytest.raises(rb.InputError, match=r"hybrid--iid\.nc: holds error model 'step'"):
+        shutil.copy(run / f"posteriors/{damage}.nc", path)
+    of_step = ": holds error model 'step'" if damage == "hybrid--step" else ""
+    with pytest.raises(rb.InputError, match=rf"hybrid--iid\.nc{of_step}"):
         rb.read_run(run)

@@ -194,13 +194,6 @@ def test_import__skipped_rows_and_header_row_say_where_the_table_is(run):
         assert rb.read_table("t.csv").textures == ((0.03, 0.01),)
 
 
-def test_import__help_has_whole_examples_and_keys(run):
-    said = run("--help").out
-    assert said.count("ridgebayes import ") >= 3
-    assert "'a=w1 [mm]'" in said
-    assert "Keys of --map" in said
-
-
 def test_export_deck__says_how_to_import_it(command):
     Path("my.toml").write_text(SCENE)
     said = command("export-deck", "my.toml", "-o", "my.inp", "--edges", "4")

@@ -143,13 +143,6 @@ def test_plan__new_writes_a_scene_to_start_from(command):
     assert said.out.startswith("my.toml: a scene to start from.")
     assert command("my.toml").code == 0
     text = Path("my.toml").read_text()
-    written = set(re.findall(r"^(?:# )?(\w+) +=", text, flags=re.M))
-    written |= set(re.findall(r"^(?:# )?(\w+) =", text, flags=re.M))
-    assert written == {
-        *("radius", "youngs_modulus", "poissons_ratio", "ogden", "ridge_width", "groove_width"),
-        *("groove_depth", "corner_radius", "offset", "role", "max_p_over_E", "max", "line"),
-        *("force", "length", "p_over_E", "friction", "relative"),
-    }
     # Keys that are commented out are valid as well: of the loads, one at a time.
     loads = ("line", "force", "length", "p_over_E", "friction")
     kept = [
@@ -182,15 +175,6 @@ def test_plan__is_told_where_figures_cannot_be_written(command):
 def test_plan__writes_the_table(command):
     assert command("scene.toml", "-o", "plan.csv").code == 0
     frame = pd.read_csv("plan.csv")
-    assert frame.columns.tolist() == [
-        "effect",
-        "number",
-        "estimated_rel_change",
-        "simulated",
-        "reason",
-        "cost_s",
-        "texture",
-    ]
     expected = plan_table(rb.plan(rb.Scene.from_toml("scene.toml")))
     pd.testing.assert_frame_equal(frame, expected)
 
@@ -231,13 +215,3 @@ def test_plan__bad_words_are_told_apart_from_failures(command, words, expected):
     assert (said.code, said.out) == (2, "")
     assert expected in said.err
     assert {path.name for path in Path().iterdir()} == {"scene.toml"}
-
-
-def test_plan__tells_every_fault_of_a_scene_at_once(command):
-    Path("scene.toml").write_text(
-        SCENE.replace("0.001", "-0.001").replace("relative = 0.01", "relative = 0")
-    )
-    said = command("scene.toml")
-    assert said.code == 2
-    assert "texture.groove_depth = -0.001: " in said.err
-    assert "accuracy.relative = 0: " in said.err

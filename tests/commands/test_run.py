@@ -7,7 +7,6 @@ import json
 import math
 import re
 import shutil
-from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -16,25 +15,12 @@ import ridgebayes as rb
 from ridgebayes.commands.report import report_job
 from ridgebayes.errors import OutputError
 from ridgebayes.runtime.progress import Progress
+from tests.columns import COLUMNS
 
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
 QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
 FORMS = ["modified", "hybrid"]
 COMPARE = "ridgebayes.commands.run.compared"
-COLUMNS = {
-    "summary.csv": "form,noise,parameter,mean,sd,eti_lower,eti_upper,prob,ess_bulk,ess_tail,"
-    "r_hat,mcse_mean",
-    "evidence.csv": "form,noise,method,log_evidence,log_evidence_se,used,prior_probability,"
-    "model_probability,status",
-    "bayes_factors.csv": "form_a,form_b,noise,method,ln_bf,ln_bf_se,log10_bf,reading",
-    "components.csv": "component,ln_bf,ln_bf_se,probability,reading",
-    "loo.csv": "form,noise,elpd,se,p,n_bad_k,stacking_weight",
-    "bands.csv": "form,noise,kind_of_band,a_over_R,b_over_R,nu,p_over_E,q_mean,q_median,q_lower,"
-    "q_upper,prob,extrapolation,extrapolation_of",
-    "loads.csv": "form,noise,kind_of_band,a_over_R,b_over_R,nu,Q,p_over_E_median,p_over_E_lower,"
-    "p_over_E_upper,prob,extrapolation,extrapolation_of,p_over_E_observed",
-    "prior_sensitivity.csv": "prior,factor,form,log_evidence",
-}
 STANDARD = {"noise": "iid", "accuracy": "standard", "priors": None, "time_limit": None}
 STANDARD |= {"prior_odds": None}
 COMPARED = {
@@ -202,6 +188,8 @@ def test_run__says_how_it_was_made(runs, table):
     content = about(runs[0] / "first")
     assert content["command"] == "run"
     assert content["seed"] == 5
+    assert content["versions"]["ridgebayes"] == rb.__version__
+    assert content["table_digest"] == rb.read_table(table).digest()
     assert content["options"] == {"table": str(table), "forms": FORMS} | STANDARD
     assert content["table"] == str(table)
     assert content["verdicts"]["complete"] is False
@@ -240,11 +228,6 @@ def no_pages(monkeypatch):
     return pages
 
 
-@pytest.fixture
-def no_sampling(monkeypatch):
-    monkeypatch.setattr(COMPARE, lambda *_, **__: pytest.fail("went on"))
-
-
 @pytest.mark.parametrize(
     "place", [pytest.param("write_run_json", marks=pytest.mark.long), "bands_table"]
 )
@@ -262,15 +245,6 @@ def test_run__that_fails_mid_way_leaves_its_posteriors_and_no_final_folder(
         run_job(tmp_path / "out", table=table, forms=FORMS, settings=QUICK)
     assert not (tmp_path / "out").exists()
     assert posteriors(*FORMS) | {"summary.csv"} < names(tmp_path / ".out.partial")
-
-
-def test_run__force_replaces_a_run(tmp_path, table, monkeypatch, no_pages, runs):
-    (tmp_path / "out").mkdir()
-    for name in ("run.json", "posterior-classic.nc", "notes.txt"):
-        (tmp_path / "out" / name).write_text("{}")
-    monkeypatch.setattr(COMPARE, lambda *_, **__: runs[1]["first"])
-    run_job(tmp_path / "out", table=table, forms=FORMS, force=True)
-    assert names(tmp_path / "out") == names(runs[0] / "first")
 
 
 # --- the main job on the embedded sweep -----------------------------------------------------------
@@ -359,27 +333,6 @@ def test_fit__writes_one_posterior_with_its_evidence(tmp_path, table):
     assert list(done.fits) == ["power-law"]
 
 
-@pytest.mark.parametrize("n_form", [1, 2])
-def test_jobs__announce_as_many_stages_as_come(tmp_path, table, monkeypatch, n_form):
-    Counted.made = []
-    monkeypatch.setattr("ridgebayes.commands.run.Progress", Counted)
-    if n_form == 1:
-        fit_job(tmp_path / "out", table, "modified", settings=QUICK)
-    else:
-        compare_job(tmp_path / "out", table, forms=FORMS, settings=QUICK)
-    (progress,) = Counted.made
-    assert progress.n_stage == len(progress.stages)
-
-
-def test_report__is_written_from_what_the_folder_holds(runs, no_pages):
-    folder, done, _, _ = runs
-    report_job(folder / "first")
-    comparison, where, reference = no_pages.asked[0]
-    assert where == folder / "first"
-    assert reference is None
-    assert comparison.best == done["first"].best
-
-
 @pytest.mark.long
 def test_report__real_pages_stand_in_the_folder_whole(default, tmp_path):
     folder = shutil.copytree(default[0], tmp_path / "run")
@@ -424,19 +377,3 @@ def test_resume__after_a_kill_ends_with_the_same_bytes(tmp_path, table, monkeypa
     for name in COMPARED - {"run.json"}:
         ours, theirs = (tmp_path / "out" / name), (runs[0] / "first" / name)
         assert ours.read_bytes() == theirs.read_bytes()
-
-
-def test_resume__of_another_seed_is_refused_and_the_chains_stay(tmp_path, table, monkeypatch):
-    def killed(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("ridgebayes.comparison.compare.failed_walk", killed)
-    with pytest.raises(KeyboardInterrupt):
-        fit_job(tmp_path / "out", table, "modified", seed=1, settings=QUICK)
-    monkeypatch.undo()
-    with pytest.raises(rb.InputError, match=r"cannot resume, seed was '\d+' and is '\d+'"):
-        fit_job(tmp_path / "out", table, "modified", seed=2, settings=QUICK, resume=True)
-    longer = replace(QUICK, n_step_max=160)
-    with pytest.raises(rb.InputError, match="cannot resume, settings was"):
-        fit_job(tmp_path / "out", table, "modified", seed=1, settings=longer, resume=True)
-    assert names(tmp_path) == {".out.partial", ".out.partial/chains-modified.npz"}

@@ -10,40 +10,10 @@ import ridgebayes as rb
 from ridgebayes import Noise
 from ridgebayes.comparison import bands as module
 from ridgebayes.comparison.bands import bands_table, default_loads, loads_table
+from tests.columns import COLUMNS
 
 SHARES = {"classic": 0.2, "modified": 0.3, "hybrid": 0.5}
-BAND_COLUMNS = [
-    "form",
-    "noise",
-    "kind_of_band",
-    "a_over_R",
-    "b_over_R",
-    "nu",
-    "p_over_E",
-    "q_mean",
-    "q_median",
-    "q_lower",
-    "q_upper",
-    "prob",
-    "extrapolation",
-    "extrapolation_of",
-]
-LOAD_COLUMNS = [
-    "form",
-    "noise",
-    "kind_of_band",
-    "a_over_R",
-    "b_over_R",
-    "nu",
-    "Q",
-    "p_over_E_median",
-    "p_over_E_lower",
-    "p_over_E_upper",
-    "prob",
-    "extrapolation",
-    "extrapolation_of",
-    "p_over_E_observed",
-]
+BAND_COLUMNS, LOAD_COLUMNS = (COLUMNS[f"{name}.csv"].split(",") for name in ("bands", "loads"))
 
 
 def compared(table, fits, shares=SHARES):

@@ -8,10 +8,7 @@ import pytest
 
 from ridgebayes.contact import reaching
 from ridgebayes.contact.all_events import Events, all_events
-from ridgebayes.contact.contact_solution import bearing_half_width, solve_contact
 from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.contact.ridge_contacts import RidgeContacts
-from ridgebayes.contact.ridge_row import RidgeRow
 from ridgebayes.contact.rigid_profile import Profile
 
 TOL = 1e-8
@@ -71,61 +68,3 @@ def test_all_events__of_narrow_ridges_are_all_found(seed):
     assert found.why == ""
     assert (np.diff(found.W) > 0).all()
     assert found.W[-1] > 0.02 > found.W[-4]
-
-
-@pytest.mark.parametrize("corner", [0.0, 1e-3, 5e-3, 0.015])
-@pytest.mark.parametrize("W", [1e-4, 1e-2, 0.2])
-def test_bearing_half_width__holds_what_is_in_contact(corner, W):
-    for b in (1e-4, 1e-3, 0.03):
-        profile = Profile(0.03, b, corner=corner, offset=0.3)
-        half_width = bearing_half_width(profile, W)
-        assert 0.5 * profile.a - corner <= half_width <= 0.5 * profile.a
-        found = solve_contact(profile, W, rel_tol=1e-4)
-        assert found.status == "ok"
-        for segment, (left, right) in found.covered.items():
-            middle = 0.5 * (segment.start + segment.stop)
-            assert max(middle - left, right - middle) <= half_width * (1 + 1e-12)  # rounding
-
-
-@pytest.mark.parametrize("corner", [0.3, 0.05])
-@pytest.mark.parametrize("w", [0.96, 0.999])
-def test_ridge_contacts__of_a_round_ridge_below_the_centre_have_a_closed_load(w, corner):
-    """docs/derivations/contact.md, "Kinks"; lengths in half-widths of the ridge."""
-    phi = math.asin((1 - corner) / w)
-    load = w**2 / 2 + (w**2 * (math.pi / 2 - phi) - (1 - corner) * w * math.cos(phi)) / (
-        math.pi * corner
-    )
-    field = np.zeros((6, 1))
-    field[:3, 0] = 0.25, 0.0, 0.25  # the parabola x^2/2
-    ends = np.ones((2, 1))
-    for _ in range(30):
-        force = np.array([load / math.pi])
-        contacts = RidgeContacts(field, force, ends, corner, 1 - corner)
-        ends = ends + contacts.steps
-    # Rounding times the condition of a thin layer.
-    np.testing.assert_allclose(ends, w, rtol=1e-9)
-
-
-@pytest.mark.parametrize("corner", [0.0, 2e-3])
-@pytest.mark.parametrize("offset", [0.0, 0.5, 0.2, -0.3])
-def test_ridge_row__fields_are_the_potentials_of_all_other_ridges(offset, corner):
-    """At Chebyshev points of each ridge, less what the ridge's own moments make there."""
-    n, m, points = 5, 12, 40
-    row = RidgeRow.of(Profile(0.02, 0.03, corner=corner, offset=offset), n, m, 0.009)
-    moments = np.random.default_rng(2).normal(size=(n, m)) * 0.5 ** np.arange(m)
-    if row.over_ridge:
-        moments[0, 1::2] = 0.0  # it is its own mirror image
-    found = row.fields(moments[..., None])[..., 0]
-    angle = (np.arange(points) + 0.5) * math.pi / points
-    waves = np.cos(np.arange(m)[:, None] * angle)
-    own = np.append(math.pi * math.log(2), math.pi / np.arange(1, m))
-    own[0] += row.shift
-    for i, centre in enumerate(row.centre):
-        x = centre + row.half_width * np.cos(angle)
-        potential = np.einsum("xnm,nm->x", row.potentials(x), moments)
-        if i < n:
-            potential -= (own * moments[i]) @ waves
-        expected = waves @ potential * (2 / points)
-        expected[0] *= 0.5
-        scale = np.abs(expected).max()
-        np.testing.assert_allclose(found[i], expected, rtol=0, atol=1e-13 * scale)  # rounding

@@ -7,10 +7,8 @@ from ridgebayes import InputError
 from ridgebayes.contact import halfplane, hertz
 from ridgebayes.contact.halfplane import (
     smooth_load,
-    solve_strips,
     transition_loads,
 )
-from ridgebayes.contact.logkernel import log_ellipse
 
 # Loads of an independent solution of the same equation, nu = 0.5, rounded to 1e-10.
 REFERENCE = {
@@ -131,17 +129,6 @@ def test_smooth_cylinder_is_hertz():
     np.testing.assert_allclose(
         smooth_load(w, nu=0.3), hertz.load_of_half_width(w, nu=0.3), rtol=1e-14
     )
-
-
-def test_error_falls_as_the_ellipse_says():
-    """Slope of ln(error) over the number of coefficients is -2 ln(rho)."""
-    gap_ratio = 0.2
-    exact = solve_strips(gap_ratio, 4, 40).F
-    m = np.array([6, 9, 12, 15])
-    errors = [np.abs(solve_strips(gap_ratio, 4, n).F / exact - 1.0).max() for n in m]
-    slope = np.polyfit(m, np.log(errors), 1)[0]
-    # Discretisation: the exponent, with room for the algebraic factor in front.
-    assert slope == pytest.approx(-2.0 * log_ellipse(gap_ratio), rel=0.2)
 
 
 @pytest.mark.parametrize("a_over_b", [0.01, 0.1, 1.0, 10.0, 100.0, 1000.0])

@@ -32,18 +32,3 @@ def test_transition_loads_are_where_ridge_units_are_whole(nu):
     load = hertz.transition_load(Q, 0.012, 0.03, nu=nu)
     # Algebra: as above, and a division by the pitch.
     np.testing.assert_allclose(hertz.ridge_units(load, 0.012, 0.03, nu=nu), Q, rtol=ROUNDING)
-
-
-@pytest.mark.parametrize(
-    ("function", "arguments"),
-    [
-        (hertz.half_width, (0.01,)),
-        (hertz.load_of_half_width, (0.1,)),
-        (hertz.ridge_units, (0.01, 0.02, 0.03)),
-        (hertz.transition_load, (6, 0.02, 0.03)),
-    ],
-)
-def test_poissons_ratio_is_a_half_where_it_is_not_given_and_is_given_by_name(function, arguments):
-    assert function(*arguments) == function(*arguments, nu=0.5)
-    with pytest.raises(TypeError):
-        function(*arguments, 0.5)

@@ -9,7 +9,6 @@ from scipy import integrate
 from ridgebayes.contact.intervals import Intervals, solve_pressure
 from ridgebayes.contact.rigid_profile import Kinks
 
-FLAT = np.zeros((1, 1))
 S = np.linspace(-1.0, 1.0, 9)
 
 
@@ -81,19 +80,6 @@ def test_press__two_strips_are_their_closed_form(mirrored, alpha):
     assert found.load == pytest.approx(W, rel=1e-13)
 
 
-def test_outward__is_newtons_step_and_gains_twice_the_digits():
-    alpha, W = 0.02, 1e-3
-    beta = math.sqrt(alpha**2 + 2 * W)
-    errors = []
-    for off in (1e-2, 1e-3, 1e-4):
-        end = beta * (1 + off)
-        found = solve_pressure(intervals_of((alpha, end), mirrored=True), FLAT, W, 40)
-        errors.append(abs(end + found.outward[1][0] - beta) / beta)
-    # Order: quadratic in the distance, with a constant of order one.
-    assert all(error < off**2 for error, off in zip(errors, (2e-2, 2e-3, 2e-4), strict=True))
-    assert 80 < errors[0] / errors[1] < 120
-
-
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("x", [0.0, 0.013, 0.031, -0.044, 0.07, 0.4])
 def test_recession__is_the_integral_of_the_logarithm(mirrored, x):
@@ -127,30 +113,3 @@ def test_recession__with_kinks_in_a_mirrored_half_is_that_of_the_whole(straddles
     touched = np.any([(low <= abs(x)) & (abs(x) <= high) for low, high in ends], axis=0)
     # Discretisation: of neighbours' orders beyond the 16th.
     np.testing.assert_allclose(found.surface(x)[touched], -depth(x)[touched], rtol=0, atol=1e-8)
-
-
-def test_press__its_error_falls_exponentially_in_the_coefficients():
-    alpha, beta, W = 0.02, 0.12, 0.02
-    exact, _ = two_strips(alpha, beta, W)
-    m = np.array([3, 4, 5, 6])
-    errors = [
-        abs(
-            solve_pressure(intervals_of((alpha, beta), mirrored=True), FLAT, W, int(n)).approach
-            - exact
-        )
-        for n in m
-    ]
-    log_rho = math.acosh((alpha + 0.5 * (alpha + beta)) / (0.5 * (beta - alpha)))
-    slope = np.polyfit(m, np.log(errors), 1)[0]
-    # Discretisation: rho^-m or quicker (rho^-2m), rho that of the mirror image's edge.
-    assert slope < -log_rho
-
-
-def test_surface_by_load__is_the_difference_of_two_loads_at_the_same_ends():
-    ends, x = [(-0.01, 0.01), (0.03, 0.05)], np.array([0.0, 0.004, 0.02, 0.045, 0.2])
-    intervals = intervals_of(*ends, mirrored=True)
-    kinks = kinks_of(intervals, [0.005, 0.046], 0.002)
-    low, high = (solve_pressure(intervals, np.zeros((2, 1)), W, 12, kinks) for W in (1e-3, 3e-3))
-    slope = (high.surface(x) - low.surface(x)) / 2e-3
-    # Rounding: surfaces are linear in the load.
-    np.testing.assert_allclose(low.surface_by_load(x), slope, rtol=0, atol=1e-11)

@@ -83,21 +83,6 @@ def test_response_table__of_round_ridges_whose_grooves_may_close_is_the_contact_
     assert worst(bodies, 4, n=8) < 3e-4
 
 
-def test_response_table__of_round_ridges_has_as_few_shapes_as_vary():
-    share, n = np.linspace(0.9, 1.1, 100), 13
-    for changed in (
-        {"b": share * B},
-        {"a": share * A},
-        {"a": share * A, "b": share * B, "corner": share * 0.002},  # of an uncertain radius
-    ):
-        table = table_of(profiles(100, **{"corner": 0.002, **changed}))
-        assert len(table._shapes) == n, changed
-    both = profiles(100, a=share * A, b=share**2 * B, corner=share * 0.002)
-    assert len(table_of(both)._shapes) == n**2
-    with pytest.raises(InputError, match="expected a certain corner_radius where grooves may clo"):
-        table_of(profiles(100, b=share * B - 0.0179, corner=share * 0.002))
-
-
 @pytest.mark.long
 @pytest.mark.slow
 def test_response_table__of_many_offsets_is_roughly_the_contact_of_each():

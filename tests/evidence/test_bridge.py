@@ -1,8 +1,5 @@
 """Bridge sampling of draws whose density has a known integral."""
 
-import importlib
-import math
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -47,12 +44,11 @@ def test_bridge_evidence__of_exact_draws_errs_as_its_standard_error_says(repeats
     assert abs(np.mean(z)) < 0.73
 
 
-@pytest.mark.parametrize("n_parameter", [2, 6])
-def test_bridge_evidence__of_a_normal_posterior_errs_as_its_standard_error_says(n_parameter):
+def test_bridge_evidence__of_a_normal_posterior_errs_as_its_standard_error_says():
     # Either half is off from the other's proposal by the same number.
     z = []
     for seed in range(600):
-        draws = np.random.default_rng(seed).standard_normal((4, 10, 32, n_parameter))
+        draws = np.random.default_rng(seed).standard_normal((4, 10, 32, 6))
         found = bridged(normal, draws, seed=10_000 + seed)
         z.append((found.value - 2.5) / found.se)
     # Monte Carlo: the rms of 600 normal values is 1 +- 0.03; three of them. Halves taken as
@@ -81,27 +77,3 @@ def test_bridge_evidence__says_what_went_wrong():
     assert found.status.startswith("halves of the ensembles disagree by ")
     draws[2:] = 3 + 0.1 * draws[2:]
     assert not bridged(skewed, draws).ok
-
-
-@pytest.mark.parametrize(("draws_max", "asked"), [(100_000, 6400), (3200, 6400), (1600, 3200)])
-def test_bridge_evidence__uses_so_many_draws_of_each_half_and_no_more(draws_max, asked):
-    points, draws = [], skewed_draws(1)
-
-    def counted(u):
-        points.append(len(u))
-        return skewed(u)
-
-    bridged(counted, draws, draws_max=draws_max)
-    assert sum(points[1:]) == asked  # as many of the proposal as of the posterior, of both halves
-
-
-@pytest.mark.parametrize(("apart", "is_ok"), [(4.9, True), (5.1, False)])
-def test_bridge_evidence__doubts_halves_over_five_standard_errors_apart(apart, is_ok, monkeypatch):
-    # Variances of the halves: the standard error of their difference is 0.5. And covariances.
-    halves = iter([(1.0, 0.09, 0.02), (1.0 + 0.5 * apart, 0.16, 0.04)])
-    module = importlib.import_module("ridgebayes.evidence.bridge")
-    monkeypatch.setattr(module, "_bridge", lambda *_: next(halves))
-    found = bridged(skewed, skewed_draws(1))
-    assert found.value == pytest.approx(1.0 + 0.25 * apart, rel=1e-14)  # algebra: their mean
-    assert found.se == pytest.approx(0.5 * math.sqrt(0.09 + 0.16 + 2 * 0.03), rel=1e-14)
-    assert found.status == ("ok" if is_ok else f"halves of the ensembles disagree by {apart} se")

@@ -10,9 +10,8 @@ import pytest
 from scipy.special import softmax
 
 import ridgebayes as rb
-from ridgebayes import ComputationError, InputError, Noise
-from ridgebayes.evidence import pairs as pairs_module
-from ridgebayes.evidence.pairs import Weighed, weigh_pairs
+from ridgebayes import ComputationError, Noise
+from ridgebayes.evidence.pairs import weigh_pairs
 from ridgebayes.evidence.tables import (
     EVIDENCE_COLUMNS,
     MAX_SELECTED_GAP,
@@ -26,7 +25,6 @@ from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.noise import AUTO, error_models_for
 from ridgebayes.model.observations import Observations
-from ridgebayes.model.prior_files import priors_of, resolve_priors
 
 TAU = 0.06  # of planted offsets; a row's own error is 0.01
 
@@ -60,7 +58,7 @@ def few():
     return weigh_pairs(planted("texture"), forms, noises, seed=3, accuracy=QUICK)
 
 
-@pytest.mark.parametrize("structure", ["iid", "texture", "step", "step-smooth", "iid:student"])
+@pytest.mark.parametrize("structure", ["texture", "step-smooth", "iid:student"])
 def test_planted__error_model_is_selected_or_the_second_best(structure):
     found = weigh_pairs(planted(structure), [rb.Modified()], error_models_for(AUTO, 1), seed=3)
     means = mean_evidence(found.evidence)
@@ -102,25 +100,6 @@ def test_weigh_pairs__says_why_a_pair_has_no_evidence(observed):
     assert found.weighed["modified", "texture:student"].drawn is None
     assert found.weights("modified") == {"iid": 1.0}
     assert list(found.posteriors(["modified"], "iid", 1_000)["modified"]) == ["iid"]
-
-
-@pytest.mark.parametrize(("behind", "status"), [(0.0, "bad"), (13.0, "first pass: bad")])
-def test_weigh_pairs__draws_again_what_matters_with_twice_the_effort(monkeypatch, behind, status):
-    efforts = []
-
-    def weigh(pair):
-        if pair.noise.name == "iid":
-            return Weighed(LogEvidence("importance", 5.0, 0.01))
-        efforts.append(pair.effort)
-        return Weighed(LogEvidence("importance", 5.0 - behind, 0.2, "bad"), drawn=object())
-
-    monkeypatch.setattr(pairs_module, "weigh", weigh)
-    found = weigh_pairs(planted("iid"), [rb.Modified()], [Noise(), Noise("step")])
-    first = efforts[0]
-    assert found.weighed["modified", "step"].evidence.status == status
-    expected = [first, first.doubled, first.doubled.doubled] if not behind else [first]
-    assert efforts == expected
-    assert (first.doubled.n_draw, first.doubled.n_point) == (2 * first.n_draw, 2 * first.n_point)
 
 
 def test_weights__are_the_softmax_of_the_evidences(few):
@@ -218,27 +197,3 @@ def test_evidence_table__uses_the_first_that_can_be_used():
     least = 1 / (1 + math.exp(-3))  # a two-thousandth is left out, a twentieth is not
     expected = {"iid": least, "step": 1 - least}
     assert error_model_weights(found, "a") == pytest.approx(expected, rel=1e-12)  # algebra
-
-
-def test_priors__are_those_of_what_has_them():
-    given = {
-        "modified": {"c": rb.LogNormal(1.3, 0.2)},
-        "hybrid": {"c2": rb.Normal(0.0, 0.1)},
-        "noise": {"sigma": rb.HalfNormal(0.1), "tau_step": rb.HalfNormal(0.2)},
-    }
-    sigma = {"sigma": rb.HalfNormal(0.1)}
-    expected = {"c": rb.LogNormal(1.3, 0.2)} | sigma
-    assert priors_of(given, rb.Modified(), Noise("texture")) == expected
-    assert set(priors_of(given, rb.Hybrid(), Noise("step"))) == {"c2", "sigma", "tau_step"}
-    assert priors_of(given, rb.Classic(), Noise()) == sigma
-    assert priors_of(None, rb.Classic(), Noise()) == {}
-    bad = {
-        "cubic": ({}, r"priors: expected one of hybrid, modified, noise, got 'cubic'"),
-        "noise": ({"tau_step": rb.HalfNormal(1.0)}, r"expected one of sigma, .*got 'tau_step'"),
-        "modified": ({"c2": rb.Normal(0.0, 1.0)}, r"c2"),
-    }
-    for name, (priors, message) in bad.items():
-        with pytest.raises(InputError, match=message):
-            resolve_priors(
-                {name: priors}, [rb.Modified(), rb.Hybrid()], [Noise("texture")], planted("iid")
-            )

@@ -2,22 +2,17 @@
 
 import functools
 import json
-import os
 import shutil
 import signal
 import tempfile
-import threading
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 import ridgebayes as rb
-from ridgebayes.evidence import pairs as weighing
 from ridgebayes.inference.checkpoint import Checkpoint
-from ridgebayes.model.observations import Observations
-from ridgebayes.runtime.pool import workers
-from tests.hard_cases.case import hard_case, refused
+from tests.hard_cases.case import hard_case
 from tests.hard_cases.files import sound_run
 from tests.hard_cases.machine import (
     contents,
@@ -120,10 +115,6 @@ def writing(path, content):
     return write(path, content)
 Path.write_bytes = writing
 """,
-    "when the posteriors are written": f"""
-from ridgebayes.commands import run_files
-run_files.summary_table = lambda fits: {KILL}
-""",
     "with the old run set aside and the new one not yet named": f"""
 rename = Path.rename
 def renaming(path, target):
@@ -146,17 +137,6 @@ Path.rename = renaming
 )
 def killed_at_stages(folder):
     return resumed(folder, [stage for stage in KILLS if "half-way" in stage or "old run" in stage])
-
-
-@hard_case(
-    "A comparison killed between checks, and before posteriors are written, then resumed",
-    why="As above: what is on the disk is whole here, and more or less of it is used again.",
-    expected="Killed by signal 9 each time. After --resume every file has the bytes of an "
-    "undisturbed run (exact, apart from times), and no other file is left.",
-    long=True,
-)
-def killed_at_other_stages(folder):
-    return resumed(folder, [stage for stage in KILLS if "check" in stage or "posteriors" in stage])
 
 
 def resumed(folder: Path, stages: list[str]) -> str:
@@ -609,59 +589,3 @@ def damaged_run(folder):
     ran(folder, "report", "run").refused(2, "run.json: form '../../x'; expected one of")
     assert same < n / 3
     return f"{n} damaged files: {n - same} refused, {same} of no consequence"
-
-
-# --- workers --------------------------------------------------------------------------------------
-
-
-def weighed(executor, noises=("iid", "texture", "step")) -> pd.DataFrame:
-    data = Observations.from_table(rb.paper_sweep())
-    noises = [weighing.Noise.named(name) for name in noises]
-    return weighing.weigh_pairs(
-        data, [rb.Classic(), rb.Modified()], noises, seed=2, executor=executor
-    ).evidence
-
-
-_WEIGH = weighing.weigh
-
-
-def deadly(task):
-    if task.noise.name == "texture":
-        os.kill(os.getpid(), signal.SIGKILL)
-    return _WEIGH(task)
-
-
-@hard_case(
-    "A worker killed while it computes an evidence",
-    why="In a plain process pool, one worker that runs out of memory breaks all submitted tasks, "
-    "and the cause is unknown.",
-    expected="Killed once: the evidences of one process, to the last bit. An evidence that kills "
-    "every worker is named with its form and error model, as a ComputationError (exit 1).",
-    long=True,
-)
-def killed_worker(folder):
-    alone = weighed(None)
-    with workers(2) as pool:
-        victim = pool.submit(os.getpid).result()
-        os.kill(victim, signal.SIGSTOP)  # it will hold an evidence, and not get it done
-        timer = threading.Timer(0.5, os.kill, (victim, signal.SIGKILL))
-        timer.start()
-        shared = weighed(pool)
-        timer.join()
-        assert not Path(f"/proc/{victim}").exists()
-    pd.testing.assert_frame_equal(shared, alone, check_exact=True)
-
-    weigh = weighing.weigh
-    try:
-        with workers(1) as pool:
-            weighing.weigh = deadly
-            message = refused(
-                lambda: weighed(pool),
-                rb.ComputationError,
-                "evidence of classic, texture: 3 worker processes died on this task",
-                "signal 9",
-                "they may need more memory",
-            )
-    finally:
-        weighing.weigh = weigh
-    return message

@@ -12,16 +12,12 @@ from scipy.optimize import minimize_scalar
 import ridgebayes as rb
 from ridgebayes import LogNormal
 from ridgebayes.contact import hertz
-from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.loadtable import HalfPlaneLoads
-from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.inference.latent import LatentIntegral
-from ridgebayes.model.model import Model
-from ridgebayes.model.observations import Observations
 from ridgebayes.scene.scene import Texture
+from tests.drawn import model_of
 from tests.hard_cases.case import hard_case, refused
 
 PRINTED = (rb.Classic(), rb.Modified(), rb.Hybrid())
@@ -310,7 +306,7 @@ def tables_of_extreme_loads():
     p = rb.Modified().load(Q, a, b, [1.3]) * np.exp(noise)
     table = rb.read_table(pd.DataFrame({"a_over_R": a, "b_over_R": b, "Q": Q, "p_over_E": p}))
     wide = {"c": LogNormal(1.0, 100.0)}
-    model = Model(Observations.from_table(table), rb.Modified(), priors=wide)
+    model = model_of(table, rb.Modified(), priors=wide)
     integral, sigma = LatentIntegral(model), model.to_scores(np.array([[1.0, 0.01]]))[0, 1]
 
     def off(u):
@@ -426,26 +422,6 @@ def pitch_of_a_millionth():
 
 
 @hard_case(
-    "10^4 pairs of ridges in half-plane contact",
-    why="A dense system of 70,000 unknowns takes 40 GB.",
-    expected="Pairs up to the cap of unknowns have loads, which rise to 1e-3 of smooth Hertz. All "
-    "others: 'not computed', and no number.",
-)
-def ten_thousand_ridges():
-    loads = transition_loads(1.0, 1.0, 10_000, rel_tol=1e-4)
-    ok = np.array([text == "ok" for text in loads.status])
-    n = int(ok.sum())
-    assert n > 500
-    assert np.array_equal(np.isfinite(loads.F), ok)
-    assert ok[:n].all()
-    smooth = math.pi / 8 * n**2
-    assert loads.F[n - 1] / smooth == pytest.approx(1, abs=1e-3)
-    assert np.all(np.diff(loads.F[:n]) > 0)
-    assert {text.split(":")[0] for text in loads.status[n:]} == {"not computed"}
-    return f"{n} pairs have loads; {loads.status[-1]}"
-
-
-@hard_case(
     "Poisson's ratio of 0, 0.4999 and 0.5",
     why="At 0.5 displacement-based solid elements lock, and 1 - 2 nu stands in denominators. On a "
     "half-plane only 1 - nu^2 matters.",
@@ -486,7 +462,7 @@ def poissons_ratio_at_its_ends():
 def very_different_textures_in_one_call():
     a = np.array([1e-6, 0.5, 0.022, 10.0, 1e-3, 0.022])
     b = np.array([1e-4, 1e-4, 0.02, 0.1, 5.0, 0.02])
-    Q = np.array([4, 30, 8, 6, 10, 400])
+    Q = np.array([4, 8, 8, 6, 10, 40])
     order = np.array([3, 1, 5, 0, 4, 2])
     for form, theta in every_form(tuple(zip(a.tolist(), b.tolist(), strict=True))[:5]):
         loads = form.load(Q, a, b, theta)
@@ -523,27 +499,6 @@ def ties_of_symmetric_ridges():
     np.testing.assert_allclose(beside[1], ties, rtol=1e-4)
     assert np.all(np.diff(beside[1]) > 0)
     return f"over a groove {groove[0]}, over a ridge {ridge[0]}, beside {beside[0]}"
-
-
-@hard_case(
-    "A sliding body: counts averaged over the offset",
-    why="The average passes through both symmetric positions, where two events have the same load.",
-    expected="The mean over 32 offsets of the counts that the transition loads of each offset "
-    "give (exact counts; rounding).",
-)
-def sliding_over_ties():
-    p = np.array([2e-5, 5e-4, 0.004])
-    texture = Texture(a_over_R=0.022, b_over_R=0.02, offset="uniform")
-    found = rb.contact_at_loads(rb.Scene(textures=(texture,)), p, solver="half-plane")["Q"]
-    W, counts = load_factor(0.5) * p, []
-    for i in range(32):
-        events = reaching_loads(
-            Profile(0.022, 0.02, offset=(i + 0.5) / 64), W_max=float(W[-1]), rel_tol=1e-5
-        )
-        at = np.searchsorted(events.W, W, side="right")
-        counts.append(np.concatenate([[events.Q[0] - 1], events.Q])[at])
-    np.testing.assert_allclose(found, np.mean(counts, axis=0), rtol=1e-14)
-    return f"means {', '.join(f'{x:g}' for x in found)} of 32 offsets at 3 loads"
 
 
 @hard_case(

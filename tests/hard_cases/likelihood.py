@@ -8,11 +8,8 @@ import pandas as pd
 from scipy.special import logsumexp
 
 import ridgebayes as rb
-from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.latent import LatentIntegral
-from ridgebayes.inference.target import ModelTarget
-from ridgebayes.model.model import Model
-from ridgebayes.model.observations import Observations
+from tests import drawn
 from tests.hard_cases.case import hard_case, refused
 
 THREE = ((0.012, 0.03), (0.022, 0.02), (0.032, 0.01))
@@ -36,13 +33,12 @@ def made(form, theta, *, textures=THREE, Q=Q, error=0.0, seed=0, **columns):
 
 def model_of(frame, form=None, **priors):
     """Return the posterior of rows with independent errors."""
-    data = Observations.from_table(rb.read_table(frame))
-    return Model(data, form or rb.Modified(), None, priors or None)
+    return drawn.model_of(rb.read_table(frame), form or rb.Modified(), "iid", priors or None)
 
 
 def weighed(model, *, seed=1, n_draw=1_024):
     """Return the package's log evidence by importance sampling."""
-    return importance_sample(ModelTarget(model, seed), Effort(n_draw=n_draw), seed).evidence
+    return drawn.importance_draws(model, seed=seed, n_draw=n_draw).evidence
 
 
 def assert_is(found, truth, rounding=1e-5):

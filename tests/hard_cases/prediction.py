@@ -1,11 +1,7 @@
 """Edge cases of prediction: far from the data, and very many points."""
 
 import functools
-import json
 import math
-import subprocess
-import sys
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -14,24 +10,15 @@ from scipy import stats
 from scipy.special import ndtr
 
 import ridgebayes as rb
-from ridgebayes import Noise
-from ridgebayes.comparison.bands import bands_table
-from ridgebayes.comparison.compare import compared
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.posterior import completed
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
-from ridgebayes.model.model import Model
-from ridgebayes.model.observations import Observations
 from ridgebayes.predict.load_distribution import mix_loads
 from ridgebayes.predict.predict import predict_q
 from ridgebayes.predict.q_distribution import mix_q
-from ridgebayes.request import Request
-from tests.drawn import drawn_posterior
+from tests.drawn import drawn_posterior, model_of
 from tests.hard_cases.case import hard_case, refused
-
-FAR = ((1e-6, 1.0), (1.0, 1e-6), (0.012, 0.09), (0.09, 0.01))
-NEAR = ((0.022, 0.02), (0.025, 0.015))
 
 
 @functools.cache
@@ -40,17 +27,9 @@ def fitted(name: str, noise: str = "iid") -> rb.Fit:
     return rb.calibrate(rb.paper_sweep(), forms[name], noise=noise, rng=1)
 
 
-@functools.cache
-def weighed() -> rb.Comparison:
-    forms = [rb.Modified(), rb.Hybrid()]
-    quick = Request.of(rb.paper_sweep(), forms, noise="iid", rng=1, accuracy="quick")
-    return compared(replace(quick, scores=False))
-
-
 def single_draw(form: Form, noise: str, theta: list[float]) -> rb.Fit:
     """A fit to the paper's sweep whose posterior is a single point, without sampling."""
-    data = Observations.from_table(rb.paper_sweep())
-    model = Model(data, form, Noise.named(noise))
+    model = model_of(rb.paper_sweep(), form, noise)
     outer = model.to_scores(np.array([theta]))[:, model.outer]
     # With a draw of the offsets, where rows share some.
     u = completed(model, outer, np.empty((1, 0)), np.random.default_rng(1)).reshape(1, 1, 1, -1)
@@ -61,40 +40,6 @@ def single_draw(form: Form, noise: str, theta: list[float]) -> rb.Fit:
 def sum_of_normals(log_load, sd, p):
     """P(load <= p), averaged over draws one by one, from their log loads (n_draw,)."""
     return float(np.mean(ndtr((math.log(p) - log_load) / sd)))
-
-
-@hard_case(
-    "Textures far outside the calibrated range",
-    why="A form gives an answer for any texture. A 2 % band for a groove a million times wider "
-    "than the ridge looks the same as one between two calibrated textures.",
-    expected="predict, predict_load, every row of bands and the report flag them. Textures and "
-    "counts inside the range are not flagged.",
-    long=True,
-)
-def textures_far_outside(folder):
-    for name in ("classic", "modified", "hybrid"):
-        for texture in FAR:
-            assert bool(fitted(name).predict(*texture, 0.005).extrapolation())
-            assert bool(fitted(name).predict_load(*texture, 6).extrapolation)
-        for texture in NEAR:
-            assert not fitted(name).predict(*texture, [0.001, 0.009]).extrapolation().any()
-            assert not fitted(name).predict_load(*texture, [4, 6, 8]).extrapolation.any()
-    hybrid = fitted("hybrid")
-    assert hybrid.predict(0.022, 0.02, 0.2).extrapolation_of().item() == "Q,load"
-    coarse = hybrid.predict(0.033, 0.03, [0.001, 0.021]).extrapolation_of()
-    assert coarse.tolist() == ["", "load"]
-    assert hybrid.predict(0.25, 0.25, 0.01).extrapolation_of().item() == "a/R,b/R"  # millimetres
-    assert hybrid.predict_load(0.022, 0.02, 100).extrapolation_of.item() == "Q,load"
-    bands = bands_table(
-        weighed(), textures=[FAR[0], FAR[2], NEAR[0]], loads=np.array([0.0005, 0.005])
-    )
-    flagged = bands.groupby(["form", "a_over_R"])["extrapolation"].agg(["all", "any"])
-    for (form, a), row in flagged.iterrows():
-        assert bool(row["all"]) == bool(row["any"]) == (a != NEAR[0][0]), (form, a)
-    rb.write_report(weighed(), folder / "report.md")
-    assert "extrapolat" in (folder / "report.md").read_text(encoding="utf-8").lower()
-    n_flagged = int(bands["extrapolation"].sum())
-    return f"{len(FAR)} textures flagged by 3 forms, {n_flagged} rows of bands; 2 others are not"
 
 
 @hard_case(
@@ -136,44 +81,6 @@ def loads_beyond_counts():
     se = fit.summary["sd"].iloc[0] / c * 2
     assert abs(math.log(median / expected)) < 5 * se
     return f"10^15 edges at p/E of {median:.2e}; {words}"
-
-
-@hard_case(
-    "10^6 loads: 250 textures times 4,000",
-    why="Draws times textures times loads are 10^10 numbers of 8 bytes.",
-    expected="Peak memory of the whole process under 1 GB. Each probability agrees with that of "
-    "10,240 draws within its own error and 0.01, at 50 points.",
-    long=True,
-)
-def a_million_loads():
-    work = """
-import json, resource, sys, numpy as np, ridgebayes as rb
-from ridgebayes.predict.predict import predict_q
-fit = rb.calibrate(rb.paper_sweep(), rb.Modified(), noise="iid", rng=1)
-share, pitch = np.linspace(0.3, 0.7, 250), np.linspace(0.03, 0.06, 250)
-a, b = (share * pitch)[:, None], ((1 - share) * pitch)[:, None]
-p = np.linspace(1e-4, 0.012, 4000)[None]
-q = predict_q(fit, a, b, p)
-try:  # a new process's ru_maxrss begins with its parent's
-    peak = next(int(x.split()[1]) for x in open("/proc/self/status") if x.startswith("VmHWM"))
-except OSError:
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-few = np.s_[::50, ::400]
-some = predict_q(fit, a[::50], b[::50], p[:, ::400])
-gap = max(abs(q.at_least(n)[few] - some.at_least(n)).max() for n in range(4, 12, 2))
-sums = float(abs(q.pmf.sum(axis=-1) - 1).max())
-unit = 1 if sys.platform == "darwin" else 1024
-print(json.dumps([q.survival.shape[:-1], peak * unit, float(gap), sums]))
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", work], check=True, capture_output=True, text=True, timeout=300
-    )
-    shape, peak, gap, sums = json.loads(done.stdout)
-    assert shape == [250, 4000]
-    assert peak < 1e9
-    assert sums < 1e-12
-    assert gap < 0.01  # Monte Carlo error of the draws behind a curve
-    return "10^6 distributions in under 1 GB, errors as promised"
 
 
 @hard_case(
@@ -300,8 +207,7 @@ def skewed_posterior():
     skew = float(stats.skew(fit.draws[:, 2]))
     loads = np.geomspace(5e-4, 0.02, 20)
     q = predict_q(fit, 0.032, 0.01, loads)
-    model = Model(Observations.from_table(few), rb.Hybrid())
-    reference = drawn_posterior(model, seed=5, n_draw=4_096)
+    reference = drawn_posterior(model_of(few, rb.Hybrid()), seed=5, n_draw=4_096)
     theta = reference.model.to_theta(reference.chains.u.reshape(-1, 3))
     worst = 0.0
     for n in (4, 6, 8):
@@ -391,31 +297,3 @@ def nothing_asked():
         refused(lambda w=bad: mix_q([one, one], w), rb.InputError, "weights:")
         refused(lambda w=bad: mix_loads([two, two], w), rb.InputError, "weights:")
     return "empty as asked; 4 pairs of weights refused"
-
-
-@hard_case(
-    "Distributions of 2,000 counts, and of one",
-    why="Sums of thousands of differences of probabilities drift from 1. Quantiles at the edges "
-    "of steps can be one step too far.",
-    expected="Probabilities sum to 1 (1e-12) and none is below 0. Quantiles agree with a direct "
-    "search through the cumulative sum.",
-)
-def distributions_of_many_counts():
-    probs = (0.0, 1e-15, 1e-9, 0.05, 0.5, 0.95, 1 - 1e-9, 1.0)
-    n_step = 0
-    for name, p in (("modified", [0.0, 1e-4, 0.02, 1.0, 1e3]), ("power-law", [1e3])):
-        q = fitted(name).predict(0.022, 0.02, p)
-        pmf = q.pmf
-        np.testing.assert_allclose(pmf.sum(axis=-1), 1, atol=1e-12)
-        assert np.all(pmf >= 0)
-        for prob in probs:
-            total = np.cumsum(pmf, axis=-1)
-            by_hand = []
-            for row in total:
-                reached = [int(n) for n, x in zip(q.q, row, strict=True) if x >= prob * (1 - 2e-12)]
-                by_hand.append(reached[0] if reached else int(q.q[-1]))
-            if 1e-12 < prob < 1 - 1e-8:
-                assert q.quantile(prob).tolist() == by_hand
-        assert np.all(np.diff([q.quantile(prob) for prob in probs], axis=0) >= 0)
-        n_step = max(n_step, len(q.q))
-    return f"up to {n_step:,} counts; sums and quantiles as by hand"

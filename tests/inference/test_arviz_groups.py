@@ -6,18 +6,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ridgebayes import Hybrid, InputError, Modified, Noise
-from ridgebayes.inference import arviz_groups
+from ridgebayes import Hybrid, InputError
 from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.diagnostics import arviz_object, leave_one_out
-from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
-from ridgebayes.inference.posterior import posterior_of
-from ridgebayes.inference.target import ModelTarget
-from ridgebayes.model.model import Model
-from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.quiet import import_arviz
 from tests import oracles
+from tests.drawn import drawn_posterior, model_of
 
 GROUPS = {
     "posterior",
@@ -33,14 +28,9 @@ GROUPS = {
 IS_NEW = not version("arviz").startswith("0.")
 
 
-def posterior(table, form, noise=None, n_draw=256):
-    model = Model(Observations.from_table(table), form, noise)
-    return posterior_of(model, importance_sample(ModelTarget(model), Effort(n_draw=n_draw), 1), 1)
-
-
 @pytest.fixture(scope="module")
 def drawn(paper):
-    return posterior(paper, Hybrid(), n_draw=640)
+    return drawn_posterior(model_of(paper, Hybrid()), n_draw=640)
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +132,7 @@ def test_predictive_groups__are_of_the_prior_and_of_the_rows(fits):
 
 
 def test_joint_log_likelihood__is_that_of_all_rows(paper):
-    smooth = posterior(paper, Hybrid(), Noise("step-smooth"))
+    smooth = drawn_posterior(model_of(paper, Hybrid(), "step-smooth"), n_draw=256)
     groups = all_groups(smooth)
     joint = groups["sample_stats"]["log_likelihood_joint"].to_numpy().ravel()
     np.testing.assert_allclose(joint, smooth.log_likelihood_of_rows, rtol=1e-12)
@@ -150,18 +140,6 @@ def test_joint_log_likelihood__is_that_of_all_rows(paper):
         dense = oracles.normal_log_density(smooth.model, u) - oracles.log_prior(u)
         assert value == pytest.approx(dense, rel=1e-6)  # rounding: condition 1e8
     assert set(groups) >= GROUPS
-
-
-def test_predictive_groups__are_left_out_where_no_prior_draw_has_a_load(paper, monkeypatch):
-    from ridgebayes import ComputationError
-
-    def none(*_):
-        raise ComputationError("none has")
-
-    fit = posterior(paper, Modified(), n_draw=128)
-    assert all_groups(fit)["posterior"].attrs["inference_library"] == "ridgebayes"
-    monkeypatch.setattr(arviz_groups, "prior_draws", none)
-    assert set(all_groups(fit)) == GROUPS - {"prior", "prior_predictive", "posterior_predictive"}
 
 
 def test_date__is_that_of_the_environment_and_the_bytes_are_the_same(fits, tmp_path, monkeypatch):

@@ -10,15 +10,14 @@ from scipy import stats
 import ridgebayes as rb
 from ridgebayes import ComputationError, InputError, Noise, SampleSettings
 from ridgebayes.evidence.bridge import bridge_evidence
-from ridgebayes.inference import emcee_sampling
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import effective_sample_size, failed_diagnostics, summarise
 from ridgebayes.inference.emcee_sampling import walk
-from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.posterior import posterior_of, walked_posterior
 from ridgebayes.inference.proposal import Mixture
 from ridgebayes.inference.target import ModelTarget, PlainTarget
 from ridgebayes.model.model import Model
+from tests.drawn import importance_draws
 
 NAMES = ("x", "y", "z")
 FACTOR = np.array([[0.02, 0, 0], [-0.3, 0.1, 0], [1.0, -2.0, 5.0]])
@@ -73,7 +72,7 @@ def test_walk__and_bridge_agree_with_importance_draws(observed, noise):
     load = 2 * np.log((Q / 2 - 1) * 0.042 / 1.38) + 0.03 * rng.standard_normal(9)
     model = Model(observed(texture, Q, load), rb.Modified(), Noise.named(noise))
     target = ModelTarget(model)
-    drawn = importance_sample(target, Effort(n_draw=1_024), 1)
+    drawn = importance_draws(model, n_draw=1_024)
     found = walk(target, drawn.proposal, seed=2, settings=SampleSettings(n_tau=200))
     value = bridge_evidence(target, found, rng=np.random.default_rng(3))
     assert value.method == "bridge"
@@ -155,14 +154,6 @@ def test_walk__ends_at_its_time_limit_and_says_so_in_one_line():
     start = "time limit of 1e-09 s: stopped after 100 steps; x: 100 steps are not 500 tau ("
     assert text.startswith(start)
     assert str(SampleSettings(time_limit=5.0)) == str(SampleSettings())  # the same walk
-
-
-def test_walk__ends_before_its_draws_would_fill_the_memory(monkeypatch):
-    d, n_extra = 3, 5
-    monkeypatch.setattr(emcee_sampling, "_MAX_KEPT_NUMBERS", 4 * 32 * (d + 1 + n_extra) * 130)
-    chains = walked(replace(SHORT, n_step_max=10_000, n_tau=500)).chains
-    assert chains.n_step == 130
-    assert "130 steps are not 500 tau" in chains.convergence_failures[0]
 
 
 def test_walk__goes_on_until_the_rule_is_met_and_is_checked_seldom_where_far_too_short():

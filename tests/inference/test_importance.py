@@ -12,7 +12,6 @@ import ridgebayes as rb
 from ridgebayes import ComputationError
 from ridgebayes.inference.importance import (
     Effort,
-    at_least,
     draw_from,
     importance_sample,
     log_weights,
@@ -20,8 +19,7 @@ from ridgebayes.inference.importance import (
 from ridgebayes.inference.pareto_smoothing import pareto_k
 from ridgebayes.inference.proposal import Mixture
 from ridgebayes.inference.target import ModelTarget, PlainTarget
-from ridgebayes.model.model import Model
-from ridgebayes.model.observations import Observations
+from tests.drawn import model_of
 
 FACTOR = np.array([[0.05, 0, 0], [-0.3, 0.1, 0], [0.4, -0.3, 0.6]])
 CENTRE = np.array([1.0, -1.5, 0.5])
@@ -85,16 +83,6 @@ def test_same_seed__gives_the_same_bytes_and_another_others():
     assert not np.any(one.u == other.u)
 
 
-def test_at_least__draws_more_and_keeps_the_evidence():
-    target = TARGETS["normal"]
-    one = importance_sample(target, SMALL, 1)
-    assert one.u.shape == (4, 512, 3)  # four times more of exact densities
-    assert at_least(one, target, 2_048, SMALL, 1) is one
-    more = at_least(one, target, 5_000, SMALL, 1)
-    assert more.u.shape == (4, 1_280, 3)  # whole blocks of 32, and of each four times more
-    assert more.evidence == one.evidence
-
-
 def test_heavy_tails__are_reported():
     def heavy(u):
         return stats.t(0.3).logpdf(u).sum(axis=-1)
@@ -111,8 +99,7 @@ def test_heavy_tails__are_reported():
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_bounded_weights__are_ok_whatever_the_shape_of_their_tail(seed):
     """A thousandth of the draws weighs up to five times the mean, in a tail of any shape."""
-    data = Observations.from_table(rb.reference_fe())
-    target = ModelTarget(Model(data, rb.HalfPlane()), seed)
+    target = ModelTarget(model_of(rb.reference_fe(), rb.HalfPlane()), seed)
     proposal = importance_sample(target, SMALL, seed).proposal
     found = draw_from(target, proposal, replace(SMALL, n_draw=4_096), seed)
     rng = np.random.default_rng(seed)
@@ -122,22 +109,6 @@ def test_bounded_weights__are_ok_whatever_the_shape_of_their_tail(seed):
     assert np.exp(weights - weights.max()).mean() > 0.05
     assert found.evidence.ok
     assert found.evidence.se < 0.005
-
-
-@pytest.mark.parametrize("k", [0.8, 1.0])
-@pytest.mark.parametrize("n_draw", [64, 256])
-def test_weights_of_a_heavy_tail__are_never_taken_for_bounded(k, n_draw):
-    rng = np.random.default_rng(3)
-    one = Mixture(np.ones(1), np.zeros(1, int), np.zeros((1, 1)), np.eye(1)[None])
-    for seed in range(40):
-        noise = np.log(rng.pareto(1 / k, 16 * n_draw) + 1)
-        at = iter(np.split(noise, 4))
-        target = plain(
-            lambda u, at=at: next(at) + one.log_density(u[None], np.zeros((1, len(u)))), 1
-        )
-        found = draw_from(target, one, replace(SMALL, n_draw=n_draw), seed).evidence
-        assert found.ok == (found.status == "ok")
-        assert ("Pareto" in found.status) == (pareto_k(noise) > 0.7)
 
 
 def test_importance_sample__refuses_a_density_that_is_nowhere_positive():
@@ -175,28 +146,3 @@ def test_mixture__is_a_density_that_its_draws_follow():
         # Monte Carlo: Kolmogorov-Smirnov; and the grid's own steps.
         distance = stats.ks_1samp(draws[:, axis], lambda z, cdf=cdf: np.interp(z, x, cdf)).statistic
         assert distance < 0.02
-
-
-def test_mixture__in_charts_is_divided_by_their_volume():
-    # Chart 1 has coordinates q = 2 u + 1 of one parameter: |du/dq| = 1/2.
-    one = Mixture(np.ones(1), np.ones(1, int), np.array([[1.0]]), np.ones((1, 1, 1)))
-    u = np.linspace(-3, 3, 7)[:, None]
-    found = one.log_density(np.stack([u, 2 * u + 1]), np.log([[1.0] * 7, [0.5] * 7]))
-    expected = stats.t.logpdf(2 * u[:, 0], 5) + math.log(2)
-    np.testing.assert_allclose(found, expected, rtol=1e-12)  # algebra
-
-
-def test_fitted__mixture_comes_nearer_to_a_density():
-    start = Mixture(
-        np.full(2, 0.5),
-        np.zeros(2, int),
-        np.array([[-1.0, 0], [1, 0]]),
-        np.eye(2)[None].repeat(2, 0),
-    )
-    _, u = start.draw(np.random.default_rng(2), 4_000)
-    log_weight = humps(u) - start.log_density(u[None], np.zeros((1, 4_000)))
-    weights = np.exp(log_weight - logsumexp(log_weight))
-    fitted = start.fitted(u[None], np.zeros((1, 4_000)), weights)
-    order = np.argsort(fitted.centres[:, 0])
-    np.testing.assert_allclose(fitted.weights[order], [0.25, 0.75], atol=0.05)  # Monte Carlo
-    np.testing.assert_allclose(fitted.centres[order], [[-2.5, 0], [2, 1]], atol=0.15)

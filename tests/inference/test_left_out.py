@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ridgebayes import ComputationError, HalfNormal, LogNormal, Modified, Noise, PowerLaw
+from ridgebayes import ComputationError, HalfNormal, LogNormal, Modified, PowerLaw
 from ridgebayes.inference import left_out
-from ridgebayes.inference.importance import Effort, importance_sample
-from ridgebayes.inference.left_out import AllRows, rest_of
-from ridgebayes.inference.posterior import posterior_of
-from ridgebayes.inference.target import ModelTarget
-from ridgebayes.model.model import Model
+from ridgebayes.inference.importance import Effort
+from ridgebayes.inference.left_out import AllRows
 from ridgebayes.predict.predict import predict_load
+from tests.drawn import drawn_posterior, model_of
 from tests.exact_evidence import modified_evidence, power_law_evidence
 
 C, SIGMA = LogNormal(1.38, 0.1), HalfNormal(0.05)
@@ -44,7 +42,7 @@ def curved(rows, observed):
 )
 def test_without__scores_rows_as_quadrature_does(request, table, by, method):
     data = request.getfixturevalue(table)
-    all_rows = known(Model(data, Modified(), Noise(), {"c": C, "sigma": SIGMA}))
+    all_rows = known(model_of(data, Modified(), priors={"c": C, "sigma": SIGMA}))
     left = getattr(data, by) == {"texture": 2, "Q": 4}[by]
     found = all_rows.without(left, 3)
     everything, _ = modified_evidence(data)
@@ -62,7 +60,7 @@ def test_without__a_texture_of_the_power_law_needs_no_draws_of_its_slope(
     rows, most_k, method, monkeypatch
 ):
     monkeypatch.setattr(left_out, "MAX_FINITE_VARIANCE_K", most_k)
-    model = Model(rows, PowerLaw(), Noise())
+    model = model_of(rows, PowerLaw())
     medians = [model.priors[name].median for name in model.form.parameter_names]
     all_rows = known(model)
     found = all_rows.without(rows.texture == 1, 2)
@@ -84,7 +82,7 @@ def test_without__two_ways_agree_where_offsets_are_shared(rows, noise, is_bracke
     if is_bracket:  # of steps that are off as a whole, which coefficients and offsets share
         load = rows.log_load + 0.2 * np.sin(rows.Q)
         rows = replace(rows, log_load=load, log_lower=load - 0.02)
-    all_rows = AllRows.drawn(Model(rows, Modified(), Noise.named(noise)), Effort().doubled, 1)
+    all_rows = AllRows.drawn(model_of(rows, Modified(), noise), Effort().doubled, 1)
     left = rows.texture == 1
     monkeypatch.setattr(left_out, "MAX_FINITE_VARIANCE_K", 0.7)
     found = all_rows.without(left, 3)
@@ -110,13 +108,12 @@ def test_without__two_ways_agree_where_offsets_are_shared(rows, noise, is_bracke
 
 
 def test_without__takes_a_posteriors_own_draws_and_evidence(rows):
-    model = Model(rows, Modified(), Noise(), {"c": C, "sigma": SIGMA})
-    drawn = importance_sample(ModelTarget(model, 1), Effort(), 1)
-    posterior = posterior_of(model, drawn, 1)
+    model = model_of(rows, Modified(), priors={"c": C, "sigma": SIGMA})
+    posterior = drawn_posterior(model)
     found = AllRows.of(posterior, Effort(), 2)
-    assert found.evidence == drawn.evidence
+    assert found.evidence == posterior.evidence
     assert len(found.u) == len(found.log_density) > 1_000
-    assert set(found.log_density) <= set(drawn.log_density.ravel())
+    assert set(found.log_density) <= set(posterior.chains.log_density.ravel())
     left = rows.texture == 2
     exact = modified_evidence(rows)[0] - modified_evidence(rows.take(~left))[0]
     score = found.without(left, 3)
@@ -124,11 +121,11 @@ def test_without__takes_a_posteriors_own_draws_and_evidence(rows):
     assert abs(score.log_score - exact) < 4 * score.log_score_se  # Monte Carlo
     filed = AllRows.of(replace(posterior, evidence=None), Effort(), 2)
     # Monte Carlo: four standard errors of two independent sets of draws.
-    assert abs(filed.evidence.value - drawn.evidence.value) < 4 * 1.5 * drawn.evidence.se
+    assert abs(filed.evidence.value - posterior.evidence.value) < 4 * 1.5 * posterior.evidence.se
 
 
 def test_without__of_posteriors_that_are_not_known_says_so(rows):
-    all_rows = known(Model(rows, Modified(), Noise()))
+    all_rows = known(model_of(rows, Modified()))
     nothing = replace(
         all_rows,
         u=all_rows.u[:0],
@@ -139,12 +136,3 @@ def test_without__of_posteriors_that_are_not_known_says_so(rows):
     assert np.isnan(found.log_score)
     with pytest.raises(ComputationError, match="no row is left to fit"):
         all_rows.without(np.ones(24, bool), 1)
-
-
-def test_rest_of__keeps_the_given_priors_of_what_stays(rows):
-    wide = LogNormal(80.0, 0.5)
-    labels = ("x", "y", "z", "w")
-    given = {f"K[{label}]": wide for label in labels} | {"sigma": HalfNormal(0.2)}
-    model = Model(replace(rows, labels=labels), PowerLaw(), Noise(), given)
-    rest = rest_of(model, rows.texture == 1)
-    assert rest.priors == {name: prior for name, prior in given.items() if name != "K[y]"}

@@ -3,22 +3,16 @@ import pickle
 import numpy as np
 import pytest
 
-from ridgebayes import Modified, Noise, PowerLaw
+from ridgebayes import Modified, PowerLaw
 from ridgebayes.inference.chains import N_KEPT
-from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.latent import LatentIntegral
-from ridgebayes.inference.posterior import posterior_of
-from ridgebayes.inference.target import ModelTarget
-from ridgebayes.model.model import Model
-from ridgebayes.model.observations import Observations
+from tests.drawn import drawn_posterior, model_of
 
 
 @pytest.fixture(scope="module")
 def drawn(paper):
     def make(form, noise):
-        model = Model(Observations.from_table(paper), form, Noise.named(noise))
-        effort = Effort(n_draw=128, n_round=2)
-        return posterior_of(model, importance_sample(ModelTarget(model), effort, 1), 1)
+        return drawn_posterior(model_of(paper, form, noise), n_draw=128, n_round=2)
 
     return make
 

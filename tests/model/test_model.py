@@ -19,11 +19,10 @@ from ridgebayes import (
     Normal,
     PowerLaw,
 )
-from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.latent import LatentIntegral
-from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import MAX_COEFFICIENTS, Model
 from ridgebayes.model.observations import Observations
+from tests.drawn import importance_draws, model_of
 
 TEXTURES = np.array([(0.012, 0.03), (0.032, 0.01), (0.022, 0.02)])
 FORMS = [Classic(), Modified(), Hybrid(), PowerLaw(), HalfPlane()]
@@ -92,25 +91,6 @@ def test_density__does_not_mind_the_order_of_rows(noise):
     np.testing.assert_allclose(*found, rtol=1e-9 if exact else 0.05)
 
 
-def test_outer__parameters_are_all_but_the_power_laws_k():
-    data = observations(made_up(21))
-    model = Model(data, PowerLaw(), Noise("texture"))
-    names = ("K[a0.012_b0.03]", "K[a0.032_b0.01]", "K[a0.022_b0.02]", "sigma", "tau_texture")
-    assert model.parameter_names == names
-    assert model.outer_names == names[3:]
-    assert model.outer.tolist() == [3, 4]
-    assert (model.n_outer, model.n_outer_coefficient, model.n_coefficient) == (2, 0, 3)
-    other = Model(data, Hybrid())
-    assert other.outer.tolist() == [0, 1, 2]
-    u = np.random.default_rng(3).standard_normal((2, 5))
-    theta = model.to_theta(u)
-    np.testing.assert_array_equal(model.outer_theta(u[:, 3:]), theta[:, 3:])
-    np.testing.assert_allclose(model.to_scores(theta), u, rtol=1e-9, atol=1e-11)  # quantiles
-    step = 1e-5  # discretisation: h^2
-    slope = (model.outer_theta(u[:, 3:] + step) - model.outer_theta(u[:, 3:] - step)) / (2 * step)
-    np.testing.assert_allclose(model.outer_slope(u[:, 3:], theta[:, 3:]), slope, rtol=1e-7)
-
-
 def test_priors__are_those_of_scipy():
     model = Model(observations(made_up(16)), Hybrid())
     u = np.random.default_rng(4).standard_normal((5, 3))
@@ -159,22 +139,6 @@ def test_log_rates__refuse_a_form_that_has_none_at_ordinary_coefficients(undefin
     assert not np.isfinite(model.log_rates(np.array([1e120, 0.03]))).all()
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_jacobian__is_minus_the_slope_of_log_loads(form):
-    model = Model(observations(made_up(26)), form)
-    u, h, k = 0.3 * np.ones(model.n_outer), 1e-5, model.n_outer_coefficient
-
-    def twice_log_rates(u):
-        return 2 * model.outer_log_rates(model.outer_theta(u))
-
-    steps = h * np.eye(model.n_outer)[:k]
-    slopes = [(twice_log_rates(u + d) - twice_log_rates(u - d)) / (2 * h) for d in steps]
-    expected = np.array(slopes).reshape(k, -1).T if k else np.empty((3, 0))
-    # Discretisation: h^2; rounding: eps over h.
-    np.testing.assert_allclose(model.jacobian(u), expected, rtol=1e-7, atol=1e-9)
-    model.check_gradient(u)
-
-
 def test_check_gradient__refuses_a_form_whose_gradient_is_another_ones():
     class Broken(Modified):
         def log_rate_gradient(self, theta, a_over_R, b_over_R):
@@ -219,8 +183,8 @@ TRUTH = np.array([1.348, 0.01583, 0.03])
 
 
 def moments(table):
-    model = Model(Observations.from_table(table), Hybrid())
-    drawn = importance_sample(ModelTarget(model), Effort(n_draw=1_024), 1)
+    model = model_of(table, Hybrid())
+    drawn = importance_draws(model, n_draw=1_024)
     assert drawn.evidence.ok
     theta = model.outer_theta(drawn.u.reshape(-1, 3))
     return theta.mean(axis=0), theta.std(axis=0)

@@ -3,7 +3,6 @@ import re
 import pytest
 
 from ridgebayes import InputError, Noise
-from ridgebayes.model.noise import NUGGET
 
 
 def test_noise__refuses_an_error_model_that_it_does_not_know():
@@ -43,13 +42,6 @@ def test_candidates__are_the_ten_and_of_several_series_also_each_with_series():
     assert [noise.tail for noise in found[10:]] == ["normal"] * 5 + ["student"] * 5
 
 
-def test_nugget__is_a_keyword_that_the_name_does_not_tell():
-    assert Noise("step-smooth").nugget == NUGGET == 1e-8
-    other = Noise("step-smooth", nugget=1e-4)
-    assert other.name == "step-smooth"
-    assert other != Noise("step-smooth")
-
-
 @pytest.mark.parametrize("nugget", [0.0, -1e-8, 1.01e-4, float("nan"), float("inf")])
 def test_nugget__is_above_zero_and_small(nugget):
     with pytest.raises(InputError, match=r"nugget: expected a number > 0 and <= 0\.0001, got "):
@@ -62,27 +54,3 @@ def test_named__refuses_what_is_no_structure_and_tail(name):
         InputError, match="expected STRUCTURE or STRUCTURE:student, STRUCTURE one of "
     ):
         Noise.named(name)
-
-
-@pytest.mark.parametrize(
-    ("structure", "own"),
-    [
-        ("iid", ()),
-        ("texture", ("tau_texture",)),
-        ("step", ("tau_step",)),
-        ("texture+step", ("tau_texture", "tau_step")),
-        ("step-smooth", ("tau_step", "length_h", "length_ratio")),
-        ("series", ("tau_series",)),
-        ("texture+step+series", ("tau_texture", "tau_step", "tau_series")),
-        ("step-smooth+series", ("tau_step", "tau_series", "length_h", "length_ratio")),
-    ],
-)
-def test_parameter_names__are_sigma_then_the_structures_then_the_tails(structure, own):
-    assert Noise(structure).parameter_names == ("sigma", *own)
-    assert Noise(structure, "student").parameter_names == ("sigma", *own, "df")
-    assert Noise(structure, "student").distribution.name == "student"
-
-
-def test_caution__is_for_independent_rows_alone():
-    for noise in Noise.candidates(2):
-        assert (noise.caution is None) == (noise.structure not in ("iid", "series"))

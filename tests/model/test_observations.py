@@ -45,12 +45,6 @@ def test_from_table__reduces_loads_and_keeps_textures_in_order():
     assert data.is_exact.all()
 
 
-def test_from_table__refuses_a_table_with_nothing_to_fit(paper):
-    rule = r"expected a row with role calibration and status ok, got none"
-    with pytest.raises(InputError, match=rule):
-        Observations.from_table(paper.held_out)
-
-
 def test_from_table__takes_brackets_with_both_ends_reduced():
     frame = frame_of()
     lower = np.array([np.nan, 0.9, 0.0, 1.0, np.nan, 0.5]) * frame["p_over_E"]

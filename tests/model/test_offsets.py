@@ -58,40 +58,6 @@ def test_offsets__have_the_covariance_of_the_definition(structure, form, data):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)  # rounding
 
 
-@pytest.mark.parametrize("structure", SHARED)
-def test_design__gathers_and_multiplies_as_its_dense_matrix(structure, data):
-    offsets, rng = Offsets(Noise(structure), data), np.random.default_rng(1)
-    design, k, n = offsets.design, offsets.n_first, offsets.n_level
-    Z = design.spread(np.eye(n)[:, :k], np.eye(n)[:, k:]).T
-    x, weight = rng.standard_normal((3, 11)), rng.random((3, 11))
-    np.testing.assert_allclose(np.concatenate(design.gather(x), axis=1), x @ Z, atol=1e-14)
-    first, border, corner = design.gram(weight)
-    for i in range(3):
-        expected = Z.T @ np.diag(weight[i]) @ Z
-        np.testing.assert_allclose(np.diag(first[i]), expected[:k, :k], atol=1e-13)
-        np.testing.assert_allclose(border[i], expected[k:, :k], atol=1e-13)
-        own = np.diag(corner[i]) if corner.ndim == 2 else corner[i]
-        np.testing.assert_allclose(own, expected[k:, k:], atol=1e-13)
-
-
-@pytest.mark.parametrize(
-    ("structure", "n_level"),
-    [
-        ("iid", 0),
-        ("texture", 4),
-        ("step", 5),
-        ("texture+step", 9),
-        ("step-smooth", 8),
-        ("series", 3),
-        ("texture+step+series", 12),
-        ("step-smooth+series", 11),
-    ],
-)
-def test_offsets__have_a_level_for_each_thing_that_is_shared(structure, n_level, data):
-    # Smooth: textures 0 and 3 have one a/pitch, so that they share the places of Q = 4 and 6.
-    assert Offsets(Noise(structure), data).n_level == n_level
-
-
 @pytest.mark.parametrize("structure", ["step", "step-smooth"])
 def test_offsets__of_a_count_of_two_have_no_level_at_two(structure, observed):
     # Two at this load says that 4 was not reached; 4 and 6 say something of 6 and 8.

@@ -5,14 +5,11 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes import InputError, Noise
-from ridgebayes.inference.importance import Effort, importance_sample
 from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
-from ridgebayes.inference.posterior import posterior_of
-from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.default_priors import slope_prior
-from ridgebayes.model.model import Model
 from ridgebayes.model.prior_files import resolve_priors
 from tests import oracles
+from tests.drawn import drawn_posterior, model_of
 
 ALL = [rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid()]
 TEXTURES = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02))
@@ -72,13 +69,14 @@ def test_resolve__k_of_every_texture_is_kept_for_new_ones_beside_that_of_one(dat
     assert own["K[y]"] == rb.LogNormal(60.0, 0.01)
     assert own["K[x]"] == rb.LogNormal(2 * 1.382 / (0.012 + 0.03), 0.05)
     assert resolve_priors(found, ALL, [Noise()], data) == found  # a second time is no change
-    model = Model(data, rb.PowerLaw(), Noise(), own)
+    model = model_of(data, rb.PowerLaw(), priors=own)
     assert model.parameter_names == ("K[x]", "K[y]", "K[z]", "sigma")
     assert [model.priors[f"K[{label}]"] for label in "xyz"] == [own[f"K[{x}]"] for x in "xyz"]
-    again = Model(data, rb.PowerLaw(), Noise(), {**model.given_priors, "sigma": rb.HalfNormal(0.1)})
+    priors = {**model.given_priors, "sigma": rb.HalfNormal(0.1)}
+    again = model_of(data, rb.PowerLaw(), priors=priors)
     new = slope_prior((0.02, 0.02), again.prior_of_slopes)
     assert new == rb.LogNormal(2 * 1.382 / 0.04, 0.05)
-    assert slope_prior((0.02, 0.02), Model(data, rb.PowerLaw()).prior_of_slopes).log_sd == 0.3
+    assert slope_prior((0.02, 0.02), model_of(data, rb.PowerLaw()).prior_of_slopes).log_sd == 0.3
 
 
 BAD = {
@@ -129,13 +127,12 @@ PRIORS = {
 
 @pytest.mark.parametrize("name", PRIORS)
 def test_model__is_sampled_integrated_written_and_read_back_under_it(data, tmp_path, name):
-    model = Model(data, rb.Modified(), Noise(), PRIORS[name])
-    drawn = importance_sample(ModelTarget(model), Effort(), 2)
+    model = model_of(data, rb.Modified(), priors=PRIORS[name])
+    posterior = drawn_posterior(model, seed=2)
     grids = [np.linspace(1.15, 1.75, 1_201), np.linspace(1e-3, 0.2, 1_000)]
     value, _ = oracles.iid_posterior(model, grids)
     # Monte Carlo; discretisation: of a density that ends abruptly, a cell over its width.
-    assert abs(drawn.evidence.value - value) < 4 * drawn.evidence.se + 0.02
-    posterior = posterior_of(model, drawn, 2)
+    assert abs(posterior.evidence.value - value) < 4 * posterior.evidence.se + 0.02
     write_netcdf(posterior, tmp_path / "p.nc")
     again = read_netcdf(tmp_path / "p.nc")
     assert again.model.priors == model.priors

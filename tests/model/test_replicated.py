@@ -6,6 +6,7 @@ from ridgebayes import ComputationError, Hybrid, InputError, Modified, Noise, No
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.model.model import Model
 from ridgebayes.model.replicated import form_log_loads, is_possible, prior_draws, simulate_log_loads
+from tests import oracles
 from tests.simulated import simulated
 
 N = 40_000
@@ -40,25 +41,10 @@ def theta_of(model, coefficient=1.4):
 
 def expected_covariance(model):
     """Return the covariance of the four rows, from the definitions in `Noise`."""
-    t, q = np.array(PLACES["texture"]), np.array(PLACES["Q"])
-    own = ETA["sigma"] ** 2 * np.ones(4)
+    own = ETA["sigma"] ** 2 + model.data.rel_se**2
     if model.noise.tail == "student":
         own *= ETA["df"] / (ETA["df"] - 2)
-    covariance = np.diag(own + model.data.rel_se**2 * own / ETA["sigma"] ** 2)
-    structure = model.noise.structure
-    if "texture" in structure:
-        covariance += ETA["tau_texture"] ** 2 * (t[:, None] == t)
-    if "step" in structure.split("+"):
-        covariance += ETA["tau_step"] ** 2 * (q[:, None] == q)
-    if "series" in structure:
-        u = model.data.series
-        covariance += ETA["tau_series"] ** 2 * (u[:, None] == u)
-    if "step-smooth" in structure:
-        a, b = model.data.a_over_R[t], model.data.b_over_R[t]
-        x, r = np.log(q / 2 - 1) / ETA["length_h"], a / (a + b) / ETA["length_ratio"]
-        square = (x[:, None] - x) ** 2 + (r[:, None] - r) ** 2
-        covariance += ETA["tau_step"] ** 2 * np.exp(-0.5 * square)
-    return covariance
+    return oracles.covariance(model, theta_of(model)[1:]) + np.diag(own)
 
 
 @pytest.mark.parametrize("noise", [noise.name for noise in Noise.candidates(2)])
@@ -104,26 +90,6 @@ def test_loads__have_the_likelihood_of_the_model(model):
         assert np.mean(ratios) == pytest.approx(1, abs=4 * np.std(ratios) / np.sqrt(len(ratios)))
 
 
-def test_brackets_and_counts__become_exact_rows(observed):
-    data = observed(
-        [0, 0, 1, 1],
-        [4, 6, 2, 8],
-        -6.0,
-        rel_se=[0.0, 0.01, 0.02, 0.03],
-        log_lower=[-7.0, np.nan, np.nan, np.nan],
-        is_count=[False, False, True, True],
-    )
-    one = Model(data, Modified())
-    draws = simulate_log_loads(one, np.array([1.4, 0.03]), np.random.default_rng(5))[0]
-    assert np.isnan(draws).tolist() == [False, False, True, False]  # a count of 2: any load will do
-    rows = simulated(data, draws)
-    assert rows.is_exact.all()
-    assert rows.Q.tolist() == [4, 6, 8]
-    assert rows.rel_se.tolist() == [0.0, 0.01, 0.03]
-    np.testing.assert_array_equal(rows.log_load, draws[[0, 1, 3]])
-    assert len(rows.textures) == 2
-
-
 def test_prior_draws__are_the_prior_where_rates_are_positive(observed):
     data = observed([0, 1], [4, 6], -6.0)
     wide = Model(data, Hybrid(), priors={"c2": Normal(0.0, 2.0)})
@@ -152,10 +118,6 @@ def test_wrong_shapes_are_refused(model):
         InputError, match=r"theta: expected 2 parameters .*sigma\), got shape \(3,\)"
     ):
         simulate_log_loads(one, np.ones(3), np.random.default_rng(1))
-    with pytest.raises(InputError, match=r"log_load: expected \(4,\), got shape \(3,\)"):
-        simulated(one.data, np.ones(3))
-    with pytest.raises(InputError, match="log_load: expected at least one, got no finite value"):
-        simulated(one.data, np.full(4, np.nan))
 
 
 @pytest.mark.parametrize("noise", ["texture+step", "step-smooth"])

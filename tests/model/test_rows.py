@@ -5,7 +5,7 @@ import pytest
 from scipy import integrate, stats
 
 from ridgebayes import Classic, HalfPlane, InputError, Modified
-from ridgebayes.model.rows import RowGroups, Rows
+from ridgebayes.model.rows import Rows
 from ridgebayes.model.tails import NormalTail, StudentTail
 
 TAILS = [(NormalTail(), stats.norm()), (StudentTail(), stats.t(4.0))]
@@ -44,13 +44,6 @@ def test_log_likelihood__of_an_exact_row_is_the_density_of_its_log_load(tail, or
     np.testing.assert_allclose(found, expected, rtol=1e-11)  # rounding: residuals of 0.1 beside 10
 
 
-def test_rows__that_share_offsets_are_known_to_eight_digits_at_most(observed):
-    data = observed([0, 0, 1], [4, 6, 4], -8.0, rel_se=np.array([0.0, 0.03, 1e-9]))
-    assert Rows.of(data, Modified()).rel_se.tolist() == [0.0, 0.03, 1e-9]
-    shared = Rows.of(data, Modified(), share_offsets=True)
-    assert shared.rel_se.tolist() == [1e-8, 0.03, 1e-8]
-
-
 @pytest.mark.parametrize(("tail", "oracle"), TAILS)
 @pytest.mark.parametrize("at", [-6.0, -0.5, 0.0, 1.5, 6.0])
 def test_log_likelihood__of_a_bracket_over_its_width_tends_to_the_density(
@@ -70,18 +63,6 @@ def test_log_likelihood__of_a_bracket_over_its_width_tends_to_the_density(
     expected = integrate.quad(oracle.pdf, *z, epsrel=1e-12)[0]
     # Quadrature, and rounding of the residual.
     assert float(log_likelihood(row, tail)[0]) == pytest.approx(np.log(expected), abs=1e-10)
-
-
-@pytest.mark.parametrize(("tail", "oracle"), TAILS)
-def test_log_likelihood__of_a_bracket_without_width_is_the_exact_rows(tail, oracle, observed):
-    load = -8.0
-    bracket = observed([0, 1], [4, 8], load, log_lower=load, rel_se=0.01)
-    assert Rows.of(bracket, Modified()).exact.all()
-    exact = observed([0, 1], [4, 8], load, rel_se=0.01)
-    np.testing.assert_array_equal(log_likelihood(bracket, tail), log_likelihood(exact, tail))
-    # Beside a bracket that has one, too: another branch, the same sum.
-    mixed = observed([0, 1, 1], [4, 8, 8], load, log_lower=[load, load, load - 1], rel_se=0.01)
-    np.testing.assert_array_equal(log_likelihood(mixed, tail)[:2], log_likelihood(exact, tail))
 
 
 @pytest.mark.parametrize(("tail", "oracle"), TAILS)
@@ -119,24 +100,6 @@ def test_log_likelihood__of_a_count_that_offsets_turn_round_is_no_probability(
 
 
 @pytest.mark.parametrize(("tail", "oracle"), TAILS)
-@pytest.mark.parametrize("z", [-1e5, -300.0, -40.0, 40.0, 300.0, 1e5])
-def test_log_likelihood__stays_finite_far_out(tail, oracle, z, observed):
-    load = 2 * log_shape(6) - 0.6 + 0.05 * z
-    data = observed(
-        [0] * 5,
-        [6, 6, 6, 6, 2],
-        load,
-        log_lower=[np.nan, load - 0.1, -np.inf, np.nan, np.nan],
-        is_count=[False, False, False, True, True],
-    )
-    found = log_likelihood(data, tail)
-    assert np.isfinite(found).all()
-    # Rounding: z of 1e5 is known to 1e-13 and squared.
-    assert found[0] == pytest.approx(oracle.logpdf(z) - np.log(0.05), rel=1e-9)
-    assert found[2] == pytest.approx(oracle.logcdf(z), rel=1e-9, abs=1e-300)
-
-
-@pytest.mark.parametrize(("tail", "oracle"), TAILS)
 @pytest.mark.parametrize("form", [Modified(), Classic(), HalfPlane()])
 def test_log_likelihood__of_a_count_lies_between_two_loads(tail, oracle, form, observed):
     # Seen at a load: Q was reached there (error below one residual), Q + 2 was not.
@@ -168,49 +131,3 @@ def test_of__refuses_a_row_that_the_form_reaches_without_load(observed):
     rule = "modified: expected Q >= 4, got a row whose load is zero by this form"
     with pytest.raises(InputError, match=rule):
         Rows.of(observed([0, 0], [4, 2], -8.0, is_count=[True, False]), Modified())
-
-
-def test_centre__is_the_middle_and_a_uniform_errors_variance(observed):
-    load = 2 * log_shape(6)
-    data = observed(
-        [0] * 5,
-        [6, 6, 6, 6, 2],
-        load,
-        log_lower=[np.nan, load - 0.2, load - 3, -np.inf, np.nan],
-        is_count=[False] * 4 + [True],
-    )
-    middle, variance = Rows.of(data, Modified()).centre
-    beyond = load - 2 * log_shape(4)  # of a count of 2: not yet the load of 4
-    np.testing.assert_allclose(middle, [0, -0.1, -0.5, -0.5, beyond + 0.5], atol=1e-13)
-    np.testing.assert_allclose(variance, np.array([0, 0.04, 1, 1, 1]) / 12, atol=1e-13)
-
-
-def test_row_groups__collapse_ten_thousand_replicates_into_cells(observed):
-    rng = np.random.default_rng(5)
-    n = 10_000
-    texture, Q = rng.integers(0, 3, n), 2 * rng.integers(2, 6, n)
-    data = observed(texture, Q, -8 + rng.standard_normal(n), rel_se=rng.choice([0, 0.01], n))
-    rows = Rows.of(data, Modified())
-    assert len(RowGroups.of(rows, np.empty((0, n), int)).n) == 3 * 2
-    groups = RowGroups.of(rows, np.stack([texture, Q]))
-    assert len(groups.n) == 3 * 4 * 2
-    assert groups.n.sum() == n
-    for g, row in enumerate(groups.row):
-        mine = groups.of_row == g
-        assert mine[row]
-        same = (texture == texture[row]) & (Q[row] == Q) & (data.rel_se == data.rel_se[row])
-        np.testing.assert_array_equal(mine, same)
-        values = rows.upper[mine]
-        assert groups.n[g] == mine.sum()
-        # Rounding: other orders of summation.
-        assert groups.mean[g] == pytest.approx(values.mean(), rel=1e-12)
-        assert groups.sum_of_squares[g] == pytest.approx(values.var() * mine.sum(), rel=1e-11)
-
-
-def test_row_groups__keep_squares_of_residuals_far_below_the_loads(observed):
-    # 1e-9 beside 10: a difference of squares would have nothing left.
-    load = -8 + 1e-9 * np.arange(5)
-    rows = Rows.of(observed([0] * 5, 6, load), Modified())
-    groups = RowGroups.of(rows, np.empty((0, 5), int))
-    # Rounding: 1e-15 of 1e-9.
-    assert groups.sum_of_squares[0] == pytest.approx(1e-17, rel=1e-5, abs=0)

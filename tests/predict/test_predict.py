@@ -325,13 +325,6 @@ def test_predict__refuses_other_kinds_and_poissons_ratios(fits):
             predict(fit, A, B, what, nu=0.6)
 
 
-@pytest.mark.slow
-def test_predict_q__refuses_counts_that_would_never_end(fits):
-    rule = r"p_over_E: expected counts up to 20000, got more at a/R, b/R = \(0.022, 0.02\)"
-    with pytest.raises(rb.InputError, match=rule):
-        predict_q(fits["modified"], A, B, 1e6, kind="curve")
-
-
 @pytest.mark.parametrize("kind", ["simulation", "curve"])
 def test_predict_q__draws_without_a_positive_rate_never_reach_a_ridge(fe_fits, kind):
     fit, texture = fe_fits["hybrid"], (0.001, 0.5)

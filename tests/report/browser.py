@@ -93,17 +93,6 @@ class Browser:
             raise RuntimeError(found["exceptionDetails"])
         return found["result"].get("value")
 
-    def png(self, path, *, top=None):
-        """Write what the window shows at a scroll position, or the whole page if there is none."""
-        if top is not None:
-            self.run(f"window.scrollTo({{top: {top}, behavior: 'instant'}})")
-        whole = {"captureBeyondViewport": True} if top is None else {}
-        if top is None:
-            size = self.ask("Page.getLayoutMetrics")["cssContentSize"]
-            whole["clip"] = {"x": 0, "y": 0, "scale": 1} | {k: size[k] for k in ("width", "height")}
-        data = self.ask("Page.captureScreenshot", format="png", **whole)["data"]
-        Path(path).write_bytes(base64.b64decode(data))
-
     def pdf(self, path):
         """Write the page as it would be printed on A4, and return how many sheets that takes."""
         data = self.ask("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"]

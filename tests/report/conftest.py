@@ -6,22 +6,33 @@ import pytest
 
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.report.figures.gallery import Gallery
+from tests.once import once
 
 
 @pytest.fixture(scope="session")
-def gallery(comparison):
+def gallery_of(tmp_path_factory):
+    """What a report shows is made once, whichever worker asks first."""
+
+    def gallery_of(name, comparison):
+        return Gallery(once(tmp_path_factory, f"shown: {name}", lambda: report_data(comparison)))
+
+    return gallery_of
+
+
+@pytest.fixture(scope="session")
+def gallery(gallery_of, comparison):
     """Figures of the embedded sweep: each is drawn once, for the pages and for its own tests."""
-    return Gallery(report_data(comparison))
+    return gallery_of("embedded", comparison)
 
 
 @pytest.fixture(scope="session")
-def second_gallery(reference):
-    return Gallery(report_data(reference))
+def second_gallery(gallery_of, reference):
+    return gallery_of("reference", reference)
 
 
 @pytest.fixture(scope="session")
-def odd_gallery(odd):
-    return Gallery(report_data(odd))
+def odd_gallery(gallery_of, odd):
+    return gallery_of("odd", odd)
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,6 @@ ALLOWED = {
     "figures/bodies.py": {"nodal_fields", "surface_table", "first_height", "shapes"},
 }
 REPORT = Path(ridgebayes.__file__).parent / "report"
-DRAWING = REPORT.parent / "drawing"
 
 
 def imported(path):
@@ -41,9 +40,3 @@ def test_report_imports_records_and_constants_of_what_computes(path):
         if module.split(".")[1] in ROOMS and not name[:1].isupper()
     }
     assert functions == allowed
-
-
-@pytest.mark.parametrize("path", sorted(DRAWING.rglob("*.py")), ids=lambda path: path.stem)
-def test_drawing_knows_no_record(path):
-    rooms = {module.split(".")[1] for module, _ in imported(path)}
-    assert rooms <= {"_types", "drawing", "errors", "runtime"}

@@ -8,13 +8,10 @@ from itertools import pairwise
 import pytest
 from markdown_it import MarkdownIt
 
-from ridgebayes.checks.report_data import report_data
 from ridgebayes.report import _rendered
 from ridgebayes.report.blocks import Folded, Table
-from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.report.sections import contents
 
-FOLDS = re.compile(r"<details><summary>[^<]+</summary>|</details>")
 PARSER = MarkdownIt("commonmark").enable(["table", "strikethrough"])
 
 
@@ -25,15 +22,14 @@ def rendered(*galleries):
 
 
 @pytest.fixture(scope="module")
-def reports(gallery, second_gallery, odd_gallery, failed):
+def reports(gallery, second_gallery, odd_gallery):
     return {
         "embedded": rendered(gallery, second_gallery),
         "user": rendered(odd_gallery, None),
-        "failed": rendered(Gallery(report_data(failed)), None),
     }
 
 
-REPORTS = pytest.mark.parametrize("name", ["embedded", "user", "failed"])
+REPORTS = pytest.mark.parametrize("name", ["embedded", "user"])
 
 
 def inner(tokens, kind):
@@ -54,20 +50,6 @@ def test_markdown__shows_every_table_as_one(reports, name):
     assert found["table_open"] == sum(n_tables(one.blocks) for one in contents(gallery, second))
     rows = [one for one in tokens if one.type == "inline" and one.content.lstrip().startswith("|")]
     assert [one.content[:60] for one in rows] == []
-
-
-@REPORTS
-def test_markdown__folds_are_whole_and_the_only_html(reports, name):
-    _, tokens = reports[name]
-    blocks = [one.content.strip() for one in tokens if one.type == "html_block"]
-    assert [one for one in blocks if not FOLDS.fullmatch(one)] == []
-    depth = 0
-    for one in blocks:
-        depth += 1 if one.startswith("<details>") else -1
-        assert depth in (0, 1, 2)
-    assert depth == 0
-    assert blocks
-    assert inner(tokens, "html_inline") == []
 
 
 @REPORTS

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.inference.presets import QUICK
 from ridgebayes.report.figures.gallery import Gallery
 from tests.report.browser import CHROMIUM, Browser
 
@@ -42,8 +41,8 @@ READ = """
 
 
 @pytest.fixture(scope="module")
-def averaged(paper):
-    return rb.compare(paper, rng=0, accuracy=QUICK)
+def averaged(compare, paper):
+    return compare(paper, rng=0, accuracy="quick")
 
 
 def written(compared, folder):

@@ -163,24 +163,6 @@ def test_workers__end_when_their_parent_is_killed(tmp_path):
     until(lambda: not Path(f"/proc/{worker}").exists())
 
 
-class Later(Executor):
-    """Computes nothing until so many tasks are out, and then the last one first."""
-
-    def __init__(self, n_worker, until):
-        self.n_worker, self.until = n_worker, until
-        self.waiting, self.done = [], []
-
-    def submit(self, function, task):
-        future = Future()
-        self.waiting.append((future, function, task))
-        if len(self.waiting) >= self.until:
-            while self.waiting:
-                future_there, function, task = self.waiting.pop()
-                self.done.append(task)
-                future_there.set_result(function(task))
-        return future
-
-
 class Failing(Executor):
     """Fails the second task."""
 
@@ -203,23 +185,6 @@ def test_map_ordered__is_the_order_of_tasks_on_any_executor(n):
     assert list(map_ordered(abs, tasks, None)) == expected
     with ThreadPoolExecutor(3) as executor:
         assert list(map_ordered(abs, tasks, executor)) == expected
-    backwards = Later(n_worker=100, until=n)
-    assert list(map_ordered(abs, tasks, backwards)) == expected
-    assert backwards.done == tasks[::-1]
-
-
-def test_map_ordered__says_what_is_done_as_soon_as_it_is():
-    executor, said = Later(n_worker=1, until=3), []
-    found = map_ordered(
-        abs, [-1, -2, -3], executor, done=lambda task, got: said.append((task, got))
-    )
-    assert next(found) == 1
-    assert said == [(-2, 2), (-1, 1)]  # the second before its turn
-    assert list(found) == [2, 3]
-    assert len(said) == 3
-    said.clear()
-    list(map_ordered(abs, [-1, -2], None, done=lambda task, got: said.append((task, got))))
-    assert said == [(-1, 1), (-2, 2)]
 
 
 @pytest.mark.parametrize(

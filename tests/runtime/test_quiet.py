@@ -14,8 +14,7 @@ NETCDF = "from ridgebayes.runtime.quiet import import_arviz; import_arviz()"
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("code", [CORNER, NETCDF])
-@pytest.mark.parametrize("cache", ["new", "file/cannot-be"])
+@pytest.mark.parametrize(("code", "cache"), [(CORNER, "new"), (NETCDF, "file/cannot-be")])
 def test_import_arviz__says_nothing_on_the_first_import_of_a_day(tmp_path, code, cache):
     (tmp_path / "file").touch()
     # Where arviz 0.x notes the day on which it spoke; matplotlib's own folder is another.

@@ -80,21 +80,3 @@ def test_contact_stiffness__is_the_derivative_of_the_force(pressed, rubbed):
     expected = problem.contact_stiffness(one, touched(one)) @ way
     # Finite difference: second order in the step, but rays that change edges.
     assert np.abs(slope - expected).max() < 1e-3 * np.abs(expected).max()
-
-
-def test_bending__of_a_convex_potential_is_the_part_that_stiffens():
-    """Without its share that is positive: never positive, and what is left out never negative."""
-    one, problem = state(), body().problem
-    one = State(one.u, one.p, np.where(measured(one), one.pressure, 0.0), 0 * one.shear, one.rise)
-    gaps = touched(one)
-    whole = problem.contact_stiffness(one, gaps)
-    convex = problem.contact_stiffness(one, gaps, share=0.0)
-    half = problem.contact_stiffness(one, gaps, share=0.5)
-    assert abs(half - 0.5 * (whole + convex)).max() < 1e-12 * abs(whole).max()  # rounding
-    nodes = np.unique(problem._rim)
-    dofs = np.stack([2 * nodes, 2 * nodes + 1], axis=-1).ravel()
-    size = np.abs(whole).max()
-    for matrix, sign in ((convex, -1.0), (whole - convex, 1.0)):
-        values = np.linalg.eigvalsh(sign * matrix[dofs][:, dofs].toarray())
-        assert values.min() > -1e-12 * size  # rounding
-        assert values.max() > 1e-3 * size

@@ -5,7 +5,6 @@ import functools
 import numpy as np
 import pytest
 
-from ridgebayes.contact.cylinder import newton
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.faces import proximal_corner
 from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, solve
@@ -37,13 +36,6 @@ def same(one, other):
     assert one.rise == pytest.approx(other.rise, rel=1e-8)  # solver's tolerances, next ones too
     np.testing.assert_allclose(one.u, other.u, atol=1e-9)
     np.testing.assert_allclose(one.pressure, other.pressure, atol=1e-6 * other.pressure.max())
-
-
-@pytest.mark.slow
-def test_load__leads_to_the_state_of_the_rise():
-    one = body()
-    at = pressed(0.012)
-    same(solve(one.problem, pressed(0.01), Control("load", load(one, at)))[0], at)
 
 
 def test_corner__leads_to_the_state_of_its_load_and_rise():
@@ -85,32 +77,6 @@ def test_solve__follows_the_rim_past_round_corners_to_the_state_of_short_steps()
     for rise in (0.02, 0.04, 0.06):
         state = solve(problem, state, Control("rise", rise))[0]
     same(solve(problem, first, Control("rise", 0.06))[0], state)
-
-
-def errors(monkeypatch, run):
-    found = []
-    measure = newton.NewtonStep.error
-
-    def noted(*arguments):
-        found.append(measure(*arguments))
-        return found[-1]
-
-    monkeypatch.setattr(newton.NewtonStep, "error", noted)
-    run()
-    return np.array(found)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["rise", "load"])
-def test_newton__converges_quadratically(monkeypatch, kind):
-    one = body(ab=None)
-    start = solve(one.problem, one.unloaded(), Control("rise", 0.02))[0]
-    target = 0.0202 if kind == "rise" else 1.01 * load(one, start)
-    found = errors(monkeypatch, lambda: solve(one.problem, start, Control(kind, target)))
-    # Each error at most a thousandth of the one before, which no linear rate near 1 does.
-    assert len(found) <= 6
-    assert (found[2:-1] < 1e-2 * found[1:-2]).all()
-    assert found[-1] < 1.0
 
 
 def test_no_equilibrium__is_said():

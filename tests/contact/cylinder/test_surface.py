@@ -8,7 +8,6 @@ import pytest
 from ridgebayes.contact.cylinder.surface import cast, distance, kink, shapes
 
 UP = np.array([0.0, 1.0])
-STEP = 1e-6
 
 
 def joined(nodes):
@@ -44,20 +43,6 @@ def rays(x, y, normal=UP, behind=0.5):
     normal = np.asarray(normal, dtype=float)
     normal = np.broadcast_to(normal / np.hypot(*normal.T)[..., None], point.shape).copy()
     return point, normal, {"behind": np.full(len(point), behind), "ahead": 0.5}
-
-
-def shifted(rim, edge, k, i, by):
-    """Move a node, of the neighbouring edge too where it is an end."""
-    rim = rim.copy()
-    rim[edge, k, i] += by
-    if k == 0 and edge > 0:
-        rim[edge - 1, 2, i] += by
-    if k == 2 and edge < len(rim) - 1:
-        rim[edge + 1, 0, i] += by
-    return rim
-
-
-NODES = [(k, i) for k in range(3) for i in range(2)]
 
 
 # ------------------------------------------------------------------------------------------ cast
@@ -100,79 +85,7 @@ def test_cast__meets_an_edge_that_bulges_past_its_nodes():
     assert (hits.s < 0.8125).all()
 
 
-def test_cast__meets_an_edge_that_falls_back_before_it_rises():
-    """x(s) = 1.6 s^2 - 0.6 s is an exit up to s = 0.1875, at x = -0.05625, and an entry after."""
-    edge = np.array([[[0.0, -1.0], [0.1, -1.1], [1.0, -1.0]]])
-    point, normal, reach = rays([-0.05626, -0.03, 0.0, 0.5], -1.3)
-    hits = cast(edge, point, normal, **reach)
-    np.testing.assert_array_equal(hits.ray, [1, 2, 3])
-    expected = (0.6 + np.sqrt(0.36 + 6.4 * np.array([-0.03, 0.0, 0.5]))) / 3.2
-    np.testing.assert_allclose(hits.s, expected, rtol=1e-14)  # rounding
-
-
-def oblique():
-    rim = dented()
-    rng = np.random.default_rng(7)
-    x = rng.uniform(-0.6, 0.6, 40)
-    lean = np.column_stack([rng.uniform(-0.4, 0.4, 40), np.ones(40)])
-    point, normal, reach = rays(x, rng.uniform(-1.1, -0.9, 40), normal=lean)
-    hits = cast(rim, point, normal, **reach)
-    # Away from ends of edges, past which a step of the differences would go.
-    kept = np.flatnonzero((hits.s > 1e-3) & (hits.s < 1 - 1e-3))
-    assert len(kept) > 30
-    return rim, point, normal, reach, hits, kept
-
-
-def differences(step=STEP):
-    """Hits of one ray with each coordinate of its edge's nodes moved there and back."""
-    rim, point, normal, reach, hits, kept = oblique()
-    for h in kept:
-        ray = hits.ray[h]
-        one = point[[ray]], normal[[ray]]
-        ahead = {"behind": reach["behind"][[ray]], "ahead": reach["ahead"]}
-        for k, i in NODES:
-            pair = [
-                cast(shifted(rim, hits.edge[h], k, i, by), *one, **ahead) for by in (step, -step)
-            ]
-            assert pair[0].edge[0] == pair[1].edge[0] == hits.edge[h]
-            yield hits, h, k, i, pair
-
-
-def test_hessian__is_the_derivative_of_the_gradient():
-    largest = 0.0
-    for hits, h, k, i, (plus, minus) in differences():
-        found = (plus.gradient[0] - minus.gradient[0]).ravel() / (2 * STEP)
-        # Finite differences: STEP over the edge's length, squared.
-        np.testing.assert_allclose(hits.hessian[h, 2 * k + i], found, atol=1e-5)
-        largest = max(largest, np.abs(found).max())
-    assert largest > 5.0
-
-
 # ------------------------------------------------------------------------------------------ kink
-
-
-@pytest.mark.parametrize("lean", [-0.3, 0.0, 0.2])
-def test_kink__is_the_jump_of_the_gaps_slope_at_a_node(lean):
-    """The slope of the gap as the ray moves along the rigid side, and of the gradient's sum."""
-    rim = dented()
-    edge = np.arange(4, 15)
-    node = rim[edge, 2]
-    n = np.array([lean, 1.0]) / math.hypot(lean, 1.0)
-    t = np.array([n[1], -n[0]])
-    found = kink(rim, edge, np.tile(t, (11, 1)), np.tile(n, (11, 1)))
-    step = 1e-5
-    gaps, sums = [], []
-    for by in (-2 * step, -step, step, 2 * step):
-        point, normal, reach = rays(*(node - 0.05 * n + by * t).T, normal=n)
-        hits = cast(rim, point, normal, **reach)
-        np.testing.assert_array_equal(hits.edge, edge + (by > 0))
-        gaps.append(hits.gap)
-        sums.append(hits.gradient.sum(axis=1) @ t)
-    jump = ((gaps[3] - gaps[2]) - (gaps[1] - gaps[0])) / step
-    # Finite differences: three times the step, times a curvature of the dents of order 10.
-    np.testing.assert_allclose(found, jump, atol=2e-3)
-    np.testing.assert_allclose(found, sums[1] - sums[2], atol=2e-3)
-    assert np.abs(found).max() > 0.1
 
 
 # -------------------------------------------------------------------------------------- distance
@@ -213,25 +126,6 @@ def test_distance__is_to_the_nearest_of_all_places():
         assert abs(found) == pytest.approx(apart.min(), abs=1e-6)
         assert apart[edge].min() == pytest.approx(apart.min(), abs=1e-6)
         assert (found < 0) == (np.hypot(*point) < 1.0) or abs(found) < 0.03
-
-
-@pytest.mark.slow
-def test_distance__has_the_derivative_by_the_nodes():
-    """Also where the nearest place is a node, and the sides' normals differ."""
-    rim = dented()
-    at_nodes = 0
-    for point in some_points():
-        _, edge, gradient = distance(rim, point)
-        at_nodes += (np.abs(gradient).max(axis=1) == 0.0).sum() == 2
-        for k, i in NODES:
-            pair = [distance(shifted(rim, edge, k, i, by), point)[0] for by in (STEP, -STEP)]
-            slope = (pair[0] - pair[1]) / (2 * STEP)
-            # Finite differences: STEP^2 times a third derivative, and rounding over STEP.
-            assert slope == pytest.approx(gradient[k, i], abs=1e-7)
-        shift = np.array([0.6, -0.8]) * STEP
-        moved = (distance(rim, point + shift)[0] - distance(rim, point - shift)[0]) / 2
-        assert moved == pytest.approx(-gradient.sum(axis=0) @ shift, abs=1e-7 * STEP + 1e-14)
-    assert 5 < at_nodes < 35
 
 
 @pytest.mark.parametrize("lean", [0.05, 1e-9, 0.0, -1e-9, -0.05])

@@ -38,13 +38,6 @@ def test_load_and_count__hybrid_is_equation_7_as_printed():
     np.testing.assert_allclose(Hybrid().load(Q, A, B), load, rtol=ROUNDING)
 
 
-def test_slope__is_dQ_ds_of_each_equation():
-    np.testing.assert_allclose(Classic().slope(A, B), 2 * 1.382 / (A + B), rtol=ROUNDING)
-    np.testing.assert_allclose(Modified().slope(A, B), 2 * 1.38 / (A + B), rtol=ROUNDING)
-    hybrid = 2 * 1.348 / (A + B) + 2 * 0.01583 / A
-    np.testing.assert_allclose(Hybrid().slope(A, B), hybrid, rtol=ROUNDING)
-
-
 def fitted_on_counts(form, rows):
     """Least squares on Q, as the study fitted: the residual is Q'(p; theta) - Q."""
     a, b, q, p = rows.T

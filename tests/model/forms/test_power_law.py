@@ -25,14 +25,6 @@ def test_load__finds_the_K_of_a_texture_wherever_it_stands():
     np.testing.assert_allclose(loads[:, :, 0], (4 / draws[:, ::-1]) ** 2, rtol=ROUNDING)
 
 
-def test_log_load_gradient__of_a_texture_is_in_its_own_K_alone():
-    a, b = np.transpose(TEXTURES)
-    gradient = FORM.log_load_gradient(np.stack([K, 2 * K]), a, b)
-    # log p = 2 log(Q - 2) - 2 log K.
-    expected = [np.diag(-2 / K), np.diag(-1 / K)]
-    np.testing.assert_allclose(gradient, expected, rtol=ROUNDING)
-
-
 def test_parameter_names__tell_the_texture_by_its_label_or_widths():
     assert FORM.parameter_names == ("K[a0.012_b0.03]", "K[a0.032_b0.01]")
     assert PowerLaw().bind(TEXTURES, ("wide", "narrow")).parameter_names == ("K[wide]", "K[narrow]")

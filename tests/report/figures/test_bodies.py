@@ -10,7 +10,6 @@ from matplotlib.collections import LineCollection, PolyCollection, TriMesh
 import ridgebayes as rb
 from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.cylinder.cylinder import Cylinder
-from ridgebayes.contact.cylinder.fields import surface_table
 from ridgebayes.contact.cylinder.newton import Control, solve
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.report.figures.bodies import plot_deformed, plot_pressed
@@ -78,38 +77,6 @@ def test_plot_deformed__draws_the_deformed_body_on_both_sides(name):
     bottom, top = whole.get_ylim()
     assert left < x.min() < x.max() < right
     assert bottom < y.min() < y.max() < top
-
-
-@pytest.mark.parametrize("name", ["sharp", "rounded", "offset", "floored"])
-def test_plot_deformed__draws_ridges_where_they_have_risen_to(name):
-    cylinder, state = pressed(name)
-    near = plot_deformed(cylinder, state).axes[1]
-    (ridges,) = drawn(near, PolyCollection)
-    outlines = [one.vertices for one in ridges.get_paths()]
-    table = surface_table(cylinder, state)
-    top = table["y"].max()
-    for outline in outlines:
-        assert outline[:, 1].max() == pytest.approx(top, abs=1e-3 * A)
-    for row in table.to_dict("records"):
-        land = PROFILES[name].ridge(row["ridge"])
-        (own,) = [
-            one
-            for one in outlines
-            if abs(one[:, 0].min() - land.start) + abs(one[:, 0].max() - land.stop) < 1e-12
-        ]
-        # Contact lies on the outline: within the chords of its arcs.
-        distance = np.min([off(own[i], own[i + 1], row) for i in range(len(own) - 1)])
-        assert distance < 1e-2 * max(PROFILES[name].corner, 1e-10)
-    (floor,) = [one.get_y() + one.get_height() for one in near.patches] or [None]
-    expected = None if name != "floored" else pytest.approx(top - 8e-4, abs=1e-12)
-    assert floor == expected
-
-
-def off(one, other, row):
-    """Distance of a segment's middle from a stretch of an outline."""
-    at, along = np.array([row["x"], row["y"]]) - one, other - one
-    share = np.clip(at @ along / max(along @ along, 1e-300), 0.0, 1.0)
-    return np.hypot(*(at - share * along))
 
 
 @pytest.mark.parametrize("name", PROFILES)

@@ -1,22 +1,20 @@
 """Figures: what they show is there, nothing is clipped, no text lies on other text."""
 
 import functools
-import itertools
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-import ridgebayes as rb
 from ridgebayes.checks.load_errors import percent_errors
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.drawing.forms import plot_bayes_factors, plot_percent_errors
 from ridgebayes.drawing.predictions import plot_bands
-from ridgebayes.drawing.style import COLOURS, as_bytes, lay_out, styled, symbol
+from ridgebayes.drawing.style import COLOURS, as_bytes, styled, symbol
 from ridgebayes.report.figures.gallery import Gallery, corner_of
 from ridgebayes.runtime.pool import workers
+from tests.figure_texts import clipped_and_overlapping, drawn_texts
 
 FORMS = ("classic", "power-law", "modified", "hybrid")
 RANKED = ("hybrid", "modified", "power-law", "classic")
@@ -33,50 +31,6 @@ NAMES = (
 )
 
 
-def drawn_texts(figure):
-    """Return (text, bounding box) of every text that is drawn, ticks outside the axes left out."""
-    with styled():
-        lay_out(figure)
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        renderer = canvas.get_renderer()
-        found = []
-        for axes in figure.axes:
-            if not axes.get_visible():
-                continue
-            texts = [axes.title, axes.xaxis.label, axes.yaxis.label, *axes.texts]
-            for axis in (axes.xaxis, axes.yaxis):
-                for tick in axis._update_ticks():
-                    texts += [tick.label1] if tick.label1.get_visible() else []
-            found += texts
-        for legend in figure.legends:
-            found += legend.get_texts()
-        found += [figure._suptitle] if figure._suptitle is not None else []
-        return [
-            (text, text.get_window_extent(renderer))
-            for text in found
-            if text.get_visible() and text.get_text().strip()
-        ]
-
-
-def clipped_and_overlapping(figure, texts=None):
-    texts = drawn_texts(figure) if texts is None else texts
-    width, height = figure.bbox.width, figure.bbox.height
-    clipped = [
-        text.get_text()
-        for text, box in texts
-        if box.x0 < -1 or box.y0 < -1 or box.x1 > width + 1 or box.y1 > height + 1
-    ]
-    # The box of slanted text is mostly empty: only straight text is compared.
-    straight = [(text, box) for text, box in texts if text.get_rotation() % 90 == 0]
-    overlapping = [
-        (one.get_text(), other.get_text())
-        for (one, a), (other, b) in itertools.combinations(straight, 2)
-        if min(a.x1, b.x1) - max(a.x0, b.x0) > 1 and min(a.y1, b.y1) - max(a.y0, b.y0) > 1
-    ]
-    return clipped, overlapping
-
-
 @pytest.fixture(scope="session")
 def full(gallery):
     return gallery
@@ -89,8 +43,8 @@ def texts(full):
 
 
 @pytest.fixture(scope="session")
-def bare(single):
-    return Gallery(report_data(single))
+def bare(gallery_of, single):
+    return gallery_of("single", single)
 
 
 def test_evidence_figure_shows_the_number_with_error_models_summed_out():
@@ -259,9 +213,3 @@ def test_save_writes_png_and_svg_and_nothing_else(bare, tmp_path):
     svg = (tmp_path / "figures" / "bands.svg").read_text(encoding="utf-8")
     assert "<script>" not in svg
     assert "dc:date" not in svg
-
-
-def test_a_folder_that_cannot_be_made_is_bad_input(bare, tmp_path):
-    (tmp_path / "figures").write_text("a file", encoding="utf-8")
-    with pytest.raises(rb.InputError, match="cannot write figures"):
-        bare.save(tmp_path / "figures")
