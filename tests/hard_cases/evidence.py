@@ -12,10 +12,12 @@ import ridgebayes as rb
 from ridgebayes.checks.power_scaling import power_scaling
 from ridgebayes.comparison.compare import compared
 from ridgebayes.evidence.bridge import bridge_evidence
+from ridgebayes.evidence.tables import evidence_table
 from ridgebayes.inference.emcee_sampling import walk
+from ridgebayes.inference.importance import Effort, importance_sample
+from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.request import Request
-from tests.drawn import importance_draws
 from tests.hard_cases.case import hard_case, refused
 from tests.hard_cases.likelihood import (
     FEW,
@@ -33,8 +35,13 @@ from tests.model.forms.even import Even
 def walk_of(frame):
     """Return Modified's posterior density of rows, and a walk of it."""
     target = ModelTarget(model_of(frame), 1)
-    proposal = importance_draws(target.model).proposal
+    proposal = importance_sample(target, Effort(), 1).proposal
     return target, walk(target, proposal, seed=1, settings=FEW)
+
+
+def stopped(values):
+    """Return what a walk would hold had it never moved."""
+    return np.broadcast_to(values[:, :1, :1], values.shape)
 
 
 @hard_case(
@@ -110,6 +117,44 @@ def sigma_on_its_bound():
 
 
 @hard_case(
+    "A bridge from draws that do not move",
+    why="The covariance of equal draws is singular. An iteration on them crashes or settles on an "
+    "arbitrary number.",
+    expected="The status is not ok and there is no value. The evidence of importance sampling is "
+    "used.",
+)
+def bridge_of_frozen_draws():
+    target, walked = walk_of(made(rb.Modified(), [1.4], error=0.03))
+    chains = walked.chains
+    frozen = replace(
+        walked,
+        chains=replace(chains, log_density=stopped(chains.log_density)),
+        coordinates=stopped(walked.coordinates),
+        log_jacobian=stopped(walked.log_jacobian),
+    )
+    found = bridge_evidence(target, frozen, rng=np.random.default_rng(1))
+    assert not found.ok
+    assert math.isnan(found.value)
+    both = [weighed(target.model), found]
+    used = evidence_table({("modified", "iid"): both})
+    assert used.loc[used["used"], "method"].tolist() == ["importance"]
+    return f"bridge: {found.status}; importance is used"
+
+
+@hard_case(
+    "A bridge limited to one step",
+    why="An iteration that was stopped early returns a number that looks like any other.",
+    expected="No value, and a status that says that the iteration did not settle.",
+)
+def bridge_stopped():
+    target, walked = walk_of(made(rb.Modified(), [1.4], error=0.03))
+    found = bridge_evidence(target, walked, rng=np.random.default_rng(1), iterations_max=1)
+    assert not found.ok
+    assert math.isnan(found.value)
+    return found.status
+
+
+@hard_case(
     "Improper and degenerate priors",
     why="An evidence under a prior of infinite width is zero times an arbitrary constant. A width "
     "that is 0, NaN or negative leads to NaN much later.",
@@ -172,3 +217,59 @@ def rows_without_power():
     assert abs(one.value - other.value) < 4 * math.hypot(one.se, other.se) + 1e-4
     top = found["likelihood"].max()
     return f"likelihood at most {top:.4f}, prior at least {found['prior'].min():.2f}"
+
+
+@hard_case(
+    "A posterior 1e-12 as wide as its prior",
+    why="A rule whose points cover the prior never meets the posterior.",
+    expected="ln Z by the normal density of the rows (conjugate, known errors), to four standard "
+    "errors. Mean and sd of c to five standard errors of the draws.",
+)
+def posterior_far_narrower_than_prior():
+    known = 1e-6
+    frame = made(rb.Modified(), [1.4], error=known, rel_se=known)
+    priors = {"c": rb.LogNormal(1.0, 1e6), "sigma": rb.HalfNormal(1e-14)}
+    by_owner = {"modified": {"c": priors["c"]}, "noise": {"sigma": priors["sigma"]}}
+    model = model_of(frame, **priors)
+    r = modified_residuals(frame, np.longdouble)
+    n = len(r)
+    spread = np.longdouble(4e12)
+    mean = r.mean()
+    squares = ((r - mean) ** 2).sum() / known**2 + n * mean**2 / (known**2 + n * spread)
+    log_det = (n - 1) * 2 * np.log(np.longdouble(known)) + np.log(known**2 + n * spread)
+    truth = float(-0.5 * (squares + log_det + n * np.longdouble(LOG_2PI)))
+    found = weighed(model)
+    assert_is(found, truth)
+    fit = rb.calibrate(
+        rb.read_table(frame),
+        rb.Modified(),
+        priors=by_owner,
+        rng=1,
+        settings=FEW,
+        noise="iid",
+    )
+    row = fit.summary.iloc[0]
+    centre, sd = float(np.exp(-mean / 2)), 1.4 * known / 2 / math.sqrt(n)
+    assert fit.converged
+    assert abs(row["mean"] - centre) < 5 * row["mcse_mean"] + 1e-15
+    assert abs(row["sd"] / sd - 1) < 0.05
+    return f"sd {row['sd'] / 1.4 / 1e6:.1e} of the prior's; ln Z {found.value:.2f} for {truth:.2f}"
+
+
+@hard_case(
+    "A form whose evidence failed with every method",
+    why="One NaN in a softmax makes every probability NaN.",
+    expected="The probabilities of the others sum to 1. The failed form has none.",
+)
+def failed_evidence_among_others():
+    failed = LogEvidence("bridge", math.nan, math.nan, "halves disagree")
+    found = {
+        "classic": [failed],
+        "modified": [LogEvidence("bridge", -1e300, 1.0)],
+        "hybrid": [LogEvidence("bridge", 1e300, 1.0)],
+    }
+    table = evidence_table({(name, "iid"): several for name, several in found.items()})
+    shares = table["model_probability"].tolist()
+    assert math.isnan(shares[0])
+    assert shares[1:] == [0.0, 1.0]
+    return "probabilities NaN (none), 0 and 1 at ln Z of ± 1e300"

@@ -11,6 +11,7 @@ import numpy as np
 import ridgebayes as rb
 from ridgebayes.inference.emcee_sampling import walk
 from ridgebayes.inference.importance import Effort, importance_sample
+from ridgebayes.inference.proposal import Mixture
 from ridgebayes.inference.target import PlainTarget
 from tests.hard_cases.case import hard_case, refused
 from tests.hard_cases.likelihood import FEW, THREE, made, weighed
@@ -169,6 +170,31 @@ def too_short():
         assert np.isfinite(fit.draws).all()
     n_missing = len(fit.convergence_failures)
     return f"{len(wrong)} settings refused; 5 steps: {n_missing} things are missing"
+
+
+@hard_case(
+    "Walkers stuck in two modes 40 sds apart",
+    why="Within each ensemble everything looks right. Only a comparison of ensembles, or of their "
+    "walkers, shows that none crosses.",
+    expected="Not reported as converged; R-hat or the autocorrelation time is named.",
+)
+def stuck_apart():
+    def wells(u):
+        x, y = u[..., 0], u[..., 1]
+        return np.logaddexp(-0.5 * (x - 20) ** 2, -0.5 * (x + 20) ** 2) - 0.5 * y * y
+
+    from ridgebayes.inference.diagnostics import failed_diagnostics, summarise
+
+    settings = rb.SampleSettings(n_walker=8, n_step_max=1_500)
+    wide = Mixture(np.ones(1), np.zeros(1, int), np.zeros((1, 2)), np.diag([20.0, 1.0])[None])
+    chains = walked(wells, proposal=wide, settings=settings)
+    convergence_failures = chains.convergence_failures + failed_diagnostics(
+        summarise(chains.u, ("x", "y"))
+    )
+    assert any(line.startswith("x: ") for line in convergence_failures)
+    shares = (chains.u[..., 0] > 0).mean(axis=(1, 2))
+    assert shares.std() > 0.01
+    return f"{len(convergence_failures)} things are missing, among them tau or R-hat of x"
 
 
 @hard_case(

@@ -2,15 +2,34 @@ import pytest
 
 from ridgebayes import (
     Classic,
+    Gamma,
     HalfNormal,
     HalfPlane,
     Hybrid,
     LogNormal,
     Modified,
+    Noise,
     Normal,
     PowerLaw,
 )
 from ridgebayes.model.default_priors import default_priors
+
+
+def test_default_priors__of_each_error_model_follow_the_coefficients():
+    everything = {
+        "sigma": HalfNormal(0.05),
+        "tau_texture": HalfNormal(0.03),
+        "tau_step": HalfNormal(0.03),
+        "tau_series": HalfNormal(0.1),
+        "length_h": LogNormal(1.0, 0.7),
+        "length_ratio": LogNormal(0.3, 0.7),
+        "df": Gamma(2.0, 0.1),
+    }
+    for noise in Noise.candidates(2):
+        priors = default_priors(Hybrid(), noise)
+        assert tuple(priors) == ("c1", "c2", *noise.parameter_names)
+        for name in noise.parameter_names:
+            assert priors[name] == everything[name]
 
 
 def test_default_priors__are_those_of_the_design():

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -111,6 +112,40 @@ def test_cluster__without_the_package_is_told_to_install_it(address, tmp_path, m
         pytest.raises(rb.InputError, match=expected),
     ):
         executor.submit(one, 1).result(60)
+
+
+def test_sweep__a_dask_worker_killed_on_the_way_changes_nothing(tmp_path, address):
+    rb.generate(SCENE).write(tmp_path / "one.csv")
+    said = []
+    with executor_for(None, address) as executor, dask_worker(address) as victim:
+        where = third_worker(executor)
+        os.kill(victim.pid, signal.SIGSTOP)  # it will hold textures, and not get them done
+
+        def tell(text):
+            said.append(text)
+            if victim.poll() is None and executor._client.processing().get(where):
+                victim.kill()
+                victim.wait()
+
+        for _ in range(40):  # on a busy machine the others may be done before it is given any
+            said.clear()
+            rb.generate(SCENE, executor=executor, progress=tell).write(tmp_path / "dask.csv")
+            if victim.poll() is not None:
+                break
+        assert victim.poll() == -signal.SIGKILL
+    assert len(said) == len(SCENE.textures)
+    assert (tmp_path / "dask.csv").read_bytes() == (tmp_path / "one.csv").read_bytes()
+
+
+def third_worker(executor):
+    """Wait for one more than the two there are, and return its address."""
+    end, before = time.monotonic() + 60, set(executor._client.nthreads())
+    assert len(before) == 2
+    while not (new := set(executor._client.nthreads()) - before):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    (where,) = new
+    return where
 
 
 def test_lost_workers__too_many_of_them_name_the_task():
