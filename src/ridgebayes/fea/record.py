@@ -1,4 +1,4 @@
-"""What a user gives to an import, and its result: a table and messages, or all that is wrong."""
+"""Facts that a user gives to an import, and its result: a table, or all that is wrong."""
 
 import hashlib
 import heapq
