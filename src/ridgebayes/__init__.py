@@ -21,7 +21,7 @@ _HOME = {
     "ComputationError": "errors",
     "InputError": "errors",
     "RidgebayesError": "errors",
-    "import_table": "fea.import_table",
+    "import_table": "fea.read",
     "export_deck": "fea.deck_text",
     "Scene": "scene.scene",
     "plan": "scene.estimates",
@@ -106,7 +106,7 @@ if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
     from ridgebayes.errors import InputError as InputError
     from ridgebayes.errors import RidgebayesError as RidgebayesError
     from ridgebayes.fea.deck_text import export_deck as export_deck
-    from ridgebayes.fea.import_table import import_table as import_table
+    from ridgebayes.fea.read import import_table as import_table
     from ridgebayes.friction.bands import FrictionBands as FrictionBands
     from ridgebayes.friction.calibration import FrictionFit as FrictionFit
     from ridgebayes.friction.calibration import calibrate_friction as calibrate_friction

@@ -29,9 +29,8 @@ import pint
 import pyarrow.parquet
 
 from ridgebayes import InputError
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
-from ridgebayes.fea.record import Imported
+from ridgebayes.fea.record import Given, Imported
 from tests.fea import runs
 
 SLOWEST = 5.0  # seconds that any file of this size may take

@@ -10,8 +10,8 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
+from ridgebayes.fea.record import Given
 from tests.fea import abaqus_writer as writer
 from tests.fea.abaqus_writer import pressed
 

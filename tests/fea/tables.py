@@ -2,8 +2,8 @@
 
 import json
 
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
+from ridgebayes.fea.record import Given
 
 
 def imported(path, mapping=None, **facts):

@@ -14,8 +14,8 @@ from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
+from ridgebayes.fea.record import Given
 from ridgebayes.scene.scene import Texture
 
 SOLVER = shutil.which("ccx") or shutil.which("ccx_2.20")

@@ -7,9 +7,8 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.fea.delimited import read_delimited
-from ridgebayes.fea.given import Given
-from ridgebayes.fea.record import FileError
+from ridgebayes.fea.cells import read_delimited
+from ridgebayes.fea.record import FileError, Given
 
 GOOD = "a,b,Q\n0.03,0.01,4\n0.02,0.04,6\n"
 

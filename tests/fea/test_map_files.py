@@ -3,7 +3,7 @@
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.fea.given import parse_map, read_mapping
+from ridgebayes.fea.record import parse_map, read_mapping
 from tests.fea.tables import imported
 
 

@@ -12,8 +12,8 @@ from ridgebayes import InputError
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.fields import write_fields
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
+from ridgebayes.fea.record import Given
 from tests.fea import runs
 from tests.fea.runs import imported
 

@@ -7,8 +7,8 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes import generate
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
+from ridgebayes.fea.record import Given
 from ridgebayes.table.datafiles import CALCULIX_FE, data_path
 
 FEA = data_path(CALCULIX_FE).parent

@@ -48,13 +48,6 @@ def test_transitions_of__without_a_smooth_gap_a_load_is_in_its_increment(
     assert said == messages
 
 
-def test_transitions_of__a_straight_gap_is_zero_at_its_load():
-    rows, messages = transitions_of(LOAD, straight(0.37), np.array([4]))
-    assert rows["p_over_E"].iloc[0] == pytest.approx(0.37, rel=1e-12)  # rounding
-    assert np.isnan(rows["p_over_E_lower"].iloc[0])
-    assert messages == []
-
-
 def test_transitions_of__a_curved_gap_is_off_by_no_more_than_three_errors():
     for power in (0.8, 1.3, 2.0):
         gap = np.maximum(0.37**power - LOAD**power, 0.0)[:, None]
@@ -82,14 +75,6 @@ def test_transitions_of__contact_seen_only_while_unloading_does_not_count():
     gap = np.array([[0.3], [0.2], [0.1], [-0.1], [0.05]])
     with pytest.raises(InputError, match=r"no corner is reached.*0\.4.*Q = 4: not reached"):
         transitions_of(load, gap, np.array([4]))
-
-
-def test_transitions_of__known_signs_alone_make_brackets():
-    gap = np.where(LOAD[:, None] > [0.25, 0.45], -np.inf, np.inf)
-    rows, messages = transitions_of(LOAD, gap, np.array([4, 6]))
-    assert rows["p_over_E_lower"].tolist() == [0.2, 0.4]
-    assert rows["p_over_E"].tolist() == [0.3, 0.5]
-    assert messages == []
 
 
 def test_transitions_of__errors_of_the_gap_are_errors_of_the_load():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.fea.words import column_unit, corners_of, count_term, divided, key_of
+from ridgebayes.fea.words import column_unit, corners_of, divided, key_of
 
 KEYS = {
     "a": "Ridge width,ridge_width,Stegbreite,Steg,Land width,ridge edge width,land",
@@ -35,17 +35,6 @@ KEYS = {
 )
 def test_key_of__reads_words_of_the_field(words, key):
     assert key_of(words) == key
-
-
-@pytest.mark.parametrize(
-    ("words", "term"),
-    [
-        *(("Anzahl Stege", "ridges"), ("proximal edges", "edges"), ("Kontaktsegmente", "segments")),
-        *(("edges per side", "per-side"), ("contacts", ""), ("n", "")),
-    ],
-)
-def test_count_term__says_what_is_counted_or_nothing(words, term):
-    assert count_term(words) == term
 
 
 @pytest.mark.parametrize(

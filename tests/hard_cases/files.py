@@ -24,8 +24,8 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes.commands.report import report_job
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
+from ridgebayes.fea.record import Given
 from tests.hard_cases.case import hard_case, refused
 
 SOURCE = Path(__file__).parents[2] / "src" / "ridgebayes"

@@ -12,9 +12,8 @@ from ridgebayes.commands.parsing import parse_numbers, refuse_existing
 from ridgebayes.commands.shared_options import FLAGS
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
-from ridgebayes.fea.record import FileError
+from ridgebayes.fea.record import FileError, Given
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import count
 from ridgebayes.scene.texture_text import parse_texture

@@ -1,21 +1,22 @@
 r"""Output of other finite element programs to contact tables, and scenes to their input decks.
 
+A table passes `columns`: its text becomes records and a header (`delimited`), then cells and
+numbers (`cells`, and `spreadsheet` before it), or columns are read as they are (`parquet`).
+`mapping` finds what each column is by `words` of `words.toml`, `missing` proposes what no word
+tells, `wide` makes a row for each load, `convert` computes in SI units, and `increments` finds
+transitions in runs.
+
 A run is a contact history (`history`), and one module a format makes it: `calculix`, `abaqus_dat`,
-`abaqus_rpt`, `febio`, `ansys`, `mesh_series` (over `mesh_files`). `history.table_of` makes loads of
-any, by `rim` and `transitions`.
+`abaqus_rpt`, `febio`, `ansys`, `mesh_series` (over `mesh_files`). `runs` asks for the facts that
+files lack, and `history.table_of` makes loads of any, by `rim` and `transitions`.
 
-A table passes `columns`: its text (`delimited`, `spreadsheet`) becomes cells and numbers (`cells`)
-below a header (`header`), or columns are read as they are (`parquet`). `mapping` finds what each
-column is by `words` of `words.toml`, `missing` proposes what no word tells, `wide` makes a row for
-each load, `convert` computes in SI units, and `increments` finds transitions in runs.
-
-`read` recognises a file and calls these; `given` holds what the user says; `deck_text` writes
-decks. The room knows tables and scenes, and nothing of models. A file becomes a table, with
-messages about it:
+`read` recognises a file and calls these; `record` holds what the user says and what an import
+returns; `deck_text` writes decks. The room knows tables and scenes, and nothing of models. A file
+becomes a table, with messages about it:
 
 >>> from pathlib import Path
 >>> from tempfile import TemporaryDirectory
->>> from ridgebayes.fea.given import Given
+>>> from ridgebayes.fea.record import Given
 >>> from ridgebayes.fea.read import import_files
 >>> text = "Ridge width [um],Groove width [um],Q,P [N/mm]\n240,80,4,1e-3\n240,80,6,4e-3\n"
 >>> with TemporaryDirectory() as folder:

@@ -60,10 +60,8 @@ def read_abaqus_dat(path: Path, *, deck: RunDeck) -> ContactHistory:
         f"U1 and U2 of {surface} and RF2 of {reaction}; expected *NODE PRINT of U on the one and "
         f"of RF on the other; the tables are {printed.shown}",
     )
-    x, height = np.moveaxis(deck.undeformed + np.array(moved), -1, 0)
-    surface_at = {"x": x, "height": height, "undeformed": deck.undeformed, "rigid": deck.rigid}
-    source = deck.provenance(path, "abaqus-dat")
-    return printed.history(load, source, "abaqus", digits=max(digits) / 2, **surface_at)
+    at, source = deck.undeformed + np.array(moved), deck.provenance(path, "abaqus-dat")
+    return printed.history(load, source, "abaqus", at=at, digits=max(digits) / 2, **deck.places)
 
 
 def _fill(table: NodeTable, nodes: list[int]) -> None:

@@ -56,10 +56,6 @@ def read_abaqus_rpt(
     """
     sheet = Deck() if deck is None else read_deck(deck)
     printed = _Report("averaged where elements meet").read(path)
-    if not printed.steps:
-        raise InputError(
-            f"{path}: no 'Field Output Report'; expected a field report of Abaqus/Viewer"
-        )
     columns = _U if deck else _COORD + _U
     nodes, driven = (
         list(dict.fromkeys(sheet.nsets.get((name or "").upper(), ())))
@@ -68,48 +64,37 @@ def read_abaqus_rpt(
     digits = []
 
     def state(increment: Increment) -> tuple[float, FloatArray]:
-        rim = _table(increment, columns, surface, nodes)
-        forces = _table(increment, (_RF,), reaction, driven)
+        tables = []
+        for names, region, numbers in ((columns, surface, nodes), ((_RF,), reaction, driven)):
+            table = increment.table(names, region or "", *[""] * bool(numbers))
+            if not table.whole:
+                raise MissingError(f"{', '.join(names)} of {table.nodes} is cut off")
+            tables.append(table)
+        rim, forces = tables
         nodes[:] = nodes or rim.rows.index.tolist()
-        values = rim.of(nodes, *columns)
-        if n := int(np.isnan(values[:, 0]).sum()):
-            raise MissingError(f"{n} nodes missing")
         digits.append(_digits(rim))
-        return _force(forces, driven), values
+        return _force(forces, driven), rim.of(nodes, *columns)
 
-    wanted = f"{', '.join(columns)} and {_RF}; expected nodal field output of both"
+    wanted = f"{', '.join(columns)} and {_RF}; expected nodal field output of both in a field "
+    wanted += "report of Abaqus/Viewer"
     load, states = printed.states(state, path, wanted)
     moved = np.array(states)[..., -2:]
     if deck is None:
         undeformed, how = _undeformed(path, np.array(states)[..., :2], moved)
         printed.messages.append(how)
-        rigid = np.zeros((0, 2))
     else:
         undeformed = sheet.coordinates(nodes, str(deck))
-        rigid = sheet.coordinates(sheet.rigid_nodes(nodes), str(deck))
-    x, height = np.moveaxis(undeformed + moved, -1, 0)
     options = {"deck": deck and deck.name, "surface": surface, "reaction": reaction}
     source = (f"{key}={name}" for key, name in options.items() if name)
     return printed.history(
         load,
         provenance(path, "abaqus-rpt", *source),
         "abaqus",
-        x=x,
-        height=height,
+        at=undeformed + moved,
         undeformed=undeformed,
-        rigid=rigid,
+        rigid=sheet.coordinates(sheet.rigid_nodes(nodes), str(deck)),
         digits=0.5 * 10.0 ** (1 - max(digits)) * float(np.abs(moved).max()),
     )
-
-
-def _table(
-    increment: Increment, columns: tuple[str, ...], name: str | None, nodes: list[int]
-) -> NodeTable:
-    """Return the table of a region, or else the one that has a set's nodes."""
-    table = increment.table(columns, name or "", *[""] * bool(nodes))
-    if not table.whole:
-        raise MissingError(f"{', '.join(columns)} of {table.nodes} is cut off")
-    return table
 
 
 class _Report(Printed):
@@ -117,19 +102,14 @@ class _Report(Printed):
 
     def __init__(self, rule: str) -> None:
         super().__init__(rule)
-        self.steps: dict[str, int] = {}
-        self._database, self._step = "", ""
-        self._region_name = ""
+        self._steps: dict[str, int] = {}
+        self._database = self._step = ""
         self._header: list[str] = []
         self._pending: list[str] = []  # a row so far: wide ones are wrapped
 
-    @on("Field Output Report(?!.*reported at)")
-    def _title(self, line: Line, match: re.Match[str]) -> None:
-        self.increment = self.table = None
-        self.steps.setdefault("", 0)
-
     @on(r"(ODB: .*\S)")
     def _run(self, line: Line, match: re.Match[str]) -> None:
+        self.increment = self.table = None
         if self._database not in ("", match[1]):
             raise line.error(f"{match[1]}, and above {self._database}; expected one run")
         self._database = match[1]
@@ -145,7 +125,7 @@ class _Report(Printed):
             self.others.add(match[1])
             return
         line.finite(match[3])
-        self.begin(line, (self.steps.setdefault(self._step, len(self.steps)), int(match[2])))
+        self.begin(line, (self._steps.setdefault(self._step, len(self._steps)), int(match[2])))
 
     @on(r"Field Output reported at(?: nodes for (?:part|region): (.*\S))?")
     def _region(self, line: Line, match: re.Match[str]) -> None:

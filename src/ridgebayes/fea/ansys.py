@@ -75,12 +75,12 @@ def read_ansys(
     if corners or not (listing.places.lines or ux):
         Q, at = _at_corners(str(paths[0]), nodes, corners)
         return history(closed=closed[:, at], Q=Q)
-    place = listing.places.of(nodes, *_PLACE)
+    place = listing.places.rows.reindex(nodes).to_numpy()
     if lost := np.flatnonzero(np.isnan(place[:, 0])).tolist():
         raise InputError(f"{paths[0]}: node {nodes[lost[0]]} has no X and Y; expected NLIST beside")
     if ux:
-        x, height = place[:, 0] + ux[0], place[:, 1] + values
-        return history(x=x, height=height, undeformed=place, digits=last_digit(values) / 2)
+        at = place + np.stack([ux[0], values], axis=-1)
+        return history(at=at, undeformed=place, digits=last_digit(values) / 2)
     return history(x=np.broadcast_to(place[:, 0], closed.shape), closed=closed, undeformed=place)
 
 

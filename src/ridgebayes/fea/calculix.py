@@ -7,28 +7,25 @@ from pathlib import Path
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.errors import InputError
+from ridgebayes.fea.calculix_frd import COLUMNS, Frd
 from ridgebayes.fea.calculix_sta import read_sta
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line, numbers_of
-from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
+from ridgebayes.fea.printed import Increment, NodeTable, Printed, on
 from ridgebayes.runtime.text import clipped
 
 _FACES = "slave element+face"
 _STRESS = ("element", "face", "press", "tang1", "tang2")
-_FORCES, _MOVED = ("fx", "fy", "fz"), ("vx", "vy", "vz")
+_FORCES, _MOVED = (tuple(COLUMNS[name]) for name in ("FORC", "DISP"))
 _COLUMNS = {
     "total force": _FORCES,
     "forces": _FORCES,
     "displacements": _MOVED,
     "contact stress": _STRESS,
-    "DISP": _MOVED,
-    "FORC": _FORCES,
 }
 # CalculiX makes a plane element one layer of a solid, whose first two faces are its sides.
 _SIDES = 2
-_CORNERS = (3, 4)  # of plane elements
 _DIGITS = 5e-7  # of a displacement: seven are printed
 _FRD_DIGITS = 5e-6  # six are, in a .frd
 
@@ -59,7 +56,7 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
         If a file cannot be understood, with file and line; if a set is missing.
     """
     is_frd = path.suffix.lower() == ".frd"
-    printed = (_Frd() if is_frd else _Blocks({deck.surface, deck.reaction})).read(path)
+    printed = (Frd() if is_frd else _Blocks({deck.surface, deck.reaction})).read(path)
     surface, reaction = ("", "") if is_frd else (deck.surface, deck.reaction)
     times = sorted(printed.increments)
     if sta is not None:
@@ -75,10 +72,7 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
         force = increment.table(_FORCES, reaction).force(deck.driven, "fy")
         if not is_moved:
             return force, _faces(increment.table(_STRESS))
-        moved = increment.table(_MOVED, surface).of(deck.nodes, "vx", "vy")
-        if n := int(np.isnan(moved[:, 0]).sum()):
-            raise MissingError(f"displacements missing for {n} of {len(moved)} nodes")
-        return force, moved
+        return force, increment.table(_MOVED, surface).of(deck.nodes, "vx", "vy")
 
     load, states = printed.states(
         state,
@@ -86,41 +80,26 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
         f"displacements of {deck.surface} or contact stress, and forces of {deck.reaction}; "
         "expected *NODE PRINT of U and of RF, TOTALS=ONLY; or *NODE FILE, OUTPUT=2D of both",
     )
-    source, undeformed = deck.provenance(path, "calculix"), deck.undeformed
-    if not is_moved:
-        pressed = _pressed(states, deck)
-        n = pressed["closed"].sum(axis=1).max()
-        printed.messages.append(f"pressed faces: {n} at most, where they were")
-        return printed.history(load, source, "calculix", undeformed=undeformed, **pressed)
-    x, height = np.moveaxis(undeformed + np.array(states), -1, 0)
-    digits = float((_FRD_DIGITS if is_frd else _DIGITS) * np.abs(states).max())
-    surface_at = {"x": x, "height": height, "undeformed": undeformed, "rigid": deck.rigid}
-    return printed.history(load, source, "calculix", digits=digits, **surface_at)
+    source = deck.provenance(path, "calculix")
+    if is_moved:
+        digits = float((_FRD_DIGITS if is_frd else _DIGITS) * np.abs(states).max())
+        at = deck.undeformed + np.array(states)
+        return printed.history(load, source, "calculix", at=at, digits=digits, **deck.places)
+    pressed = _pressed(states, deck)
+    n = pressed["closed"].sum(axis=1).max()
+    printed.messages.append(f"pressed faces: {n} at most, where they were")
+    return printed.history(load, source, "calculix", **deck.places, **pressed)
 
 
 def _pressed(stress: Sequence[FloatArray], run: RunDeck) -> dict[str, np.ndarray]:
     """Return which faces are pressed in each increment, and where they were."""
     pressed = [{(int(row[0]), int(row[1])) for row in rows if row[2] > 0} for rows in stress]
     faces = sorted(set().union(*pressed))
-    ends = np.array([_ends(element, side - _SIDES, run) for element, side in faces])
+    ends = np.array([run.ends(element, side - _SIDES) for element, side in faces])
     ends = ends.reshape(-1, 2)
     closed = np.array([[face in some for face in faces] for some in pressed])
     x = np.broadcast_to(ends.mean(axis=1), closed.shape)
     return {"x": x, "closed": closed, "width": np.abs(np.diff(ends)[:, 0])}
-
-
-def _ends(element: int, side: int, run: RunDeck) -> tuple[float, float]:
-    """Return from where to where a side of an element was."""
-    nodes = run.deck.elements.get(element, ())
-    places = [run.deck.nodes[node] for node in nodes if node in run.deck.nodes]
-    # Corners come first, then as many nodes in the middle of sides, or none.
-    n = len(nodes) if len(nodes) in _CORNERS else len(nodes) // 2
-    if len(set(places)) < len(nodes) or n not in _CORNERS or not 0 < side <= n:
-        raise InputError(
-            f"{run.path}: no side {side} of an element {element}, which is pressed; expected the "
-            "run's deck, of plane triangles and quadrilaterals"
-        )
-    return places[side - 1][0], places[side % n][0]
 
 
 class _Blocks(Printed):
@@ -201,42 +180,3 @@ def _faces(table: NodeTable) -> FloatArray:
             f"face {face[i]:g} of {element[i]:g}; expected a side of a plane element"
         )
     return rows
-
-
-class _Frd(Printed):
-    """Displacements and forces of all nodes, in columns of fixed width."""
-
-    _width = 0  # of a node's number
-
-    @on(r"(?<= )-1")
-    def _row(self, line: Line, match: re.Match[str]) -> None:
-        if self.table is not None:
-            text, first = line.text, 3 + self._width
-            ends = range(first, first + 12 * len(self.table.columns), 12)
-            cells = [text[3:first], *(text[start : start + 12] for start in ends)]
-            self.table.lines.append(line._replace(text=" ".join(cells)))
-
-    @on("100C")
-    def _time(self, line: Line, match: re.Match[str]) -> None:
-        form = line.text[73:75].strip()
-        if form not in ("0", "1"):
-            raise line.error(f"format {form!r}; expected text, 0 or 1, not binary")
-        self._width = 10 if form == "1" else 5
-        self.begin(line, (line.finite(line.text[12:24].strip()),))
-
-    @on(r"-4 {2}(.{8})")
-    def _block(self, line: Line, match: re.Match[str]) -> None:
-        self.table, name = None, match[1].strip()
-        if name not in _COLUMNS:
-            self.others.add(name)
-        else:
-            self.open(line, name, list(_COLUMNS[name]))
-
-    @on("-3")
-    def _end(self, line: Line, match: re.Match[str]) -> None:
-        if self.table is not None:
-            self.table.whole, self.table = True, None
-        self.increment = None  # each block has a head with its time
-
-    def row(self, line: Line, table: NodeTable) -> None:
-        """Take the name of a component: columns are those of a plane run."""

@@ -14,14 +14,20 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.given import Given
-from ridgebayes.fea.header import LOOKED_AT, Row, clean_headers, filled, find_header
-from ridgebayes.fea.record import FileError, TableFile
+from ridgebayes.fea.delimited import (
+    LOOKED_AT,
+    SEPARATORS,
+    Row,
+    clean_headers,
+    filled,
+    find_header,
+    separated_text,
+)
+from ridgebayes.fea.record import FileError, Given, TableFile
 from ridgebayes.fea.words import FORTRAN, NOTHING, NUMBER, is_unit, split_header
 from ridgebayes.runtime.text import clipped, count, some_of
-from ridgebayes.table.files import even_lines, lossless
+from ridgebayes.table.files import even_lines, lossless, records
 
-SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
 FINITE = "expected a finite number, with a point for decimals, or an empty cell"
 _MARKS = {".": "point", ",": "comma"}
 _COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
@@ -299,3 +305,17 @@ class TextTable(TableFile):
                     decimal="point" if self._separator == "," else "comma",
                 )
         return style
+
+
+def read_delimited(content: bytes, facts: Given, problems: FileError) -> TextTable:
+    """Read a text file of cells between separators.
+
+    Raises
+    ------
+    InputError
+        As `separated_text` and `TextTable`, or if a quote is open.
+    """
+    text, separator = separated_text(content, facts.skip_rows, problems)
+    lines = records(text, problems.where, separator)
+    rows = ((line + facts.skip_rows, cells) for line, cells in lines)
+    return TextTable(rows, separator, facts, problems, text=text)

@@ -7,27 +7,35 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
+from ridgebayes.fea.cells import read_delimited
 from ridgebayes.fea.convert import Converter, listed, with_load_se
-from ridgebayes.fea.delimited import read_delimited
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.increments import of_corners, of_counts
-from ridgebayes.fea.mapping import ABOVE_0, CORNERS, LOADS, LOWERS, Use, assign, check_constants
+from ridgebayes.fea.mapping import (
+    ABOVE_0,
+    CORNERS,
+    LOADS,
+    LOWERS,
+    Use,
+    assign,
+    check_constants,
+    lacking,
+)
 from ridgebayes.fea.missing import ask_columns
 from ridgebayes.fea.parquet import ParquetTable
-from ridgebayes.fea.record import SHOWN, FileError, Imported, TableFile, provenance
+from ridgebayes.fea.record import SHOWN, FileError, Given, Imported, TableFile, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
-from ridgebayes.fea.transitions import counts_repeat
 from ridgebayes.fea.wide import melted
 from ridgebayes.fea.words import DISGUISES
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.runtime.text import count, some_of
 from ridgebayes.table.columns import RawTable
-from ridgebayes.table.rules import as_text, checked
+from ridgebayes.table.rules import as_text, checked, row_codes
 from ridgebayes.table.table import ContactTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 _FULL = ("a", "b", "pitch", "R", "D", "E")  # columns without empty cells
 _OF_GROUPS = (*_FULL, "a_over_R", "b_over_R", "nu", "offset", "offset_over_R", "thickness")
+_MOST_Q = 10_000  # of counts: a column of memory for each even one
 _LONGEST = 300  # characters of the mapping in `source`
 
 
@@ -97,7 +105,9 @@ def read_columns(path: Path, facts: Given) -> Imported:
                 f"{where}, column {use.header!r}, {use.name}: expected numbers or text"
             )
         _check_cells(cells, use, problems)
-    typed = uses = ask_columns(cells, uses, values, problems)
+    if needed := lacking(uses, values):
+        uses = ask_columns(needed, cells, uses, values, problems)
+    typed = uses
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
     if not corners and any(use.label is not None for use in uses):
         cells, uses = melted(cells, uses, problems)
@@ -128,12 +138,26 @@ def _transitions(
         return of_corners(converter, corners), None
     frame = converter.rows(term)
     is_plain = "kind" not in frame and "status" not in frame
-    if len(frame) and is_plain and counts_repeat(frame):
+    if len(frame) and is_plain and _counts_repeat(frame):
         return of_counts(converter, frame), None
     if len(frame):
         load_se = frame.pop("load_se").to_numpy() if "load_se" in frame else None
         frame = converter.finished(with_load_se(frame, load_se))
     return frame.reset_index(drop=True), frame.index
+
+
+def _counts_repeat(frame: pd.DataFrame) -> bool:
+    """Return whether rows are increments: counts of 4 or more repeat while a load rises."""
+    Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
+    same = Q[1:] == Q[:-1]
+    if 3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= _MOST_Q:
+        return False
+    curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
+    # A curve without any load has its top in its first row, and so no increments.
+    top = pd.Series(load).fillna(-np.inf).groupby(curve).transform("idxmax").to_numpy()
+    same &= (curve[1:] == curve[:-1]) & (np.arange(1, len(Q)) <= top[1:])
+    rising = same & (load[1:] > load[:-1])
+    return bool(0 < 0.8 * same.sum() <= rising.sum())
 
 
 def _fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> None:

@@ -9,9 +9,8 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.mapping import ABOVE_0, LOADS, Use
-from ridgebayes.fea.record import FileError
+from ridgebayes.fea.record import FileError, Given
 from ridgebayes.fea.words import (
     COUNTS,
     DIMENSIONS,

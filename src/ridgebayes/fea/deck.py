@@ -16,6 +16,7 @@ from ridgebayes.fea.record import provenance
 
 _DEEPEST = 4  # *INCLUDEs within *INCLUDEs
 _MOST_NODES = 1_000_000  # of a set
+_CORNERS = (3, 4)  # of plane elements
 
 
 @dataclass
@@ -154,6 +155,30 @@ class RunDeck:
     def rigid(self) -> FloatArray:
         """Coordinates of nodes that are not the body's, shape (n, 2)."""
         return self.deck.coordinates(self.deck.rigid_nodes(self.nodes), str(self.path))
+
+    @property
+    def places(self) -> dict[str, FloatArray]:
+        """Where the surface and the ridges are, as `ContactHistory` takes them."""
+        return {"undeformed": self.undeformed, "rigid": self.rigid}
+
+    def ends(self, element: int, side: int) -> tuple[float, float]:
+        """Return from where to where a side of a plane element is.
+
+        Raises
+        ------
+        InputError
+            If there is no such side.
+        """
+        nodes = self.deck.elements.get(element, ())
+        places = [self.deck.nodes[node] for node in nodes if node in self.deck.nodes]
+        # Corners come first, then as many nodes in the middle of sides, or none.
+        n = len(nodes) if len(nodes) in _CORNERS else len(nodes) // 2
+        if len(set(places)) < len(nodes) or n not in _CORNERS or not 0 < side <= n:
+            raise InputError(
+                f"{self.path}: no side {side} of an element {element}, which is pressed; expected "
+                "the run's deck, of plane triangles and quadrilaterals"
+            )
+        return places[side - 1][0], places[side % n][0]
 
     def provenance(self, path: Path, importer: str) -> str:
         """Return where rows of a run's results come from."""

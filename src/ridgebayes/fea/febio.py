@@ -53,9 +53,9 @@ def read_febio(paths: Sequence[Path]) -> ContactHistory:
         "rigid body or Ry of the driven nodes: ridgebayes import POSITIONS FORCES"
     )
     load, states = log.states(state, paths[0], wanted)
-    x, height = np.moveaxis(np.array(states), -1, 0)
+    at = np.array(states)
     source = provenance(paths[0], "febio", *(path.name for path in paths[1:]))
-    return log.history(load, source, "febio", x=x, height=height, digits=last_digit(height) / 2)
+    return log.history(load, source, "febio", at=at, digits=last_digit(at[..., 1]) / 2)
 
 
 class _Log(Printed):

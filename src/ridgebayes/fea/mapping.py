@@ -322,6 +322,17 @@ def _rivals(key: str) -> set[str]:
     return next((set(group) for group in _SAME if key in group), {key})
 
 
+def lacking(uses: Sequence[Use], values: Mapping[str, object]) -> list[str]:
+    """Return what a table needs, of a, b, Q and load, and neither a column nor a value says."""
+    there = {use.key for use in uses} | set(values)
+    per_Q = {use.key for use in uses if use.Q is not None}
+    if "pitch" in there:
+        there.add("b")
+    if per_Q:
+        there |= {"Q"} if per_Q & set(CORNERS) else {"Q", "load"}
+    return [key for key in ("a", "b", "Q", "load") if not there & _rivals(key)]
+
+
 def as_load(
     use: Use, uses: Sequence[Use], values: Mapping[str, object], problems: FileError
 ) -> Use:

@@ -1,34 +1,40 @@
 """Columns that a table needs and that no word tells: the likeliest is proposed, never taken."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray
-from ridgebayes.fea.mapping import CORNERS, LOADS, Use, as_load
+from ridgebayes.fea.mapping import Use, as_load
 from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import DIMENSIONS, split_header, unit_factor
 
 # Columns of increments that are nothing of a texture.
 _COUNTER = re.compile(r"\b(?:inc|increment|inkrement|time|zeit|step|schritt|nr|no|id|index)\b|^#")
-_WAYS = {  # what a message names, and the keys that give the same
-    "a": ("a_over_R (or a)", ("a", "a_over_R")),
-    "b": ("b_over_R (or b, pitch)", ("b", "b_over_R", "pitch")),
-    "Q": ("Q", ("Q",)),
-    "load": ("p_over_E (or p, line, force, load)", (*LOADS, "load")),
+_NAMES = {
+    "a": "a_over_R (or a)",
+    "b": "b_over_R (or b, pitch)",
+    "Q": "Q",
+    "load": "p_over_E (or p, line, force, load)",
 }
 
 
 def ask_columns(
-    cells: pd.DataFrame, uses: list[Use], values: Mapping[str, object], problems: FileError
+    lacking: Sequence[str],
+    cells: pd.DataFrame,
+    uses: list[Use],
+    values: Mapping[str, object],
+    problems: FileError,
 ) -> list[Use]:
     """Return the uses with the likeliest column for what is missing, and note what is.
 
     Parameters
     ----------
+    lacking : sequence of str
+        As `ridgebayes.fea.mapping.lacking` returns it.
     cells : DataFrame
         All of the table; the columns that are taken become numbers.
     uses : list of Use
@@ -38,16 +44,10 @@ def ask_columns(
     problems : FileError
         Where it is noted what the user has to name.
     """
-    there = {use.key for use in uses} | set(values)
-    per_Q = [use for use in uses if use.Q is not None]
-    is_history = any(use.key in CORNERS for use in per_Q)
     uses = [*uses]
-    for key, (words, ways) in _WAYS.items():
-        is_there = bool(per_Q) and (key == "Q" or (key == "load" and not is_history))
-        if is_there or there.intersection(ways):
-            continue
+    for key in lacking:
         problems.columns = ", ".join(map(repr, list(cells)[:50]))
-        text = f"no column {words}; name it with --map '{key}=HEADER'"
+        text = f"no column {_NAMES[key]}; name it with --map '{key}=HEADER'"
         header = _likely(key, cells, uses)
         if header is None and key in ("a", "b"):
             problems.need(f"{text}, or give --texture A,B", texture="?,?")

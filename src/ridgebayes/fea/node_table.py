@@ -7,9 +7,8 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.fea.columns import open_table
-from ridgebayes.fea.given import Given
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.record import FileError, provenance
+from ridgebayes.fea.record import FileError, Given, provenance
 from ridgebayes.fea.transitions import last_digit
 from ridgebayes.fea.words import OF_NODES, STATUS_RULE, plain, split_header, touching
 from ridgebayes.table.rules import as_text

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import FINITE
-from ridgebayes.fea.header import clean_headers, filled
+from ridgebayes.fea.delimited import clean_headers, filled
 from ridgebayes.fea.record import FileError, TableFile
 from ridgebayes.runtime.reading import refusing
 from ridgebayes.table.files import read_arrow

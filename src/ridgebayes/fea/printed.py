@@ -84,8 +84,17 @@ class NodeTable:
         return pd.DataFrame(values[:, 1:], columns=self.columns, index=node.astype(np.int64))
 
     def of(self, nodes: Sequence[int], *names: str) -> FloatArray:
-        """Return columns, shape (n_node, n_name); NaN for nodes without a row."""
-        return self.rows[list(names)].reindex(pd.Index(nodes)).to_numpy()
+        """Return columns, shape (n_node, n_name).
+
+        Raises
+        ------
+        MissingError
+            If nodes have no row.
+        """
+        values = self.rows[list(names)].reindex(pd.Index(nodes)).to_numpy()
+        if n := int(np.isnan(values[:, 0]).sum()):
+            raise MissingError(f"{', '.join(names)} missing for {n} of {len(nodes)} nodes")
+        return values
 
     def force(self, nodes: Sequence[int], name: str) -> float:
         """Return the printed total of a column, or else the sum over nodes.
@@ -97,10 +106,7 @@ class NodeTable:
         """
         if total := self.below.get("TOTAL"):
             return total[self.columns.index(name)]
-        values = self.of(nodes, name)
-        if n := int(np.isnan(values).sum()):
-            raise MissingError(f"{name} missing for {n} of {len(nodes)} nodes")
-        return math.fsum(values[:, 0])
+        return math.fsum(self.of(nodes, name)[:, 0])
 
 
 @dataclass(eq=False)
@@ -304,7 +310,17 @@ class Printed:
         self.messages = [f"{path}: {len(states)} increments", *said]
         return np.array([load for load, _ in states], dtype=float), [rest for _, rest in states]
 
-    def history(self, load: FloatArray, source: str, solver: str, **contact: Any) -> ContactHistory:
-        """Return the history of what `states` returned."""
+    def history(
+        self,
+        load: FloatArray,
+        source: str,
+        solver: str,
+        *,
+        at: FloatArray | None = None,
+        **contact: Any,
+    ) -> ContactHistory:
+        """Return the history of what `states` returned, `at` the places of the surface's nodes."""
         messages = tuple(self.messages)
+        if at is not None:
+            contact["x"], contact["height"] = np.moveaxis(at, -1, 0)
         return ContactHistory(load, self._where, source, solver, messages=messages, **contact)

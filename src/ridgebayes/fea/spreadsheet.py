@@ -15,9 +15,8 @@ import numpy as np
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import TextTable
-from ridgebayes.fea.given import Given
-from ridgebayes.fea.header import LOOKED_AT, Row, find_header, n_known
-from ridgebayes.fea.record import FileError
+from ridgebayes.fea.delimited import LOOKED_AT, Row, find_header, n_known
+from ridgebayes.fea.record import FileError, Given
 from ridgebayes.runtime.reading import extra, refusing
 
 LARGEST_XML = 2**26  # bytes of the members that are parsed: more would take minutes

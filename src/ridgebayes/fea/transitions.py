@@ -15,7 +15,6 @@ from ridgebayes.runtime.text import some_of
 from ridgebayes.table.rules import row_codes
 
 MOST = 2000  # histories in a file: some milliseconds each
-_MOST_Q = 10_000  # of counts: a column of memory for each even one
 _MOST_REMARKS = 20  # on single histories that messages show
 _TOUCHING = 1e-12  # of R: a body that lies on a corner is off it by rounding
 _MOST_DISTINCT = 1000  # numbers whose digits are looked at
@@ -241,26 +240,6 @@ def transitions_of_runs(
     if (n := len(messages) - _MOST_REMARKS) > 0:
         messages = [*messages[:_MOST_REMARKS], f"and {n} more remarks on runs"]
     return pd.concat(frames, ignore_index=True), [f"{n_run} runs of increments", *messages]
-
-
-def counts_repeat(frame: pd.DataFrame) -> bool:
-    """Return whether rows are increments: counts, to 4 or more, repeat while a curve's load rises.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Columns Q and p_over_E in the order of the file, and those that are constant in a run.
-    """
-    Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
-    same = Q[1:] == Q[:-1]
-    if 3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= _MOST_Q:
-        return False
-    curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
-    # A curve without any load has its top in its first row, and so no increments.
-    top = pd.Series(load).fillna(-np.inf).groupby(curve).transform("idxmax").to_numpy()
-    same &= (curve[1:] == curve[:-1]) & (np.arange(1, len(Q)) <= top[1:])
-    rising = same & (load[1:] > load[:-1])
-    return bool(0 < 0.8 * same.sum() <= rising.sum())
 
 
 def middle_loads(rows: pd.DataFrame) -> tuple[pd.DataFrame, int]:

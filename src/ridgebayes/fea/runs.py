@@ -1,0 +1,177 @@
+"""Runs of other programs: the facts that their readers need, and the table of what they print."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ridgebayes.errors import InputError
+from ridgebayes.fea.abaqus_dat import read_abaqus_dat
+from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
+from ridgebayes.fea.ansys import read_ansys
+from ridgebayes.fea.calculix import read_calculix
+from ridgebayes.fea.deck import Deck, RunDeck, read_deck
+from ridgebayes.fea.febio import read_febio
+from ridgebayes.fea.history import ContactHistory, RunBody, table_of
+from ridgebayes.fea.mesh_series import read_series
+from ridgebayes.fea.node_table import read_node_table
+from ridgebayes.fea.record import FileError, Given, Imported, parse_map
+
+_OF_DECKS = ("deck", "surface", "reaction")
+_WITH_DECK = ("calculix", "abaqus-dat")
+_CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
+
+
+def read_run(name: str, paths: Sequence[Path], facts: Given) -> Imported:
+    """Read the files of a run.
+
+    Parameters
+    ----------
+    name : str
+        One of `ridgebayes.fea.read.FORMATS` but ``table``.
+    paths : sequence of Path
+        One file or several.
+    facts : Given
+        Facts that the files lack.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be understood, or a fact is missing.
+    """
+    facts, messages = _completed(paths[0], facts, name)
+    body = _body(facts)
+    if name == "nodes":  # gaps are from the tops
+        body = replace(body, top=body.top or 0.0)
+    history = _history(name, paths, facts, body)
+    history = replace(history, messages=(*messages, *history.messages))
+    return table_of(history, body, brackets=facts.brackets)
+
+
+def _history(name: str, paths: Sequence[Path], facts: Given, body: RunBody) -> ContactHistory:
+    """Return what the files of a run print."""
+    path = paths[0]
+    if name == "series":
+        how = {key: getattr(facts, key) or None for key in ("field", "time", "loads")}
+        return read_series(paths, R=body.R, **how)
+    if name == "febio":
+        return read_febio(paths)
+    if name == "nodes":
+        return read_node_table(path, parse_map(facts.map), facts)
+    if name == "ansys":
+        corners = {}
+        for key, node in parse_map(facts.map).items():
+            match = _CORNER.fullmatch(key.strip())
+            if match is None or not node.isdigit():
+                raise InputError(f"--map {key}={node}: expected 'status Q=4=NODE' for a listing")
+            corners[int(match[1])] = int(node)
+        if corners and facts.symmetry is None:
+            raise FileError(
+                str(path),
+                needs=["--symmetry: missing; expected half or full, the body of the reactions"],
+                options={"symmetry": "?"},
+            )
+        return read_ansys(paths, closed_is=facts.closed_is, corners=corners)
+    if name == "abaqus-rpt":
+        if facts.deck is not None:
+            read_deck(facts.deck).check_material(body.E, body.nu, facts.deck)
+        options = {option: getattr(facts, option) for option in _OF_DECKS}
+        return read_abaqus_rpt(path, **options)
+    assert facts.deck is not None
+    assert facts.surface is not None
+    assert facts.reaction is not None
+    run = RunDeck.read(facts.deck, facts.surface, facts.reaction, E=body.E, nu=body.nu)
+    if name == "abaqus-dat":
+        return read_abaqus_dat(path, deck=run)
+    # CalculiX writes its status beside its results.
+    sta = path.with_suffix(".sta")
+    return read_calculix(path, deck=run, sta=sta if sta.is_file() else None)
+
+
+def _completed(path: Path, facts: Given, name: str) -> tuple[Given, list[str]]:
+    """Return what is given and what the run's deck says; ask for all the rest at once."""
+    problems = FileError(str(path))
+    more: dict[str, Any] = {}
+    has_deck = name in _WITH_DECK
+    beside = path.with_suffix(".inp")
+    if has_deck and facts.deck is None and beside.is_file():
+        more["deck"] = beside
+    file = facts.deck or more.get("deck")
+    deck = Deck() if file is None else read_deck(file)
+    if facts.nu is None and deck.nu is not None:
+        more["nu"] = f"{deck.nu:.6g}"
+    # The unit modulus of export-deck is 1 but for printed digits.
+    if facts.E is None and deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
+        more["E"] = f"{deck.E:.10g}"
+    sets, needed = _sets(deck) if has_deck else ({}, {})
+    more |= sets
+    if has_deck and file is None:
+        needed["deck"] = "the run's input deck"
+    needed |= _facts_of(path, name, facts, deck, has_file=file is not None)
+    for key, what in needed.items():
+        if getattr(facts, key) is None:
+            value = {"texture": "?,?", "deck": "?.inp"}.get(key, "?")
+            problems.need(f"--{key}: missing; expected {what}", **{key: value})
+    problems.raise_all()
+    more = {key: value for key, value in more.items() if getattr(facts, key) is None}
+    if facts.E is None and deck.E is None and file is not None:
+        problems.messages.append(f"{file}: no material, so E = 1; --E gives another")
+    if more:
+        shown = ", ".join(f"{key} = {value}" for key, value in more.items())
+        problems.messages.append(f"{file}: {shown}")
+    return replace(facts, **more), problems.messages
+
+
+def _facts_of(path: Path, name: str, facts: Given, deck: Deck, *, has_file: bool) -> dict[str, str]:
+    """Return what neither the files of a run nor its deck say of the body, by option."""
+    without_deck = name in ("febio", "ansys", "nodes")
+    is_line = facts.time == "line" or (name == "abaqus-rpt" and not has_file)
+    needed = {"texture": "A,B, ridge and groove width over R"}
+    if deck.nu is None:
+        needed["nu"] = "Poisson's ratio of the run"
+    if without_deck or is_line:
+        needed["E"] = "Young's modulus, in the units of the run"
+    if path.suffix.lower() == ".pvd":
+        needed["time"] = "line or p_over_E, what times or loads are"
+    if without_deck:
+        needed["R"] = "the body's radius, in the units of the run"
+    return needed
+
+
+def _sets(deck: Deck) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the node sets of surface and load that a deck prints, and what to ask for others."""
+    names, needed = {}, {}
+    for key, kind, what in (
+        ("surface", "U", "the body's surface"),
+        ("reaction", "RF", "the driven nodes"),
+    ):
+        sets = deck.printed.get(kind, [])
+        others = [name for name in sets if name not in deck.printed.get("RF", [])]
+        sets = others if kind == "U" and len(others) == 1 else sets
+        there = ", ".join(sets or deck.nsets) or "in the deck"
+        if len(sets) == 1:
+            names[key] = sets[0]
+        else:
+            needed[key] = f"the node set of {what}: {there}"
+    return names, needed
+
+
+def _body(facts: Given) -> RunBody:
+    assert facts.texture is not None
+    numbers = {}
+    for key, text in facts.numbers().items():
+        try:
+            numbers[key] = float(text)
+        except ValueError:
+            raise InputError(
+                f"--{key} {text!r}: expected a plain number, in the units of the run"
+            ) from None
+    return RunBody(
+        *facts.texture,
+        **numbers,
+        symmetry=facts.symmetry or "half",
+        top=facts.top,
+        corner_over_R=facts.corner,
+    )
