@@ -8,7 +8,7 @@ from typing import Any
 from ridgebayes.errors import CautionWarning
 from ridgebayes.fea.given import Given
 from ridgebayes.fea.read import import_files
-from ridgebayes.scene.texture_text import parse_texture
+from ridgebayes.scene.typed import parse_texture
 from ridgebayes.table.table import ContactTable
 
 

@@ -29,11 +29,12 @@ from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.scene.draws import SceneDraws, scene_blocks
 from ridgebayes.scene.scene import Scene, as_scene
+from ridgebayes.scene.typed import MOST_LOADS
 from ridgebayes.table.columns import LARGEST_LOAD
 
 SMALL_STRAIN = 0.015  # p/E up to which contact of moderate grooves is within 1 % of finite strain
 _BLOCK = 1_000
-_N_CHECKED, _MOST_LOADS = 24, 10_000
+_N_CHECKED = 24
 _LEAST_ERROR = 1e-4
 _PROFILE = ("a", "b", "depth", "corner", "offset")
 _CORNER = _PROFILE.index("corner")
@@ -317,8 +318,8 @@ def _profiles(bodies: SceneDraws) -> FloatArray:
 def _steps(loads: int | ArrayLike) -> tuple[FloatArray, bool]:
     """Return loads, and whether they are shares of the scene's largest."""
     if isinstance(loads, int | np.integer) and not isinstance(loads, bool):
-        if not 1 <= loads <= _MOST_LOADS:
-            raise InputError(f"loads: expected 1 to {_MOST_LOADS} of them, got {loads}")
+        if not 1 <= loads <= MOST_LOADS:
+            raise InputError(f"loads: expected 1 to {MOST_LOADS} of them, got {loads}")
         return np.arange(1, int(loads) + 1) / int(loads), True
     try:
         p_over_E = np.atleast_1d(np.asarray(loads, dtype=np.float64))

@@ -91,17 +91,28 @@ def _next(
         "nu": scene.nu,
         "p_over_E": scene.highest_load(texture),
     }
+    physical: dict[str, Any] = {}
     if scene.uncertain is not None:
         drawn = scene.uncertain.draw(n, random) if draws is None else draws
-        derived = scene.uncertain.derive(drawn)
+        derived = scene.uncertain.derived(drawn)
         # A ratio of values that are certain stays the exact one: it names a calibrated texture.
-        values |= {k: v for k, v in derived.items() if k not in values or np.ndim(v)}
+        values |= {name: value for name, value in derived.items() if np.ndim(value)}
+        if texture.max_p_over_E is not None:
+            values["p_over_E"] = texture.max_p_over_E
+        physical = {
+            place.partition(".")[2]: drawn.get(place, float(median))
+            for place, median in scene.body.sizes.items()
+            if median is not None
+        }
     if isinstance(values["offset"], str):
         values["offset"] = random("scene", "offset").uniform(-0.5, 0.5, n)
-    arrays = {name: np.array(np.broadcast_to(value, n), float) for name, value in values.items()}
-    _check(arrays)
-    profile = {name: arrays.pop(name) for name in ("a", "b", "depth", "corner", "offset")}
-    return SceneDraws(profile, arrays.pop("nu"), arrays.pop("p_over_E"), arrays)
+    values, physical = (
+        {name: np.array(np.broadcast_to(value, n), float) for name, value in some.items()}
+        for some in (values, physical)
+    )
+    _check(values)
+    profile = {name: values.pop(name) for name in ("a", "b", "depth", "corner", "offset")}
+    return SceneDraws(profile, values["nu"], values["p_over_E"], physical)
 
 
 def _check(drawn: dict[str, FloatArray]) -> None:
