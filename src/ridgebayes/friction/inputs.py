@@ -4,7 +4,6 @@ import json
 import math
 import os
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -26,8 +25,8 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.predict.extrapolation import names_of
 from ridgebayes.predict.joint_draws import MOST_TEXTURES, PredictiveSampler, textures_of
 from ridgebayes.results import Fit
-from ridgebayes.runtime.randomness import seed_of, stream
-from ridgebayes.scene.draws import SceneDraws, scene_blocks
+from ridgebayes.runtime.randomness import seed_of, stream, streams
+from ridgebayes.scene.draws import SceneDraws, draw_scene
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.scene.typed import MOST_LOADS
 from ridgebayes.table.columns import LARGEST_LOAD
@@ -168,10 +167,9 @@ class InputDraws:
         if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
             raise InputError(f"n: expected a whole number >= 1, got {n!r}")
         self._seed, self.n, self._edges = seed_of(rng), int(n), edges
-        scene = as_scene(scene)
+        self._scene = scene = as_scene(scene)
         self._ogden = scene.ogden
         self._loads, self._is_share = _steps(loads)
-        self._bodies = partial(scene_blocks, scene, self.n, self._seed, _BLOCK)
         self._shapes, textures = Spread(MOST_DISTINCT), Spread(MOST_TEXTURES)
         for bodies in self._bodies():  # drawn once more when they are used: never all are kept
             self._shapes.add(shapes_of(_profiles(bodies)))
@@ -191,6 +189,12 @@ class InputDraws:
             self._attrs["scene_distributions"] = json.dumps(scene.uncertain.texts)
         if isinstance(source, Comparison):
             self._attrs["table_digest"] = source.table.digest()
+
+    def _bodies(self) -> Iterator[SceneDraws]:
+        """Yield the draws of the scene, 1,000 at a time."""
+        random = streams(self._seed)
+        for first in range(0, self.n, _BLOCK):
+            yield draw_scene(self._scene, min(_BLOCK, self.n - first), random)
 
     def blocks(self) -> Iterator[xr.Dataset]:
         """Yield the draws, 1,000 at a time."""

@@ -37,7 +37,7 @@ from ridgebayes.scene.units import LENGTHS, Body, Dimension, is_uncertain, over_
 
 DEFAULT_LOAD = 0.02  # p/E of the study
 # Fields of a `Texture`, by their names in `over_body`; and those that a file has as they are.
-_DERIVED = {
+DERIVED = {
     "a": "a_over_R",
     "b": "b_over_R",
     "depth": "groove_depth_over_R",
@@ -120,46 +120,58 @@ class _Section(BaseModel):
 
 
 class _Body(_Section):
-    radius: _Length | None = Field(None, description="of the cylinder")
-    youngs_modulus: _Pressure | None = Field(None, description="at small strain")
-    poissons_ratio: Annotated[fields.PoissonsRatio, _Uncertain] = Field(0.5, description="0 to 0.5")
-    ogden: fields.OgdenTerms = Field(NEO_HOOKEAN, description="shares and exponents, see below")
+    radius: _Length | None = Field(default=None, description="of the cylinder")
+    youngs_modulus: _Pressure | None = Field(default=None, description="at small strain")
+    poissons_ratio: Annotated[fields.PoissonsRatio, _Uncertain] = Field(
+        default=0.5, description="0 to 0.5"
+    )
+    ogden: fields.OgdenTerms = Field(
+        default=NEO_HOOKEAN, description="shares and exponents, see below"
+    )
 
 
 class _Texture(_Section):
     ridge_width: _Length = Field(description="of the flat top")
     groove_width: _Length = Field(description="between two ridges")
-    groove_depth: _Length | None = Field(None, description="without it grooves have no floor")
-    corner_radius: _LengthOrZero | None = Field(None, description="without it corners are sharp")
+    groove_depth: _Length | None = Field(
+        default=None, description="without it grooves have no floor"
+    )
+    corner_radius: _LengthOrZero | None = Field(
+        default=None, description="without it corners are sharp"
+    )
     offset: Annotated[fields.Offset, _Uncertain] = Field(
-        0.0,
+        default=0.0,
         description="of the body from a groove's centre: -0.5 to 0.5 pitches, or `uniform`",
     )
-    role: fields.Role = Field("calibration", description="or `held-out`: not fitted")
-    max_p_over_E: fields.Positive | None = Field(None, description="highest load on it alone")
+    role: fields.Role = Field(default="calibration", description="or `held-out`: not fitted")
+    max_p_over_E: fields.Positive | None = Field(
+        default=None, description="highest load on it alone"
+    )
 
 
 class _Load(_Section):
-    max: _Pressure | None = Field(None, description="force over the area 2 R times length")
-    line: _LineLoad | None = Field(None, description="force over the length")
-    force: _Force | None = Field(None, description="force, spread over `length`")
-    length: _Length | None = Field(None, description="of the cylinder along the ridges")
+    max: _Pressure | None = Field(default=None, description="force over the area 2 R times length")
+    line: _LineLoad | None = Field(default=None, description="force over the length")
+    force: _Force | None = Field(default=None, description="force, spread over `length`")
+    length: _Length | None = Field(default=None, description="of the cylinder along the ridges")
     p_over_E: Annotated[fields.Positive, _Uncertain] | None = Field(
-        None, description="`max` over Young's modulus; 0.02 without any load"
+        default=None, description="`max` over Young's modulus; 0.02 without any load"
     )
-    friction: fields.NotNegative = Field(0.0, description="Coulomb's coefficient")
+    friction: fields.NotNegative = Field(default=0.0, description="Coulomb's coefficient")
 
 
 class _Accuracy(_Section):
     relative: fields.Relative | None = Field(
-        None, description="required accuracy of each transition load"
+        default=None, description="required accuracy of each transition load"
     )
 
 
 class _Joint(_Section):
     of: list[str] = Field(min_length=2, description="places, such as `texture.ridge_width`")
-    correlation: list[list[float]] | None = Field(None, description="matrix, of normal scores")
-    draws: Any = Field(None, description="rows of joint draws, without `correlation`")
+    correlation: list[list[float]] | None = Field(
+        default=None, description="matrix, of normal scores"
+    )
+    draws: Any = Field(default=None, description="rows of joint draws, without `correlation`")
 
 
 class _SceneFile(_Section):
@@ -226,7 +238,7 @@ def _values(scene: _SceneFile, where: str) -> Json:
     textures, shared = [], dict[str, Any]()
     for place in _places(scene):
         shared = _rounded(over_body(exact, place))
-        named = {name: shared.pop(key) for key, name in _DERIVED.items() if key in shared}
+        named = {name: shared.pop(key) for key, name in DERIVED.items() if key in shared}
         alike = {key: at[f"{place}.{key}"] for key in _ALIKE if f"{place}.{key}" in at}
         textures.append(named | alike)
     # What is left is of all textures: nu and the load.
@@ -370,7 +382,7 @@ def scene_text(values: Json) -> str:
     str
         TOML; what stands at its default is left out where it means "not asked for".
     """
-    names = {LENGTHS.get(key, key): name for key, name in _DERIVED.items()}
+    names = {LENGTHS.get(key, key): name for key, name in DERIVED.items()}
     names |= {name: name for name in _ALIKE}
     textures = [
         {key: texture.get(name) for key, name in names.items()} for texture in values["textures"]
