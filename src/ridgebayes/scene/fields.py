@@ -11,7 +11,9 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    NonNegativeFloat,
     PlainValidator,
+    PositiveFloat,
     ValidationError,
 )
 
@@ -55,8 +57,8 @@ def _ogden(raw: object) -> Ogden:
 
 
 # The rules of scene files and of the records below.
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
+Positive = PositiveFloat
+NotNegative = NonNegativeFloat
 PoissonsRatio = Annotated[float, Field(ge=0.0, le=0.5)]
 Relative = Annotated[float, Field(gt=0.0, lt=1.0)]
 Offset = Annotated[float | Literal["uniform"], PlainValidator(_offset)]

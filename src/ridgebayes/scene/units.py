@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Any, Literal, TypeAlias
 
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.text import LONGEST_VALUE
 
 Dimension: TypeAlias = Literal["length", "pressure", "line load", "force"]
 
@@ -27,8 +28,6 @@ _POWER = r"[^\W\d]+(?:(?:\*\*|\^)-?[0-9])?"
 _QUANTITY = re.compile(rf"\s*{_NUMBER}\s*({_POWER}(?:\s*[*/\s]\s*{_POWER})*)\s*")
 
 _PLUS_MINUS = re.compile(r"±|\+/?-(?=\s*[\d.])")
-
-_SHOWN = 200  # characters of a text that messages show
 
 
 def to_si(text: str, dimension: Dimension) -> Fraction:
@@ -60,7 +59,7 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
     Fraction(1200, 1)
     """
     match = _QUANTITY.fullmatch(text)
-    shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+    shown = text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
     rule = f"must be a number and a unit of {dimension}, such as {EXAMPLES[dimension]!r}"
     if _DECIMAL_COMMA.search(text):
         rule = f"has a decimal comma; expected a point, such as {with_point(shown)!r}"
