@@ -170,7 +170,9 @@ def test_from_toml__bad_distributions_are_one_error(read, tmp_path, old, new, wo
 
 def test_draw_scene__draws_beyond_bounds_are_refused(read):
     scene = read(("uniform(0.45, 0.5)", "normal(0.48, 0.05)"))
-    with pytest.raises(InputError, match=r"nu .*of 1000 draws break a rule: expected from 0 to 0.5"):
+    with pytest.raises(
+        InputError, match=r"nu .*of 1000 draws break a rule: expected from 0 to 0.5"
+    ):
         draw_scene(scene, 1_000, 1)
     for array, got in (
         (np.array(["x"]), "str32 of shape .1,"),

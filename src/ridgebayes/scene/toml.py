@@ -216,7 +216,17 @@ def read_scene_file(path: Path) -> Json:
     -----
     Without units a missing radius is 1. Without any load, p/E goes to the 0.02 of the study.
     """
-    return _values(_read(path), str(path))
+    try:
+        path.stat()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    content = read_bytes(path, LARGEST_TEXT)
+    try:
+        data = tomllib.loads(content.decode("utf-8"))
+    # A thousand brackets in each other: RecursionError.
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: {fields.syntax_error(content, error)}") from None
+    return _values(_validated(data, str(path), path.parent), str(path))
 
 
 def scene_values(data: Json) -> Json:
@@ -279,21 +289,6 @@ def _rounded(values: Json) -> Json:
             except OverflowError:
                 rounded[name] = float("inf")
     return rounded
-
-
-def _read(path: Path) -> _SceneFile:
-    """Read a scene file, and check every rule of keys and between them."""
-    try:
-        path.stat()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    content = read_bytes(path, LARGEST_TEXT)
-    try:
-        data = tomllib.loads(content.decode("utf-8"))
-    # A thousand brackets in each other: RecursionError.
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {fields.syntax_error(content, error)}") from None
-    return _validated(data, str(path), path.parent)
 
 
 def _validated(data: Json, where: str, folder: Path) -> _SceneFile:
