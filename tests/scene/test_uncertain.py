@@ -91,6 +91,8 @@ def test_from_dict__takes_what_a_program_has():
     assert abs(drawn.profile["offset"]).max() <= 0.25
     assert 1e-4 <= (drawn.profile["b"] * R).min() < (drawn.profile["b"] * R).max() <= 2e-4
     np.testing.assert_allclose(drawn.p_over_E, 8 / (2 * R * 50e3))
+    # The body has the median of a program's radius, beside values with units.
+    assert scene.body.p_over_E("8 N/m") == pytest.approx(scene.p_over_E, rel=1e-12)  # rounding
 
 
 def test_from_dict__takes_joint_draws():

@@ -251,7 +251,7 @@ def _values(scene: _SceneFile, where: str) -> Json:
         named = {name: shared.pop(key) for key, name in DERIVED.items() if key in shared}
         alike = {key: at[f"{place}.{key}"] for key in _ALIKE if f"{place}.{key}" in at}
         textures.append(named | alike)
-    # What is left is of all textures: nu and the load.
+    # All textures share the rest: nu and the load.
     values = shared | {"textures": textures, "friction": scene.load.friction}
     values |= {"ogden": scene.body.ogden, "relative": scene.accuracy.relative}
     values["body"] = _body(scene, measures)
