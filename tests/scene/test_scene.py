@@ -1,5 +1,3 @@
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -68,11 +66,6 @@ def test_every_key_arrives(read):
     )
 
 
-def test_numbers_without_units_are_ratios_to_the_radius(read):
-    scene = read("[body]\nradius = 2\n[texture]\nridge_width = 0.064\ngroove_width = 0.02\n")
-    assert scene == Scene.of([(0.032, 0.01)])
-
-
 def test_a_force_is_spread_over_the_diameter_and_the_length(read):
     text = WHOLE.replace('max = "1.2 kPa"', 'force = "0.3072 N"\nlength = "16 mm"')
     # F/(2 R length) = 0.3072 N/(16 mm x 16 mm) = 1.2 kPa
@@ -94,14 +87,6 @@ def test_several_textures_with_role_and_load(read):
     )
     assert [t.role for t in scene.textures] == ["calibration", "held-out"]
     assert [t.max_p_over_E for t in scene.textures] == [None, 0.045]
-
-
-def test_paper_is_nine_textures_and_the_extreme_one():
-    scene = Scene.paper()
-    assert len({(t.a_over_R, t.b_over_R) for t in scene.textures}) == 10
-    extreme = scene.textures[-1]
-    assert (extreme.a_over_R, extreme.b_over_R, extreme.max_p_over_E) == (0.012, 0.09, 0.045)
-    assert (scene.p_over_E, scene.nu) == (0.02, 0.5)
 
 
 def test_shipped_scenes_are_what_they_say():
@@ -220,15 +205,6 @@ def test_records_refuse_with_input_errors(values, said):
     texture = Texture(a_over_R=0.01, b_over_R=0.01)
     with pytest.raises(InputError, match=said):
         Scene(**({"textures": (texture,)} | values))
-
-
-def test_a_scene_knows_no_solver_and_loads_no_units():
-    code = "import sys, ridgebayes.scene.scene as s; s.Scene.paper(); print(sorted(sys.modules))"
-    modules = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, check=True, text=True
-    )
-    for name in ("ridgebayes.contact", "pint", "pandas", "scipy"):
-        assert f"'{name}'" not in modules.stdout
 
 
 def test_as_scene__takes_a_scene_or_a_path_and_nothing_else(tmp_path):

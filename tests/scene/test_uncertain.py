@@ -91,6 +91,8 @@ def test_from_dict__takes_what_a_program_has():
     assert abs(drawn.profile["offset"]).max() <= 0.25
     assert 1e-4 <= (drawn.profile["b"] * R).min() < (drawn.profile["b"] * R).max() <= 2e-4
     np.testing.assert_allclose(drawn.p_over_E, 8 / (2 * R * 50e3))
+    # The body has the median of a program's radius, beside values with units.
+    assert scene.body.p_over_E("8 N/m") == pytest.approx(scene.p_over_E, rel=1e-12)  # rounding
 
 
 def test_from_dict__takes_joint_draws():
@@ -170,7 +172,9 @@ def test_from_toml__bad_distributions_are_one_error(read, tmp_path, old, new, wo
 
 def test_draw_scene__draws_beyond_bounds_are_refused(read):
     scene = read(("uniform(0.45, 0.5)", "normal(0.48, 0.05)"))
-    with pytest.raises(InputError, match=r"nu .*of 1000 draws break a rule: expected 0 to 0.5"):
+    with pytest.raises(
+        InputError, match=r"nu .*of 1000 draws break a rule: expected from 0 to 0.5"
+    ):
         draw_scene(scene, 1_000, 1)
     for array, got in (
         (np.array(["x"]), "str32 of shape .1,"),

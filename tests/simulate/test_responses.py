@@ -3,11 +3,10 @@
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from ridgebayes import InputError, Scene, contact_at_loads, edge_forces, ridge_forces
-from ridgebayes.contact.contact_solution import load_factor, solve_contact
+from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
@@ -51,14 +50,6 @@ def test_ridge_forces__are_the_load_and_pressures_the_forces(changed):
     assert (times * (found["land"] == "ridge")).sum() == count
 
 
-def test_contact_at_loads__are_those_of_the_profile():
-    found = contact_at_loads(scene_with(offset=0.1), [0.003], solver="half-plane").iloc[0]
-    alone = solve_contact(Profile(A, B, offset=0.1), 4 / math.pi * 0.75 * 0.003, rel_tol=1e-6)
-    assert found["Q"] == alone.Q
-    assert found["contact_fraction"] == alone.contact_fraction
-    assert found["penetration_over_R"] >= alone.penetrations[0]
-
-
 def test_contact_at_loads__refuse_bad_input():
     for loads in ([0.0], [-1.0], [math.nan]):
         with pytest.raises(InputError, match="expected finite and > 0"):
@@ -99,20 +90,6 @@ def test_contact_at_loads__of_a_uniform_offset_counts_the_events_at_every_offset
         counts.append(np.concatenate([[events.Q[0] - 1], events.Q])[at])
     np.testing.assert_allclose(found["Q"], np.mean(counts, axis=0), rtol=1e-12)  # algebra
     assert set(found["status"]) == {"ok"}
-
-
-@pytest.mark.slow
-def test_contact_at_loads__of_a_uniform_offset_are_means():
-    found = contact_at_loads(scene_with(offset="uniform"), [0.002], solver="half-plane")
-    each = pd.concat(
-        contact_at_loads(scene_with(offset=offset), [0.002], solver="half-plane")
-        for offset in OFFSETS.tolist()
-    )
-    numbers = found.columns[1:-1].drop("rel_se").tolist()
-    assert found["approach_over_R"].iloc[0] != each["approach_over_R"].iloc[0]
-    np.testing.assert_allclose(found[numbers].iloc[0], each[numbers].mean(), rtol=1e-12)  # algebra
-    planned = contact_at_loads(scene_with(offset="uniform"), [0.002])
-    pd.testing.assert_frame_equal(planned, found)
 
 
 @pytest.mark.slow

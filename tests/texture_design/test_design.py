@@ -265,7 +265,7 @@ def test_design__is_a_record_like_the_others(fit, uncertain):
         ({"tolerance": "much"}, "tolerance 'much': expected such as '5 %'"),
         ({"tolerance": "30 %"}, "tolerance '30 %': expected 0 to 20%"),
         ({"tolerance": "0.01"}, "tolerance: expected at most 20% of the smallest width"),
-        ({"loads": "0.02:0.01:3"}, "loads: '0.02:0.01:3': expected LO:HI:N"),
+        ({"loads": "0.02:0.01:3"}, "loads: '0.02:0.01:3': expected one load, LO:HI:N"),
         ({"loads": []}, "loads: expected at least one"),
         ({"objective": "best"}, "objective: expected one of margin, max-pitch"),
     ],

@@ -13,7 +13,7 @@ from ridgebayes.report.design_page import design_page, drawn_design
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import percent
 from ridgebayes.scene.scene import Scene
-from ridgebayes.scene.texture_text import has_unit
+from ridgebayes.scene.typed import has_unit
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Tolerance
 from ridgebayes.texture_design.design import design

@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from ridgebayes.commands import options
-from ridgebayes.commands.parsing import parse_loads, refuse_existing
+from ridgebayes.commands.parsing import refuse_existing
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import write_csv
 from ridgebayes.commands.terminal import Answer
@@ -20,6 +20,7 @@ from ridgebayes.friction.friction_model import FrictionModel
 from ridgebayes.friction.inputs import InputDraws
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.typed import parse_loads
 
 _SHOWN = ("p_over_E", "Q", "contact_length_over_R", "ridge_force_mean", "penetration_over_R")
 _N_MODEL = 20_000  # draws that bands are made of: more would only cost memory

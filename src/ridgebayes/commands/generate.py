@@ -19,7 +19,7 @@ from ridgebayes.runtime.text import count
 from ridgebayes.scene.effects import beyond_reach
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene
-from ridgebayes.scene.texture_text import parse_texture
+from ridgebayes.scene.typed import parse_texture
 from ridgebayes.simulate import generation
 from ridgebayes.table.files import check_name
 from ridgebayes.table.table import ContactTable

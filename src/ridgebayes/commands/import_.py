@@ -16,7 +16,7 @@ from ridgebayes.fea.read import import_files
 from ridgebayes.fea.record import FileError, Given
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import count
-from ridgebayes.scene.texture_text import parse_texture
+from ridgebayes.scene.typed import parse_texture
 
 
 def command(asked: options.Import) -> Answer:

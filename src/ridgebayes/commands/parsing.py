@@ -2,16 +2,11 @@
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
-from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.scene.units import to_si
-
-_LOADS = "one load, LO:HI:N or log:LO:HI:N with 0 < LO <= HI and N >= 1, such as 0.001:0.02:50"
 
 
 def refuse_existing(path: Path, force: bool) -> None:
@@ -90,33 +85,6 @@ def parse_numbers(text: str, option: str) -> tuple[float, ...]:
         return tuple(float(part) for part in text.split(",")) if text else ()
     except ValueError:
         raise InputError(f"{option} {text!r}: expected numbers with commas between them") from None
-
-
-def parse_loads(
-    text: str, option: str = "--p-over-E", number: Callable[[str], float] = float
-) -> FloatArray:
-    """Return the loads p/E of one load, LO:HI:N or log:LO:HI:N, shape (N,).
-
-    `number` makes p/E of what is typed for a load.
-
-    Examples
-    --------
-    >>> [parse_loads(text).tolist() for text in ("0.01", "0.01:0.03:2", "log:0.0001:0.01:3")]
-    [[0.01], [0.01, 0.03], [0.0001, 0.001, 0.01]]
-    """
-    is_log, parts = text.startswith("log:"), text.removeprefix("log:").split(":")
-    if len(parts) == 1 and not is_log:
-        parts = [text, text, "1"]
-    try:
-        low, high, n = parts
-        ends, count = (number(low), number(high)), int(n)
-    except InputError as error:
-        raise InputError(f"{option} {error}") from None
-    except ValueError:
-        raise InputError(f"{option} {text!r}: expected {_LOADS}") from None
-    if not 0 < ends[0] <= ends[1] < float("inf") or count < 1:
-        raise InputError(f"{option} {text!r}: expected {_LOADS}")
-    return np.geomspace(*ends, count) if is_log else np.linspace(*ends, count)
 
 
 def parse_inches(text: str, option: str) -> float:

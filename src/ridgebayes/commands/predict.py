@@ -13,7 +13,6 @@ from ridgebayes.commands import options
 from ridgebayes.commands.parsing import (
     parse_form,
     parse_inches,
-    parse_loads,
     refuse_existing,
     refuse_suffix,
 )
@@ -30,7 +29,7 @@ from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import count
 from ridgebayes.scene.scene import Scene, Texture
-from ridgebayes.scene.texture_text import has_unit, parse_texture
+from ridgebayes.scene.typed import has_unit, parse_loads, parse_texture
 from ridgebayes.scene.units import (
     Body,
     first_quantity,

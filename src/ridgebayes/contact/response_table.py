@@ -37,10 +37,11 @@ _CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets
 MOST_DISTINCT, _MOST_NODES = 32, 400
 _MOST_COEFFICIENTS = 64  # an interval, of shapes that vary: grooves of some 0.6 % of a sharp ridge
 _LAST_OFFSET = 0.499
-# Columns of `shapes_of`, and some of them: groove, offset, depth, corner and ridge.
-_COLUMNS = ("groove/ridge", "offset", "depth", "corner/ridge", "ridge", "groove", "corner")
-_OVER_RIDGE = [_COLUMNS.index(name) for name in _COLUMNS[:-2]]
-_OVER_RADIUS = [_COLUMNS.index(name.removesuffix("/ridge")) for name in _COLUMNS[:-2]]
+# Columns of `shapes_of`, and those of a shape: over the ridge, or over the radius.
+_SHAPE = ("groove/ridge", "offset", "depth", "corner/ridge", "ridge")
+_COLUMNS = (*_SHAPE, "groove", "corner")
+_OVER_RIDGE = [_COLUMNS.index(name) for name in _SHAPE]
+_OVER_RADIUS = [_COLUMNS.index(name.removesuffix("/ridge")) for name in _SHAPE]
 _N_SMOOTH, _N_OFFSET = 13, 17  # nodes along an axis
 
 
@@ -74,7 +75,7 @@ class ContactValues:
     K: FloatArray
 
 
-_FIXED = [field.name for field in fields(ContactValues)].index("x") - 1  # after W, before edges
+_FIXED = len({field.name for field in fields(ContactValues)} - {"W", "x", "K"})  # without edges
 
 
 class ResponseTable:

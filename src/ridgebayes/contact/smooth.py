@@ -1,6 +1,7 @@
 """How wide a smooth cylinder's contact is at finite strain, by finite elements."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
@@ -9,8 +10,8 @@ from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.newton import NotConvergedError
 
 _SHARE, _SKIPPED = 0.4, 3  # of a contact's segments, that end it; the last are covered in part
-# Largest load of a mesh, and loads. The ratio of two materials needs few edges.
-_LOADS = {0.022: (0.005, 0.01, 0.02), 0.11: (0.03, 0.06, 0.1), 0.52: (0.2, 0.3, 0.4, 0.5)}
+_LOADS = Path(__file__).with_name("stiffening_loads.csv")  # largest load of a mesh, and loads
+# The ratio of two materials needs few edges.
 _EDGES, _ORDER = 16.0, 5
 
 
@@ -69,7 +70,9 @@ def stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
     """
     p: list[float] = []
     ratio: list[float] = []
-    for p_max, loads in _LOADS.items():
+    meshes, loads_of_meshes = np.loadtxt(_LOADS, delimiter=",", skiprows=1, unpack=True)
+    for p_max in np.unique(meshes).tolist():
+        loads = tuple(loads_of_meshes[meshes == p_max].tolist())
         widths = (
             half_widths(Cylinder(None, p_max=p_max, nu=nu, edges=_EDGES, ogden=material), loads)
             for material in (ogden, NEO_HOOKEAN)

@@ -113,6 +113,8 @@ def _number(part: str, name: str, before: list[Any], number: Callable[[str], flo
         if not part.endswith("%"):
             return float(part) if name in _WITHOUT_UNIT else number(part)
         percent = float(part.removesuffix("%"))
+    except InputError:
+        raise  # of a unit, and in its words
     except ValueError:
         raise InputError(f"expected a number for {name}, got {clipped(part)}") from None
     if name == "log_sd":

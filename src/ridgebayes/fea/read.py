@@ -16,7 +16,7 @@ from ridgebayes.fea.record import Given, Imported
 from ridgebayes.fea.runs import read_run
 from ridgebayes.fea.words import COUNTS, NOT_READ, OPTIONS
 from ridgebayes.runtime.reading import read_bytes
-from ridgebayes.scene.texture_text import parse_texture
+from ridgebayes.scene.typed import parse_texture
 from ridgebayes.table.table import ContactTable
 
 _LOOKED_AT = 20_000  # bytes

@@ -4,7 +4,6 @@ import json
 import math
 import os
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -26,14 +25,15 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.predict.extrapolation import names_of
 from ridgebayes.predict.joint_draws import MOST_TEXTURES, PredictiveSampler, textures_of
 from ridgebayes.results import Fit
-from ridgebayes.runtime.randomness import seed_of, stream
-from ridgebayes.scene.draws import SceneDraws, scene_blocks
+from ridgebayes.runtime.randomness import seed_of, stream, streams
+from ridgebayes.scene.draws import SceneDraws, draw_scene
 from ridgebayes.scene.scene import Scene, as_scene
+from ridgebayes.scene.typed import MOST_LOADS
 from ridgebayes.table.columns import LARGEST_LOAD
 
 SMALL_STRAIN = 0.015  # p/E up to which contact of moderate grooves is within 1 % of finite strain
 _BLOCK = 1_000
-_N_CHECKED, _MOST_LOADS = 24, 10_000
+_N_CHECKED = 24
 _LEAST_ERROR = 1e-4
 _PROFILE = ("a", "b", "depth", "corner", "offset")
 _CORNER = _PROFILE.index("corner")
@@ -167,10 +167,9 @@ class InputDraws:
         if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
             raise InputError(f"n: expected a whole number >= 1, got {n!r}")
         self._seed, self.n, self._edges = seed_of(rng), int(n), edges
-        scene = as_scene(scene)
+        self._scene = scene = as_scene(scene)
         self._ogden = scene.ogden
         self._loads, self._is_share = _steps(loads)
-        self._bodies = partial(scene_blocks, scene, self.n, self._seed, _BLOCK)
         self._shapes, textures = Spread(MOST_DISTINCT), Spread(MOST_TEXTURES)
         for bodies in self._bodies():  # drawn once more when they are used: never all are kept
             self._shapes.add(shapes_of(_profiles(bodies)))
@@ -190,6 +189,12 @@ class InputDraws:
             self._attrs["scene_distributions"] = json.dumps(scene.uncertain.texts)
         if isinstance(source, Comparison):
             self._attrs["table_digest"] = source.table.digest()
+
+    def _bodies(self) -> Iterator[SceneDraws]:
+        """Yield the draws of the scene, 1,000 at a time."""
+        random = streams(self._seed)
+        for first in range(0, self.n, _BLOCK):
+            yield draw_scene(self._scene, min(_BLOCK, self.n - first), random)
 
     def blocks(self) -> Iterator[xr.Dataset]:
         """Yield the draws, 1,000 at a time."""
@@ -317,8 +322,8 @@ def _profiles(bodies: SceneDraws) -> FloatArray:
 def _steps(loads: int | ArrayLike) -> tuple[FloatArray, bool]:
     """Return loads, and whether they are shares of the scene's largest."""
     if isinstance(loads, int | np.integer) and not isinstance(loads, bool):
-        if not 1 <= loads <= _MOST_LOADS:
-            raise InputError(f"loads: expected 1 to {_MOST_LOADS} of them, got {loads}")
+        if not 1 <= loads <= MOST_LOADS:
+            raise InputError(f"loads: expected 1 to {MOST_LOADS} of them, got {loads}")
         return np.arange(1, int(loads) + 1) / int(loads), True
     try:
         p_over_E = np.atleast_1d(np.asarray(loads, dtype=np.float64))

@@ -197,13 +197,9 @@ class _SceneLoads:
         factor = np.full(len(self._bodies.nu), 1 / self._size)
         if self._unit == NO_UNIT:
             return factor
-        medians = {
-            "youngs_modulus": body.modulus,
-            "radius": body.radius,
-            "length": body.length,
-        }
         needed = {"pressure": 1, "line load": 2, "force": 3}[load_to_si(f"1 {self._unit}")[1]]
-        for name, median in list(medians.items())[:needed]:
+        for place, median in list(body.sizes.items())[:needed]:
+            name = place.partition(".")[2]
             if name in physical and median is not None:
                 factor = factor * (physical[name] / float(median))
         return factor

@@ -33,7 +33,7 @@ _Task = TypeVar("_Task")
 # A server that has imported everything forks workers in milliseconds; without one (Windows) each
 # worker imports for itself.
 _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-_PACKAGE = __name__.partition(".")[0]
+_PACKAGE, *_ = __name__.split(".")
 # BLAS of one thread in each worker: several would fight for processors. One arena of glibc's
 # malloc: a worker has threads, and each would keep memory that it has freed.
 _ENVIRONMENT = dict.fromkeys(

@@ -14,7 +14,8 @@ from ridgebayes.runtime.text import duration
 # the duration of one command, so that functions need not pass it on.
 VERBOSITY: ContextVar[int] = ContextVar("VERBOSITY", default=0)
 _CURRENT: ContextVar["Progress | None"] = ContextVar("_CURRENT", default=None)
-_EVERY_S = {0: 30.0, 1: 2.0}  # a line on a stage that takes long, where there is no terminal
+# Seconds between lines on a stage that takes long, where there is no terminal.
+_EVERY_S, _EVERY_S_DETAILED = 30.0, 2.0
 
 
 @dataclass
@@ -119,8 +120,8 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._task, description=text)
             return
-        now, every = time.perf_counter(), _EVERY_S.get(VERBOSITY.get())
-        if every is not None and now >= self._told + every:
+        now, every = time.perf_counter(), _EVERY_S_DETAILED if VERBOSITY.get() else _EVERY_S
+        if VERBOSITY.get() >= 0 and now >= self._told + every:
             self._told = now
             print(text, file=self.out, flush=True)
 

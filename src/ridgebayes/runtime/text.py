@@ -13,7 +13,7 @@ MINUS = "\N{MINUS SIGN}"
 _SOLVING = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz")
 _SHOWING = ("xarray", "corner", "matplotlib")
 _MOST_DIGITS = 6  # of a number in a label that is shown as it is
-_LONGEST_VALUE = 200  # characters of a value of a file
+LONGEST_VALUE = 200  # characters of a value of a file
 _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # controls, such as those of writing right to left
 
 
@@ -41,7 +41,7 @@ def shown_value(value: object) -> str:
     # Thousands of tables in each other, or an integer of thousands of digits.
     except (RecursionError, ValueError):
         return "a value that is too deeply nested or too long"
-    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
+    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
 
 
 def visible(text: str) -> str:

@@ -1,16 +1,17 @@
 """Draws of a scene's values: all alike where it is certain of them."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import Streams, streams
+from ridgebayes.scene import fields
 from ridgebayes.scene.scene import Scene
-from ridgebayes.table.columns import LARGEST_LOAD, LARGEST_WIDTH, LEAST_WIDTH
+from ridgebayes.table.columns import LARGEST_LOAD
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +33,11 @@ class SceneDraws:
     profile: dict[str, FloatArray]
     nu: FloatArray
     p_over_E: FloatArray
-    physical: dict[str, FloatArray] = field(default_factory=dict)
+    physical: dict[str, FloatArray]
 
 
 def draw_scene(
-    scene: Scene, n: int, seed: int, draws: Mapping[str, FloatArray] | None = None
+    scene: Scene, n: int, random: Streams | int, draws: Mapping[str, FloatArray] | None = None
 ) -> SceneDraws:
     """Draw the values of a scene.
 
@@ -46,8 +47,9 @@ def draw_scene(
         Scene of one texture.
     n : int
         Draws.
-    seed : int
-        The same seed gives the same draws.
+    random : Streams or int
+        Streams that go on from one block of draws to the next, or their seed; the same seed gives
+        the same draws.
     draws : mapping of str to ndarray of float, shape (n,), optional
         Draws of the values that are not certain, as `Uncertain.draw` returns them.
 
@@ -60,67 +62,47 @@ def draw_scene(
     InputError
         If there are several textures, or a draw breaks a rule of a scene.
     """
-    return _next(scene, n, streams(seed), draws)
-
-
-def scene_blocks(scene: Scene, n: int, seed: int, size: int) -> Iterator[SceneDraws]:
-    """Yield the n draws of `draw_scene`, some at a time; joint rows of scipy.stats may be others.
-
-    Raises
-    ------
-    InputError
-        As `draw_scene`.
-    """
-    random = streams(seed)
-    for first in range(0, n, size):
-        yield _next(scene, min(size, n - first), random, None)
-
-
-def _next(
-    scene: Scene, n: int, random: Streams, draws: Mapping[str, FloatArray] | None
-) -> SceneDraws:
     if len(scene.textures) != 1:
         raise InputError(f"scene: expected one texture, got {len(scene.textures)}")
     texture = scene.textures[0]
-    values: dict[str, Any] = {
-        "a": texture.a_over_R,
-        "b": texture.b_over_R,
-        "depth": texture.groove_depth_over_R or np.inf,
-        "corner": texture.corner_radius_over_R,
-        "offset": texture.offset,
-        "nu": scene.nu,
-        "p_over_E": scene.highest_load(texture),
-    }
+    random = streams(random) if isinstance(random, int) else random
+    values = texture.shape | {"nu": scene.nu, "p_over_E": scene.highest_load(texture)}
+    physical: dict[str, Any] = {}
     if scene.uncertain is not None:
         drawn = scene.uncertain.draw(n, random) if draws is None else draws
-        derived = scene.uncertain.derive(drawn)
+        derived = scene.uncertain.derived(drawn)
+        if texture.max_p_over_E is not None:
+            derived["p_over_E"] = texture.max_p_over_E
         # A ratio of values that are certain stays the exact one: it names a calibrated texture.
-        values |= {k: v for k, v in derived.items() if k not in values or np.ndim(v)}
+        values |= {name: value for name, value in derived.items() if np.ndim(value)}
+        physical = {
+            place.partition(".")[2]: drawn.get(place, float(median))
+            for place, median in scene.body.sizes.items()
+            if median is not None
+        }
     if isinstance(values["offset"], str):
         values["offset"] = random("scene", "offset").uniform(-0.5, 0.5, n)
-    arrays = {name: np.array(np.broadcast_to(value, n), float) for name, value in values.items()}
-    _check(arrays)
-    profile = {name: arrays.pop(name) for name in ("a", "b", "depth", "corner", "offset")}
-    return SceneDraws(profile, arrays.pop("nu"), arrays.pop("p_over_E"), arrays)
+    values, physical = (
+        {name: np.array(np.broadcast_to(value, n), float) for name, value in some.items()}
+        for some in (values, physical)
+    )
+    _check(values)
+    nu, p_over_E = values.pop("nu"), values.pop("p_over_E")
+    return SceneDraws(values, nu, p_over_E, physical)
 
 
 def _check(drawn: dict[str, FloatArray]) -> None:
     """Refuse draws that break a rule of a scene."""
-    a, depth, corner = drawn["a"], drawn["depth"], drawn["corner"]
-    for name in ("a", "b"):
-        _refuse(name, drawn, (drawn[name] >= LEAST_WIDTH) & (drawn[name] <= LARGEST_WIDTH), "> 0")
-    _refuse("corner", drawn, (corner >= 0) & (corner <= 0.5 * a), "0 to half the ridge width")
-    _refuse("depth", drawn, (depth > 0) & (2 * depth >= corner), "> 0, at least half the corner")
-    _refuse("offset", drawn, np.abs(drawn["offset"]) <= 0.5, "-0.5 to 0.5 pitches")
-    _refuse("nu", drawn, (drawn["nu"] >= 0) & (drawn["nu"] <= 0.5), "0 to 0.5")
-    p = drawn["p_over_E"]
-    _refuse("p_over_E", drawn, (p > 0) & (p <= LARGEST_LOAD), "finite and > 0")
-
-
-def _refuse(name: str, drawn: dict[str, FloatArray], holds: BoolArray, rule: str) -> None:
-    if not holds.all():
-        bad = drawn[name][~holds]
-        raise InputError(
-            f"scene: {name} (over R or E): {len(bad)} of {len(holds)} draws break a rule: expected "
-            f"{rule}, got {bad[0]:g}; a truncated distribution keeps within bounds"
-        )
+    offset, nu, p = drawn["offset"], drawn["nu"], drawn["p_over_E"]
+    rules = fields.shape_rules(drawn) | {
+        "offset": (np.abs(offset) <= 0.5, "from -0.5 to 0.5 pitches"),
+        "nu": ((nu >= 0) & (nu <= 0.5), "from 0 to 0.5"),
+        "p_over_E": ((p > 0) & (p <= LARGEST_LOAD), "finite and > 0"),
+    }
+    for name, (holds, rule) in rules.items():
+        if not holds.all():
+            bad = drawn[name][~holds]
+            raise InputError(
+                f"scene: {name} (over R or E): {len(bad)} of {len(holds)} draws break a rule: "
+                f"expected {rule}, got {bad[0]:g}; a truncated distribution keeps within bounds"
+            )

@@ -1,6 +1,5 @@
 """Which effects a scene calls for, as records, and how far solvers go; `estimates` decides."""
 
-import math
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -146,8 +145,7 @@ def plan_label(texture: Texture) -> str:
 def full_profile(texture: Texture) -> Profile:
     """Return the rigid side with all that a texture gives; a uniform offset is the largest."""
     offset = 0.5 if texture.offset == "uniform" else float(texture.offset)
-    depth, corner = texture.groove_depth_over_R or math.inf, texture.corner_radius_over_R
-    return Profile(texture.a_over_R, texture.b_over_R, depth, corner, offset)
+    return Profile(**texture.shape | {"offset": offset})
 
 
 def beyond_reach(scene: Scene, solver: str = "auto") -> str:

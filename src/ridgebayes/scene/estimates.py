@@ -37,7 +37,7 @@ _ROUGH = 1e-5  # tolerance of the solutions behind estimates
 _FINITE_BODY = 0.3
 _PER_PRESS, _PER_CUBE = 8e-4, 3e-11  # CPU seconds of a solution: fixed, and times unknowns cubed
 _MOST_LOOKED_AT = 64
-_PER_TRANSITION, _PER_TWO_SCALE = 5.0, 1e-3  # CPU seconds, of finite elements and two-scale
+_PER_TRANSITION = 5.0  # CPU seconds, of finite elements; two-scale takes a solution
 _PER_MATERIAL = 15.0  # CPU seconds, of a smooth body
 
 
@@ -320,7 +320,7 @@ def _finite_body(base: _Base) -> tuple[Effect, str]:
     reason = f"contact half-width over R; load per ridge over E a is {strain:.2g}, "
     reason += f"penetration over b {hang:.2g}; "
     solver, why = _solver_for(base, estimate)
-    cost = (_PER_TRANSITION if solver == "cylinder-fe" else _PER_TWO_SCALE) * len(base.W)
+    cost = (_PER_TRANSITION if solver == "cylinder-fe" else _PER_PRESS) * len(base.W)
     simulated = solver != "half-plane"
     return Effect(BEYOND_HALF_PLANE[0], width, estimate, simulated, reason + why, cost), solver
 

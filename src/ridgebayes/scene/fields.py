@@ -3,7 +3,7 @@
 import math
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -11,7 +11,9 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    NonNegativeFloat,
     PlainValidator,
+    PositiveFloat,
     ValidationError,
 )
 
@@ -19,6 +21,7 @@ from ridgebayes._types import Ogden
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import one_line_message, shown_value
 from ridgebayes.scene.units import with_point
+from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
 
 # A line that is no TOML but was meant as a quantity: a decimal comma, or a unit without quotes.
 _QUANTITY_LINE = re.compile(
@@ -54,13 +57,31 @@ def _ogden(raw: object) -> Ogden:
 
 
 # The rules of scene files and of the records below.
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
+Positive = PositiveFloat
+NotNegative = NonNegativeFloat
 PoissonsRatio = Annotated[float, Field(ge=0.0, le=0.5)]
 Relative = Annotated[float, Field(gt=0.0, lt=1.0)]
 Offset = Annotated[float | Literal["uniform"], PlainValidator(_offset)]
 OgdenTerms = Annotated[Ogden, BeforeValidator(_ogden)]
 Role = Literal["calibration", "held-out"]
+
+
+def shape_rules(values: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
+    """Return by name whether values of a texture fit together, and the rule.
+
+    Parameters
+    ----------
+    values : mapping of str to float or ndarray of float
+        a, b, depth and corner, over R.
+    """
+    a, b, depth, corner = (values[name] for name in ("a", "b", "depth", "corner"))
+    width = f"from {LEAST_WIDTH:g} to {LARGEST_WIDTH:g}"
+    return {
+        "a": ((a >= LEAST_WIDTH) & (a <= LARGEST_WIDTH), width),
+        "b": ((b >= LEAST_WIDTH) & (b <= LARGEST_WIDTH), width),
+        "corner": ((corner >= 0) & (corner <= 0.5 * a), "from 0 to half the ridge width"),
+        "depth": ((depth > 0) & (2 * depth >= corner), "at least half the radius of corners"),
+    }
 
 
 class Record(BaseModel):

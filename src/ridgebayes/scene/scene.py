@@ -1,6 +1,7 @@
 """`Scene`: which textures, pressed how hard, computed how accurately. Knows no solver."""
 
 import itertools
+import math
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,9 +12,8 @@ from pydantic import Field, InstanceOf, field_validator, model_validator
 from ridgebayes._types import NEO_HOOKEAN, Json
 from ridgebayes.errors import InputError
 from ridgebayes.scene import fields
-from ridgebayes.scene.toml import DEFAULT_LOAD, read_scene_file, scene_text, scene_values
+from ridgebayes.scene.toml import DEFAULT_LOAD, DERIVED, read_scene_file, scene_text, scene_values
 from ridgebayes.scene.units import NO_UNITS, Body
-from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
 
 
 class Texture(fields.Record):
@@ -43,24 +43,23 @@ class Texture(fields.Record):
     role: fields.Role = "calibration"
     max_p_over_E: fields.Positive | None = None
 
+    @property
+    def shape(self) -> Json:
+        """Its values over R by the names of `contact.rigid_profile.Profile`, and the offset."""
+        depth = self.groove_depth_over_R
+        return {
+            "a": self.a_over_R,
+            "b": self.b_over_R,
+            "depth": math.inf if depth is None else depth,
+            "corner": self.corner_radius_over_R,
+            "offset": self.offset,
+        }
+
     @model_validator(mode="after")
     def _shape_fits(self) -> "Texture":
-        for name, width in (("a_over_R", self.a_over_R), ("b_over_R", self.b_over_R)):
-            if not LEAST_WIDTH <= width <= LARGEST_WIDTH:
-                raise ValueError(
-                    f"{name} = {width!r}: must be from {LEAST_WIDTH:g} to {LARGEST_WIDTH:g}"
-                )
-        corner, depth = self.corner_radius_over_R, self.groove_depth_over_R
-        if corner > 0.5 * self.a_over_R:
-            raise ValueError(
-                f"corner_radius_over_R = {corner!r}: must be at most half of a_over_R = "
-                f"{self.a_over_R!r}"
-            )
-        if depth is not None and 2 * depth < corner:
-            raise ValueError(
-                f"groove_depth_over_R = {depth!r}: must be at least half of "
-                f"corner_radius_over_R = {corner!r}"
-            )
+        for name, (holds, rule) in fields.shape_rules(self.shape).items():
+            if not holds:
+                raise ValueError(f"{DERIVED[name]} = {self.shape[name]!r}: must be {rule}")
         return self
 
 

@@ -10,6 +10,7 @@ their places such as body.radius, and `correlation`, the matrix of their normal 
 
 import json
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from fractions import Fraction
@@ -32,19 +33,18 @@ from ridgebayes._types import NEO_HOOKEAN, Json
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_bytes
 from ridgebayes.scene import fields
-from ridgebayes.scene.units import Body, Dimension, is_uncertain, to_si
+from ridgebayes.scene.units import LENGTHS, Body, Dimension, is_uncertain, over_body, to_si
 
 DEFAULT_LOAD = 0.02  # p/E of the study
-# A texture's keys in a file, and the fields of a `Texture` that they become.
-_TEXTURE_KEYS = {
-    "ridge_width": "a_over_R",
-    "groove_width": "b_over_R",
-    "groove_depth": "groove_depth_over_R",
-    "corner_radius": "corner_radius_over_R",
+# Fields of a `Texture`, by their names in `over_body`; and those that a file has as they are.
+DERIVED = {
+    "a": "a_over_R",
+    "b": "b_over_R",
+    "depth": "groove_depth_over_R",
+    "corner": "corner_radius_over_R",
     "offset": "offset",
-    "role": "role",
-    "max_p_over_E": "max_p_over_E",
 }
+_ALIKE = ("role", "max_p_over_E")
 
 
 @dataclass(frozen=True)
@@ -216,23 +216,6 @@ def read_scene_file(path: Path) -> Json:
     -----
     Without units a missing radius is 1. Without any load, p/E goes to the 0.02 of the study.
     """
-    return _values(_read(path), str(path))
-
-
-def scene_values(data: Json) -> Json:
-    """Return the values of `read_scene_file` from a file's tables; errors name ``scene``."""
-    return _values(_validated(data, "scene", Path()), "scene")
-
-
-def _values(scene: _SceneFile, where: str) -> Json:
-    try:
-        return _plain(scene) | {"uncertain": _uncertain_values(scene), "body": _body(scene)}
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-
-
-def _read(path: Path) -> _SceneFile:
-    """Read a scene file, and check every rule of keys and between them."""
     try:
         path.stat()
     except OSError as error:
@@ -243,7 +226,69 @@ def _read(path: Path) -> _SceneFile:
     # A thousand brackets in each other: RecursionError.
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: {fields.syntax_error(content, error)}") from None
-    return _validated(data, str(path), path.parent)
+    return _values(_validated(data, str(path), path.parent), str(path))
+
+
+def scene_values(data: Json) -> Json:
+    """Return the values of `read_scene_file` from a file's tables; errors name ``scene``."""
+    return _values(_validated(data, "scene", Path()), "scene")
+
+
+def _values(scene: _SceneFile, where: str) -> Json:
+    """Return the keywords of a `Scene`: over R and E, exactly until the last rounding."""
+    placed = [("body", scene.body), *zip(_places(scene), scene.texture, strict=True)]
+    at = {
+        f"{section}.{key}": value
+        for section, model in [*placed, ("load", scene.load)]
+        for key, value in model
+        if value is not None
+    }
+    measures = {place: value for place, value in at.items() if isinstance(value, _Measure)}
+    exact = at | {place: measure.value for place, measure in measures.items()}
+    textures, shared = [], dict[str, Any]()
+    for place in _places(scene):
+        shared = _rounded(over_body(exact, place))
+        named = {name: shared.pop(key) for key, name in DERIVED.items() if key in shared}
+        alike = {key: at[f"{place}.{key}"] for key in _ALIKE if f"{place}.{key}" in at}
+        textures.append(named | alike)
+    # All textures share the rest: nu and the load.
+    values = shared | {"textures": textures, "friction": scene.load.friction}
+    values |= {"ogden": scene.body.ogden, "relative": scene.accuracy.relative}
+    values["body"] = _body(scene, measures)
+    sources = {
+        place: (measure.source, measure.raw)
+        for place, measure in measures.items()
+        if measure.source is not None
+    }
+    if not sources and not scene.joint:
+        return values
+    # Here, not above: it loads scipy, which a scene that is certain does without.
+    from ridgebayes.scene.uncertain import Uncertain
+
+    medians = at | {place: float(measure.value) for place, measure in measures.items()}
+    joint = [dict(section) for section in scene.joint]
+    try:
+        return values | {"uncertain": Uncertain.of(medians, sources, joint)}
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _places(scene: _SceneFile) -> list[str]:
+    """Return the places of the textures, as messages name them."""
+    n = len(scene.texture)
+    return [f"texture[{i}]" for i in range(1, n + 1)] if n > 1 else ["texture"]
+
+
+def _rounded(values: Json) -> Json:
+    """Return exact numbers as floats; infinite where one is too large, which records refuse."""
+    rounded = dict(values)
+    for name, value in values.items():
+        if isinstance(value, Fraction):
+            try:
+                rounded[name] = float(value)
+            except OverflowError:
+                rounded[name] = float("inf")
+    return rounded
 
 
 def _validated(data: Json, where: str, folder: Path) -> _SceneFile:
@@ -276,8 +321,7 @@ def _meant(place: tuple[int | str, ...]) -> str:
 
 def _clashes(scene: _SceneFile) -> list[str]:
     """Find the rules broken between keys."""
-    names = [f"texture[{i}]" for i in range(1, len(scene.texture) + 1)]
-    textures = zip(names if len(names) > 1 else ["texture"], scene.texture, strict=True)
+    textures = zip(_places(scene), scene.texture, strict=True)
     united: list[str] = []
     plain: list[str] = []
     for section, model in (("body", scene.body), *textures, ("load", scene.load)):
@@ -305,68 +349,19 @@ def _clashes(scene: _SceneFile) -> list[str]:
     return problems
 
 
-def _plain(scene: _SceneFile) -> Json:
-    """Divide lengths by R and pressures by E, exactly until the last rounding."""
-    body, load = scene.body, scene.load
-    radius = body.radius.value if body.radius else Fraction(1)
-    textures: list[Json] = [{} for _ in scene.texture]
-    for texture, values in zip(scene.texture, textures, strict=True):
-        for key, name in _TEXTURE_KEYS.items():
-            value = getattr(texture, key)
-            if value is not None:
-                is_length = isinstance(value, _Measure) and key != "offset"
-                values[name] = _ratio(value, radius) if is_length else _median(value)
-    values = {"textures": textures, "nu": _median(body.poissons_ratio), "friction": load.friction}
-    values |= {"relative": scene.accuracy.relative, "ogden": body.ogden}
-    if load.p_over_E is not None:
-        values["p_over_E"] = _median(load.p_over_E)
-    across = 2 * radius  # P' = 2 R p
-    area = across * (load.length.value if load.length else 1)
-    for measure, over in ((load.max, Fraction(1)), (load.line, across), (load.force, area)):
-        if measure is not None and body.youngs_modulus is not None:
-            values["p_over_E"] = _ratio(measure, over * body.youngs_modulus.value)
-    return values
-
-
-def _body(scene: _SceneFile) -> Body:
+def _body(scene: _SceneFile, measures: Mapping[str, _Measure]) -> Body:
     """Return the values of a scene with units; medians of uncertain values."""
-    body, load = scene.body, scene.load
-    if body.radius is None or not body.radius.has_unit:
+    if not any(measure.has_unit for measure in measures.values()):
         return Body()
+    load = scene.load
     words = next((str(measure.raw) for measure in (load.max, load.line, load.force) if measure), "")
     if load.force and load.length:
         words += f" on {load.length.raw}"
-    modulus = body.youngs_modulus.value if body.youngs_modulus else None
-    return Body(body.radius.value, modulus, load.length.value if load.length else None, words)
-
-
-def _median(value: Any) -> Any:
-    return float(value.value) if isinstance(value, _Measure) else value
-
-
-def _uncertain_values(scene: _SceneFile) -> Any:
-    """Return a `scene.uncertain.Uncertain`; None where a scene is certain of everything."""
-    first = "texture" if len(scene.texture) == 1 else "texture[1]"
-    sections = {"body": scene.body, first: scene.texture[0], "load": scene.load}
-    sections |= {f"texture[{i}]": item for i, item in enumerate(scene.texture[1:], start=2)}
-    at: dict[str, Any] = {
-        f"{section}.{key}": value for section, model in sections.items() for key, value in model
-    }
-    measures = {name: item for name, item in at.items() if isinstance(item, _Measure)}
-    if not scene.joint and all(item.source is None for item in measures.values()):
-        return None
-    # Here, not above: it loads scipy, which a scene that is certain does without.
-    from ridgebayes.scene.uncertain import Uncertain
-
-    certain = {name: _median(value) for name, value in at.items() if value is not None}
-    return Uncertain.of(certain, measures, [dict(item) for item in scene.joint])
-
-
-def _ratio(measure: _Measure, unit: Fraction) -> float:
-    try:
-        return float(measure.value / unit)
-    except OverflowError:
-        return float("inf")  # which the record's own rule refuses
+    radius, modulus, length = (
+        measure.value if measure else None
+        for measure in (scene.body.radius, scene.body.youngs_modulus, load.length)
+    )
+    return Body(radius, modulus, length, words)
 
 
 def scene_text(values: Json) -> str:
@@ -382,8 +377,11 @@ def scene_text(values: Json) -> str:
     str
         TOML; what stands at its default is left out where it means "not asked for".
     """
-    keys_of = _TEXTURE_KEYS.items()
-    textures = [{key: texture.get(name) for key, name in keys_of} for texture in values["textures"]]
+    names = {LENGTHS.get(key, key): name for key, name in DERIVED.items()}
+    names |= {name: name for name in _ALIKE}
+    textures = [
+        {key: texture.get(name) for key, name in names.items()} for texture in values["textures"]
+    ]
     load = {"p_over_E": values["p_over_E"], "friction": values["friction"] or None}
     sections: list[tuple[str, Json]] = [
         ("[body]", {"radius": 1.0, "poissons_ratio": values["nu"], "ogden": values["ogden"]}),

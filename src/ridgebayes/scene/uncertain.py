@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.distributions.grammar import parse_distribution
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import Streams, stream, streams
-from ridgebayes.scene.units import Dimension, to_si, with_error
+from ridgebayes.scene.units import Dimension, over_body, to_si, with_error
 
 _NO_MASS = 1e-12  # a probability that draws never meet
 _N_FOR_MEDIAN = 1_001
@@ -120,8 +119,7 @@ def read_source(
     InputError
         If it is no distribution, a unit does not fit, or the median is not finite.
     """
-    kinds: set[bool] = set()
-    problems: list[str] = []
+    with_unit: set[bool] = set()
 
     def number(text: str) -> float:
         try:
@@ -129,30 +127,20 @@ def read_source(
         except ValueError:
             if dimension is None:
                 raise
-            try:
-                value = float(to_si(text, dimension))
-            except InputError as error:
-                problems.append(str(error))
-                raise
-            kinds.add(True)
+            value = float(to_si(text, dimension))
+            with_unit.add(True)
             return value
-        kinds.update({False} if value else ())
+        with_unit.update({False} if value else ())
         return value
 
-    try:
-        source = Source.of(raw, number, folder)
-        if source is None:
-            return None
-        median = source.median
-    except InputError as error:
-        # A sample's own message names the row.
-        is_own = not problems or "empirical(" in str(raw)
-        raise InputError(str(error) if is_own else problems[-1]) from None
-    if len(kinds) > 1:
+    source = Source.of(raw, number, folder)
+    if source is None:
+        return None
+    if len(with_unit) > 1:
         raise InputError("give units everywhere or nowhere")
-    if not math.isfinite(median):
+    if not math.isfinite(median := source.median):
         raise InputError("must have a finite median")
-    return source, median, kinds.pop() if kinds and dimension else None
+    return source, median, with_unit.pop() if with_unit and dimension else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,52 +153,59 @@ class Uncertain:
         Sources by place in a scene file, such as ``body.radius``.
     texts : mapping of str to str
         Text as written at each place.
-    derive : callable
-        Function that turns values by place, arrays or numbers, into values of the scene, by the
-        names of `scene.draws.SceneDraws`.
+    medians : mapping of str to object
+        All values of the file by place, medians among them.
     joint : sequence of Joint
         Places that are drawn together.
+    texture : str, optional
+        Place of the texture whose values are derived.
     """
 
     sources: Mapping[str, Source]
     texts: Mapping[str, str]
-    derive: Callable[..., dict[str, FloatArray]]
+    medians: Mapping[str, Any]
     joint: Sequence["Joint"] = ()
+    texture: str = "texture[1]"
 
     @classmethod
     def of(
-        cls, certain: Json, measures: Mapping[str, Any], joint: Sequence[Mapping[str, Any]]
+        cls,
+        medians: Json,
+        sources: Mapping[str, tuple[Source, object]],
+        joint: Sequence[Mapping[str, Any]],
     ) -> "Uncertain":
         """Return the uncertain values of a scene file.
 
         Parameters
         ----------
-        certain : dict
-            All its numbers by place, medians among them.
-        measures : mapping of str to object
-            Its quantities by place, with `source`, `raw` and `has_unit`.
+        medians : dict
+            All values by place, medians among them.
+        sources : mapping of str to (Source, object)
+            Sources by place, and what was written there.
         joint : sequence of mapping
-            Its [[joint]] sections.
+            The [[joint]] sections of the file.
 
         Raises
         ------
         InputError
             As `Joint.read`.
         """
-        sources = {name: m.source for name, m in measures.items() if m.source is not None}
-        texts = {name: str(measures[name].raw) for name in sources}
-        has_units = any(measure.has_unit for measure in measures.values())
-        joints = [Joint.read(section, certain, sources) for section in joint]
+        of_place = {name: source for name, (source, _) in sources.items()}
+        texts = {name: str(raw) for name, (_, raw) in sources.items()}
+        joints = [Joint.read(section, medians, of_place) for section in joint]
         seen = [name for entry in joints for name in entry.of]
         if len(set(seen)) < len(seen):
             raise InputError(f"joint: expected each place once, got {', '.join(seen)}")
         texts |= {name: "joint draws" for j in joints if j.draws is not None for name in j.of}
-        return cls(sources, texts, partial(_derived, certain, has_units), joints)
+        return cls(of_place, texts, medians, joints)
 
     def of_texture(self, number: int) -> "Uncertain":
         """Return the uncertain values of the scene with only its texture of this number, from 1."""
-        derive = partial(self.derive, texture=f"texture[{number}]")
-        return replace(self, derive=derive)
+        return replace(self, texture=f"texture[{number}]")
+
+    def derived(self, drawn: Mapping[str, FloatArray]) -> Json:
+        """Return values over R and E from draws by place, see `over_body`."""
+        return over_body({**self.medians, **drawn}, self.texture)
 
     def draw(self, n: int, random: Streams) -> dict[str, FloatArray]:
         """Return the next n draws of the values that are not certain, by place."""
@@ -316,44 +311,6 @@ class Joint:
                 "multivariate distribution of as many"
             )
         return values
-
-
-def _derived(
-    certain: Json, has_units: bool, drawn: Mapping[str, FloatArray], texture: str = "texture[1]"
-) -> Json:
-    """Return values of a scene over R and E from those of a file, of numbers and of arrays.
-
-    Parameters
-    ----------
-    certain : dict
-        Numbers by place, medians among them.
-    has_units : bool
-        Whether radius and modulus are in SI units.
-    drawn : mapping of str to ndarray of float
-        Draws by place.
-    texture : str
-        Place of the texture, where there are several.
-    """
-    at = {**certain, **drawn}
-    texture = "texture" if "texture.ridge_width" in at else texture
-    radius, modulus = at.get("body.radius", 1.0), at.get("body.youngs_modulus")
-    values = {"nu": at["body.poissons_ratio"], "offset": at[f"{texture}.offset"]}
-    values["depth"] = at.get(f"{texture}.groove_depth", math.inf) / radius
-    values["corner"] = at.get(f"{texture}.corner_radius", 0.0) / radius
-    values |= {"a": at[f"{texture}.ridge_width"] / radius}
-    values |= {"b": at[f"{texture}.groove_width"] / radius}
-    across = 2 * radius
-    over = {"p_over_E": 1.0, "max": modulus}
-    if modulus is not None:
-        over |= {"line": across * modulus, "force": across * at.get("load.length", 1.0) * modulus}
-    loads = [at[f"load.{key}"] / unit for key, unit in over.items() if f"load.{key}" in at]
-    if f"{texture}.max_p_over_E" in at:
-        loads = [at[f"{texture}.max_p_over_E"]]
-    if loads:
-        values["p_over_E"] = loads[0]
-    places = ("body.radius", "body.youngs_modulus", "load.length") if has_units else ()
-    values |= {place.partition(".")[2]: at[place] for place in places if place in at}
-    return values
 
 
 def _array(rows: object) -> np.ndarray:

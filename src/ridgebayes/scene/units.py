@@ -2,11 +2,13 @@
 
 import functools
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Literal, TypeAlias
 
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.text import LONGEST_VALUE
 
 Dimension: TypeAlias = Literal["length", "pressure", "line load", "force"]
 
@@ -26,8 +28,6 @@ _POWER = r"[^\W\d]+(?:(?:\*\*|\^)-?[0-9])?"
 _QUANTITY = re.compile(rf"\s*{_NUMBER}\s*({_POWER}(?:\s*[*/\s]\s*{_POWER})*)\s*")
 
 _PLUS_MINUS = re.compile(r"±|\+/?-(?=\s*[\d.])")
-
-_SHOWN = 200  # characters of a text that messages show
 
 
 def to_si(text: str, dimension: Dimension) -> Fraction:
@@ -59,7 +59,7 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
     Fraction(1200, 1)
     """
     match = _QUANTITY.fullmatch(text)
-    shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+    shown = text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
     rule = f"must be a number and a unit of {dimension}, such as {EXAMPLES[dimension]!r}"
     if _DECIMAL_COMMA.search(text):
         rule = f"has a decimal comma; expected a point, such as {with_point(shown)!r}"
@@ -226,6 +226,12 @@ class Body:
             _positive("--thickness", length, "length"),
         )
 
+    @property
+    def sizes(self) -> dict[str, Fraction | None]:
+        """Its values by their places in a scene file."""
+        places = ("body.youngs_modulus", "body.radius", "load.length")
+        return dict(zip(places, (self.modulus, self.radius, self.length), strict=True))
+
     def over_radius(self, text: str) -> float:
         """Return a length with a unit over the radius; InputError if that cannot be."""
         value = to_si(text, "length")
@@ -263,6 +269,49 @@ class Body:
 
 
 NO_UNITS = Body()
+LENGTHS = {
+    "a": "ridge_width",
+    "b": "groove_width",
+    "depth": "groove_depth",
+    "corner": "corner_radius",
+}
+
+
+def over_body(at: Mapping[str, Any], texture: str = "texture[1]") -> dict[str, Any]:
+    """Return values of a scene over R and E from those of its file.
+
+    Parameters
+    ----------
+    at : mapping of str to number or ndarray of float
+        Values by their place in the file, such as ``body.radius``. Exact numbers give exact ones,
+        draws give draws.
+    texture : str, optional
+        Place of the texture, where there are several.
+
+    Returns
+    -------
+    dict
+        nu and offset; a, b, depth, corner and p_over_E, those of them that are there.
+
+    Examples
+    --------
+    >>> at = {"body.radius": Fraction(2), "body.poissons_ratio": 0.5, "texture.offset": 0.0}
+    >>> over_body(at | {"texture.ridge_width": Fraction(1, 10)})["a"]
+    Fraction(1, 20)
+    """
+    texture = "texture" if "texture.ridge_width" in at else texture
+    radius, modulus = at.get("body.radius", 1), at.get("body.youngs_modulus")
+    lengths = {name: at.get(f"{texture}.{key}") for name, key in LENGTHS.items()}
+    values = {name: length / radius for name, length in lengths.items() if length is not None}
+    values |= {"nu": at["body.poissons_ratio"], "offset": at[f"{texture}.offset"]}
+    units = {"p_over_E": 1, "max": modulus}
+    if modulus is not None:
+        line = 2 * radius * modulus  # P' = 2 R p
+        units |= {"line": line, "force": line * at.get("load.length", 1)}
+    for key, unit in units.items():
+        if f"load.{key}" in at:
+            values["p_over_E"] = at[f"load.{key}"] / unit
+    return values
 
 
 def _positive(option: str, text: str | None, dimension: Dimension) -> Fraction | None:

@@ -206,11 +206,10 @@ def median_units(scene: Scene) -> dict[str, FloatArray]:
 def _units(drawn: SceneDraws, body: Body) -> dict[str, FloatArray]:
     units = {"p/E": np.ones_like(drawn.nu), "share": drawn.p_over_E}
     of_one = np.ones_like(drawn.nu)
-    medians = {"youngs_modulus": body.modulus, "radius": body.radius, "length": body.length}
     lengths = {"pressure": 1, "line load": 2, "force": 1}  # P' = 2 R p
-    for (name, median), (unit, factor) in zip(medians.items(), lengths.items(), strict=True):
+    for (place, median), (unit, factor) in zip(body.sizes.items(), lengths.items(), strict=True):
         if median is None:
             break
-        of_one = of_one / (factor * drawn.physical.get(name, float(median)))
+        of_one = of_one / (factor * drawn.physical.get(place.partition(".")[2], float(median)))
         units[unit] = of_one
     return units

@@ -20,7 +20,7 @@ from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.choice import OBJECTIVES, alike, chosen, mark_extrapolation, plain
 from ridgebayes.texture_design.drawn_loads import drawn_loads
-from ridgebayes.texture_design.goal_values import GoalValues
+from ridgebayes.texture_design.goal_values import N_DRAW, GoalValues
 from ridgebayes.texture_design.goals import LARGEST, Goal, Load, parse_goals, read_loads
 from ridgebayes.texture_design.lattice import lattice
 from ridgebayes.texture_design.limits import Limits, textures_in
@@ -33,7 +33,7 @@ from ridgebayes.texture_design.sensitivity import (
     what_to_measure,
 )
 
-_N_DRAW, _N_SPREAD = 16_384, 4_096
+_N_SPREAD = 4_096  # draws for a bound on the spread, which looks at every count
 _N_LOADS = 20  # of the objective min-load, where none are given
 
 
@@ -123,8 +123,8 @@ def design(
     textures, about = lattice(sizes or {}, [fit for fit, _ in averaged])
     made.check(min(min(texture) for texture in textures))
     draw = partial(Bodies.draw, scene, made, seed=seed)
-    loads_of = drawn_loads(averaged, draw(_N_DRAW).ratios(textures))
-    n = _N_SPREAD if any(goal_.is_spread for goal_ in asked[0]) else _N_DRAW
+    loads_of = drawn_loads(averaged, draw(N_DRAW).ratios(textures))
+    n = _N_SPREAD if any(goal_.is_spread for goal_ in asked[0]) else N_DRAW
     values = GoalValues(loads_of, draw, n)
     for goals in asked:
         designs = _map(values, goals, textures)

@@ -19,11 +19,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
-import numpy as np
-
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import clipped
+from ridgebayes.scene.typed import parse_loads
 from ridgebayes.scene.units import NO_UNITS, Body, load_to_si
 from ridgebayes.table.columns import LARGEST_LOAD
 
@@ -46,7 +45,7 @@ _WITH_UNIT = re.compile(r"[-+.,\d]+(?:e[+-]?\d+)?\s*[^\W\d_].*", re.IGNORECASE)
 _SYMBOLS = {"p/E": "", "pressure": " Pa", "line load": " N/m", "force": " N"}
 _Q = re.compile(r"q(?:\s*\((?P<load>[^()]+)\))?", re.IGNORECASE)
 _FLIPPED = {"<": ">", "<=": ">=", "=": "=", ">": "<", ">=": "<="}
-_MOST_LOADS, MOST_COUNT = 1_000, 2_000
+MOST_COUNT = 2_000
 
 
 @dataclass(frozen=True)
@@ -227,7 +226,9 @@ def _event(text: str, load: Load, body: Body | None, where: str) -> Case:
         if match["load"] is not None:
             if body is None:
                 raise InputError(f"{where}: expected Q(load) or 'at p/E = ..', got both")
-            here = _load(match["load"], where, body)
+            here, *others = read_loads(match["load"], where, body)
+            if others:
+                raise InputError(f"{where}: expected one load in brackets, got {match['load']!r}")
         low, high = _bounds(count, op if matches[0] else _FLIPPED[op], where)
         at_least += [] if low is None else [(low, here)]
         below += [] if high is None else [(high, here)]
@@ -257,21 +258,20 @@ def _bounds(text: str, op: str, where: str) -> tuple[int | None, int | None]:
 
 def read_loads(text: str, where: str, body: Body) -> tuple[Load, ...]:
     """Return one load, or those of LO:HI:N, evenly spaced, or log:LO:HI:N."""
-    is_log, parts = text.startswith("log:"), text.removeprefix("log:").split(":")
-    if len(parts) == 1 and not is_log:
-        return (_load(text, where, body),)
-    ends = [_load(part, where, body) for part in parts[:2]]
-    n = int(parts[2]) if len(parts) == 3 and parts[2].strip().isdecimal() else 0
-    low, high = ends[0], ends[-1]
-    if not 1 <= n <= _MOST_LOADS or low.unit != high.unit or low.value > high.value:
-        raise InputError(
-            f"{where}: {text!r}: expected LO:HI:N with LO <= HI, of one kind, and N >= 1"
-        )
-    spaced = (np.geomspace if is_log else np.linspace)(low.value, high.value, n)
-    return tuple(Load(value, low.unit) for value in spaced.tolist())
+    units: set[str] = set()
+
+    def number(part: str) -> float:
+        load = _load(part, body)
+        units.add(load.unit)
+        if len(units) > 1:
+            raise InputError(f"{text!r}: expected both ends of one kind")
+        return load.value
+
+    values = parse_loads(text, f"{where}:", number)
+    return tuple(Load(value, *units) for value in values.tolist())
 
 
-def _load(text: str, where: str, body: Body) -> Load:
+def _load(text: str, body: Body) -> Load:
     text = text.strip()
     is_share = text.endswith("%")
     try:
@@ -281,14 +281,11 @@ def _load(text: str, where: str, body: Body) -> Load:
         if not _WITH_UNIT.fullmatch(text):
             value = p_over_E = math.nan
         else:
-            try:
-                (exact, unit), p_over_E = load_to_si(text), body.p_over_E(text)
-            except InputError as error:
-                raise InputError(f"{where}: {error}") from None
+            (exact, unit), p_over_E = load_to_si(text), body.p_over_E(text)
             value = float(exact)
     if not 0 < p_over_E <= (1 if is_share else LARGEST_LOAD):
         raise InputError(
-            f"{where}: expected a load p/E above 0, one with a unit such as '0.8 N', or a share "
+            f"expected a load p/E above 0, one with a unit such as '0.8 N', or a share "
             f"such as 50 % of the scene's largest load, got {clipped(text)}"
         )
     return Load(value, unit)

@@ -20,13 +20,13 @@ from ridgebayes.runtime.randomness import stream, streams
 from ridgebayes.scene.scene import Scene
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
-from ridgebayes.texture_design.goal_values import PlacedDraws, PosteriorDraws, Value
+from ridgebayes.texture_design.goal_values import N_DRAW, PlacedDraws, PosteriorDraws, Value
 from ridgebayes.texture_design.goals import Goal
 
 FORM, NOISE, COEFFICIENTS = "form", "error model", "coefficients"
 SIMULATION = "a simulation of this texture"
 _GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}
-_N, _N_CHECK = 2**14, 100_000
+_N_CHECK = 100_000
 _MOST_SE = 0.1  # of reported shares
 _N_OUTER, _N_INNER = 128, 256
 _PROB = (0.05, 0.95)
@@ -222,7 +222,7 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
         as rare failures.
     """
     groups = sources.groups
-    sample, other = (sources.draw(_N, seed_of_draws) for seed_of_draws in (seed, seed + 1))
+    sample, other = (sources.draw(N_DRAW, seed_of_draws) for seed_of_draws in (seed, seed + 1))
     mixed = [sample | {name: other[name] for name in names} for names in groups.values()]
     # Shape (output, draw) each.
     f_A, f_B, *f_AB = (np.stack(sources.outcome(draws)) for draws in (sample, other, *mixed))
@@ -233,7 +233,7 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
             continue
         mixed_f = np.stack(f_AB)[:, i]
         func = {"f_A": f[:1], "f_B": f[1:], "f_AB": mixed_f[:, None]}
-        indices = stats.sobol_indices(func=func, n=_N)
+        indices = stats.sobol_indices(func=func, n=N_DRAW)
         first, total = np.ravel(indices.first_order), np.ravel(indices.total_order)
         # Both are ratios of means; their errors follow to first order.
         A, B = f - f.mean()
@@ -242,7 +242,7 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
             B * (AB - A) - np.outer(first, variance),
             (AB - A) ** 2 / 2 - np.outer(total, variance),
         )
-        se = np.std(residuals, axis=-1) / variance.mean() / math.sqrt(_N)
+        se = np.std(residuals, axis=-1) / variance.mean() / math.sqrt(N_DRAW)
         if se.max() < _MOST_SE:
             rows += [
                 (output, name, first[j], se[0, j], total[j], se[1, j])

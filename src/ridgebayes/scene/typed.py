@@ -1,9 +1,15 @@
-"""Textures as they are typed: two widths with a comma between them."""
+"""Textures and loads as they are typed: ``A,B`` and ``LO:HI:N``, with units or without."""
 
 import re
+from collections.abc import Callable
 
+import numpy as np
+
+from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.scene.units import Body
+
+MOST_LOADS = 10_000  # a larger number of loads is a slip
 
 
 def parse_texture(
@@ -58,3 +64,45 @@ def parse_texture(
 def has_unit(text: str) -> bool:
     """Return whether a unit stands behind a number."""
     return re.search(r"\d.*[^\W\d_eE]", text) is not None
+
+
+def parse_loads(
+    text: str, option: str = "--p-over-E", number: Callable[[str], float] = float
+) -> FloatArray:
+    """Return the loads of one load, LO:HI:N or log:LO:HI:N, shape (N,).
+
+    Parameters
+    ----------
+    text : str
+        Loads as typed.
+    option : str, optional
+        Place that errors name.
+    number : callable, optional
+        Makes a number of what is typed for a load.
+
+    Raises
+    ------
+    InputError
+        If it is none of these, or N is above 10,000.
+
+    Examples
+    --------
+    >>> [parse_loads(text).tolist() for text in ("0.01", "0.01:0.03:2", "log:0.0001:0.01:3")]
+    [[0.01], [0.01, 0.03], [0.0001, 0.001, 0.01]]
+    """
+    is_log, parts = text.startswith("log:"), text.removeprefix("log:").split(":")
+    if len(parts) == 1 and not is_log:
+        parts = [text, text, "1"]
+    try:
+        low, high, n = number(parts[0]), number(parts[1]), int(parts[2])
+        valid = len(parts) == 3 and 0 < low <= high < float("inf") and 1 <= n <= MOST_LOADS
+    except InputError as error:
+        raise InputError(f"{option} {error}") from None
+    except (ValueError, IndexError):
+        valid = False
+    if not valid:
+        raise InputError(
+            f"{option} {text!r}: expected one load, LO:HI:N or log:LO:HI:N with 0 < LO <= HI and "
+            f"N from 1 to {MOST_LOADS}, such as 0.001:0.02:50"
+        )
+    return np.geomspace(low, high, n) if is_log else np.linspace(low, high, n)
