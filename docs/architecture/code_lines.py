@@ -23,7 +23,7 @@ BUDGETS = {
     "table": 643,  # with the check for plain CSV that import uses too: pandas reads it faster
     "scene": 1_323,
     "simulate": 505,
-    "fea": 4_268,
+    "fea": 4_269,
     "model": 1_601,
     "inference": 2_524,
     "predict": 1_202,  # loads over a/pitch, which designs share; names of DataArrays

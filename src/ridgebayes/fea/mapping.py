@@ -35,7 +35,6 @@ _CONSTANT = ("R", "D", "E", "thickness", "load_se", "a", "b", "pitch", "offset",
 CONSTANTS = tuple(name for name in _CONSTANT if name not in _VARYING)
 _WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
-_NTH = re.compile(r" #\d+$")
 _SAME = (
     *(("a", "a_over_R"), ("b", "b_over_R"), ("offset", "offset_over_R")),
     *((*LOADS, "load"), (*LOWERS, "load_lower"), (*_SDS, "load_sd")),
@@ -231,7 +230,7 @@ class _Columns:
             keys = self._keys()
             for header, words, unit in self._free():
                 # The second of two equal headers is "force #5".
-                key = _NTH.sub("", header if names is NAMES else words)
+                key = (header if names is NAMES else words).partition(" #")[0]
                 # "force [N/mm]": its unit tells what it is.
                 is_other = key in LOADS[1:] and unit and not unit_factor(unit, DIMENSIONS[key])
                 is_given = _rivals(key) & keys or (key == "Q" and has_Q)

@@ -79,13 +79,10 @@ def _likely(key: str, cells: pd.DataFrame, uses: list[Use]) -> str | None:
             key, is_length - is_load - (is_count and not unit)
         )
 
-    marks = {name: fits(name) for name in numbers}
-    best = max(marks, key=marks.__getitem__, default=None)
-    if best is None or marks[best] < (key == "Q"):
-        return None
+    best = max(numbers, key=fits, default=None)
     # Only the user knows which of several loads presses, as of Fx and Fz.
-    is_one_of_several = key == "load" and list(marks.values()).count(marks[best]) > 1
-    return None if is_one_of_several else best
+    n = 1 if best is None or key != "load" else sum(fits(name) == fits(best) for name in numbers)
+    return None if best is None or n > 1 or fits(best) < (key == "Q") else best
 
 
 def _as_numbers(cells: "pd.Series[Any]") -> FloatArray:
