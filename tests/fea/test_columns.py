@@ -166,6 +166,12 @@ FORCES = "a/R,b/R,Q,Force 1 (N),Force 2 (N)\n.03,.01,4,.024,.036\n.03,.01,6,.096
             [f"S{s}, {n}" for s in (1, 2) for n in (1, 2) for _ in "46"],
             "series: Specimen, Repeat, joined",
         ),
+        (
+            "lab,a/R,b/R,Q,p/E\nA,.03,.01,4,.001\nA,.03,.01,6,.004\nB,.03,.01,4,.002\n",
+            {},
+            list("AAB"),
+            "column 'lab'",
+        ),
         (NUMBERED, {}, ["", ""], "'Test no' is not taken as series: it numbers the rows"),
         (NUMBERED, {"series": "Test no"}, ["1", "2"], "series: column 'Test no'"),
         (FORCES, {}, ["1", "2", "1"], "1 empty cells: not measured"),
@@ -291,6 +297,7 @@ FIXED = (
         (LONG, {**MAP, "a": "Rigde widht"}, BODY, "did you mean 'Ridge width [mm]'?"),
         (PRESSURES, {}, {"E": "60 kPa"}, "'p [kPa]', 'p [Pa]' could each be p"),
         (TWO_LOADS, {}, BODY, "'Load [N/mm]', 'Load [kPa]' could each be load"),
+        ("a/R,b/R,Q,force (N),force (N)\n.03,.01,4,1,2\n", {}, BODY, "'force #5 [N]' could each"),
         ("a/R,b/R,Q=4,Q4\n.03,.01,.1,.2\n", {}, {}, "'Q=4', 'Q4' could each be load Q=4"),
         (CONTRACT.replace("Q", "nu,Q"), {}, {"nu": "0.4"}, "given as a value, and as column 'nu'"),
         (LONG, MAP, BODY | {"R": "0 mm"}, "above 0"),
@@ -360,6 +367,11 @@ def test_import__what_breaks_a_rule_is_refused(refusal, text, mapping, facts, sa
 def test_import__what_contacts_count_is_asked_for(refusal, numbers, likely):
     assert "expected --count-is" in refusal(counts("Contacts", *numbers))
     assert refusal.error.options == {"count_is": likely}
+
+
+def test_import__none_of_several_likely_loads_is_proposed(refusal):
+    refusal("a/R,b/R,Q,Fx (N),Fz (N)\n.03,.01,4,.1,1\n", {}, **BODY)
+    assert refusal.error.mapping == {"load": "?"}
 
 
 @pytest.mark.parametrize(

@@ -229,7 +229,8 @@ class _Columns:
         for names in (NAMES, set(KEYS) - {"Q", *TEXTS}):
             keys = self._keys()
             for header, words, unit in self._free():
-                key = header if names is NAMES else words
+                # The second of two equal headers is "force #5".
+                key = (header if names is NAMES else words).partition(" #")[0]
                 # "force [N/mm]": its unit tells what it is.
                 is_other = key in LOADS[1:] and unit and not unit_factor(unit, DIMENSIONS[key])
                 is_given = _rivals(key) & keys or (key == "Q" and has_Q)

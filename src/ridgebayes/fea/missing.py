@@ -80,7 +80,9 @@ def _likely(key: str, cells: pd.DataFrame, uses: list[Use]) -> str | None:
         )
 
     best = max(numbers, key=fits, default=None)
-    return None if best is None or fits(best) < (key == "Q") else best
+    # Only the user knows which of several loads presses, as of Fx and Fz.
+    n = 1 if best is None or key != "load" else sum(fits(name) == fits(best) for name in numbers)
+    return None if best is None or n > 1 or fits(best) < (key == "Q") else best
 
 
 def _as_numbers(cells: "pd.Series[Any]") -> FloatArray:
