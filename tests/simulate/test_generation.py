@@ -73,6 +73,7 @@ def test_rows_that_were_not_computed_stand_without_a_load(monkeypatch):
     halfplane._table.cache_clear()
     monkeypatch.setattr(halfplane, "MAX_UNKNOWNS", 30)
     frame = generate(Scene.of([(0.012, 0.01)])).frame
+    monkeypatch.undo()
     halfplane._table.cache_clear()
     whole = generate(Scene.of([(0.012, 0.01)])).frame
     assert frame["Q"].tolist() == whole["Q"].tolist()
