@@ -47,7 +47,7 @@ from ridgebayes.table.datafiles import data_path
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-PARTS = {"_generated", "examples", "names", "mutation"}  # folders made from elsewhere, or parts
+PARTS = {"_generated", "examples", "names"}  # folders made from elsewhere
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
 PAGES += [
     path for path in sorted(DOCS.rglob("*.md")) if PARTS.isdisjoint(path.parts[len(DOCS.parts) :])
