@@ -254,7 +254,7 @@ def commands_in_tables(path):
 def test_commands_in_tables__are_known():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     found = [words for path in PAGES for words in commands_in_tables(path)]
-    assert len(found) == 14
+    assert len(found) == 12
     for words in found:
         if words[0] == "make":
             assert re.search(rf"^{words[1]}:", makefile, flags=re.MULTILINE), words
