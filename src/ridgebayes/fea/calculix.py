@@ -1,4 +1,4 @@
-"""CalculiX runs: what a ``.dat`` or a ``.frd`` prints, with its deck and its ``.sta``."""
+"""Read CalculiX runs: a ``.dat`` or a ``.frd``, with its deck and its ``.sta``."""
 
 import re
 from collections.abc import Collection, Sequence
@@ -29,8 +29,8 @@ _COLUMNS = {
 # CalculiX makes a plane element one layer of a solid, whose first two faces are its sides.
 _SIDES = 2
 _CORNERS = (3, 4)  # of plane elements
-_DIGITS = 5e-7  # of a displacement: seven are printed
-_FRD_DIGITS = 5e-6  # six are, in a .frd
+_DIGITS = 5e-7  # relative error of a displacement with seven printed digits
+_FRD_DIGITS = 5e-6  # the same in a .frd, which has six
 
 
 def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> ContactHistory:
@@ -51,7 +51,7 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
     Returns
     -------
     ContactHistory
-        Heights of the surface, or which of its faces are pressed: where they were.
+        Heights of the surface, or its pressed faces with their undeformed positions.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
         printed.messages.append(said)
         for time in (time for time, is_end in zip(times, converged, strict=True) if not is_end):
             printed.increments[time].ignored = "it did not converge"
-    # Contact stress alone tells which faces carry; displacements tell more.
+    # Contact stress only shows which faces carry load; displacements show more.
     tables = [table for step in printed.increments.values() for table in step.tables]
     is_moved = any(table.has(*_MOVED) for table in tables)
 
@@ -99,7 +99,7 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
 
 
 def _pressed(stress: Sequence[FloatArray], run: RunDeck) -> dict[str, np.ndarray]:
-    """Return which faces are pressed in each increment, and where they were."""
+    """Return the pressed faces in each increment, and their undeformed positions."""
     pressed = [{(int(row[0]), int(row[1])) for row in rows if row[2] > 0} for rows in stress]
     faces = sorted(set().union(*pressed))
     ends = np.array([_ends(element, side - _SIDES, run) for element, side in faces])
@@ -110,7 +110,7 @@ def _pressed(stress: Sequence[FloatArray], run: RunDeck) -> dict[str, np.ndarray
 
 
 def _ends(element: int, side: int, run: RunDeck) -> tuple[float, float]:
-    """Return from where to where a side of an element was."""
+    """Return the undeformed ends of a side of an element."""
     nodes = run.deck.elements.get(element, ())
     places = [run.deck.nodes[node] for node in nodes if node in run.deck.nodes]
     # Corners come first, then as many nodes in the middle of sides, or none.
@@ -130,15 +130,15 @@ class _Blocks(Printed):
         super().__init__()
         self._sets = {name.upper() for name in sets}
         self._blocks: dict[float, set[str]] = {}
-        self._above = ""  # what the line above is, if it is not blank
+        self._above = ""  # kind of the line above, if it is not blank
         self._is_total = self._is_lost = False
 
     def blank(self) -> None:
-        """Note that no line stands above the next."""
+        """Forget the line above."""
         self._above = ""
 
     def take(self, line: Line) -> None:
-        """Take a line, but for words among rows.
+        """Take a line; refuse words among rows.
 
         CalculiX prints headings between blank lines: other words are damage, and rows after them
         would be lost.
@@ -206,7 +206,7 @@ def _faces(table: NodeTable) -> FloatArray:
 class _Frd(Printed):
     """Displacements and forces of all nodes, in columns of fixed width."""
 
-    _width = 0  # of a node's number
+    _width = 0  # characters of a node's number
 
     @on(r"(?<= )-1")
     def _row(self, line: Line, match: re.Match[str]) -> None:

@@ -15,7 +15,7 @@ from ridgebayes.runtime.reading import decoded
 from ridgebayes.runtime.text import clipped
 from ridgebayes.table.files import records
 
-_TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # where a number begins within a word
+_TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # a number begins within a word
 _RULE = re.compile(r"\s*[-=_]{9,}\s*")  # below a header
 
 
@@ -72,7 +72,7 @@ def _as_text(content: bytes, problems: FileError) -> str:
 
 
 def _separated(text: str, problems: FileError) -> tuple[str, str]:
-    """Return the text and its separator: the one by which most first records are equally wide.
+    """Return the text and its separator: the one that gives most first records one width.
 
     Tab goes before semicolon, bar and comma: a comma may stand within cells of the others. Text in
     columns with blanks between gets tabs.

@@ -17,8 +17,8 @@ from ridgebayes.table.rules import row_codes
 MOST = 2000  # histories in a file: some milliseconds each
 _MOST_Q = 10_000  # of counts: a column of memory for each even one
 _MOST_REMARKS = 20  # on single histories that messages show
-_TOUCHING = 1e-12  # of R: a body that lies on a corner is off it by rounding
-_MOST_DISTINCT = 1000  # numbers whose digits are looked at
+_TOUCHING = 1e-12  # over R: rounding error of a body that lies on a corner
+_MOST_DISTINCT = 1000  # numbers whose digits are counted
 
 
 def transitions_of(
@@ -111,7 +111,7 @@ def transitions_of(
                     f"Q = {Q[j]}: the gap before contact is not smooth enough: bracketed"
                 )
         if rows and upper <= rows[-1]["p_over_E"]:
-            # One increment went over two corners: its load is known for the first alone.
+            # An increment reached two corners: it determines the load of the first alone.
             messages.append(
                 f"Q = {Q[j]} ignored: reached in the same increment as Q = {rows[-1]['Q']}"
             )
@@ -155,7 +155,7 @@ def _extrapolated(
     curved = float(krogh_interpolate(g, p, 0.0))
     doubt = math.hypot(curved - straight, error[last[-1]] / abs(slope))
     is_inside = p[2] < straight <= upper * (1 + 1e-12) + doubt
-    # A load whose error is not known is not given.
+    # A load without a known error is left out.
     if not (is_inside and abs(curved - straight) < upper - p[2] and math.isfinite(doubt)):
         return None
     zero = min(straight, upper)
@@ -163,7 +163,7 @@ def _extrapolated(
 
 
 def last_digit(values: FloatArray) -> float:
-    """Return what the last of the decimals of some numbers is worth; 0 without any.
+    """Return the value of the last decimal digit of some numbers; 0 without decimals.
 
     Examples
     --------
@@ -256,7 +256,7 @@ def counts_repeat(frame: pd.DataFrame) -> bool:
     if 3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= _MOST_Q:
         return False
     curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
-    # A curve without any load has its top in its first row, and so no increments.
+    # A curve without loads has no increments.
     top = pd.Series(load).fillna(-np.inf).groupby(curve).transform("idxmax").to_numpy()
     same &= (curve[1:] == curve[:-1]) & (np.arange(1, len(Q)) <= top[1:])
     rising = same & (load[1:] > load[:-1])
