@@ -1,4 +1,4 @@
-"""How wide a smooth cylinder's contact is at finite strain, by finite elements."""
+"""Contact width of a smooth cylinder at finite strain, by finite elements."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,10 @@ from ridgebayes._types import NEO_HOOKEAN, FloatArray, Ogden
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.newton import NotConvergedError
 
-_SHARE, _SKIPPED = 0.4, 3  # of a contact's segments, that end it; the last are covered in part
+_SHARE, _SKIPPED = (
+    0.4,
+    3,
+)  # share of the segments fitted at the end of a contact, and partly covered ones left out
 # Largest load of a mesh, and loads. The ratio of two materials needs few edges.
 _LOADS = {0.022: (0.005, 0.01, 0.02), 0.11: (0.03, 0.06, 0.1), 0.52: (0.2, 0.3, 0.4, 0.5)}
 _EDGES, _ORDER = 16.0, 5

@@ -1,4 +1,4 @@
-"""`import_table`: what other programs or tests wrote as a contact table."""
+"""`import_table`: output of other programs or tests as a contact table."""
 
 import os
 import warnings

@@ -219,7 +219,7 @@ class Body:
 
     @classmethod
     def of(cls, radius: str | None, modulus: str | None, length: str | None = None) -> "Body":
-        """Return a body from values with units; InputError if a value is not a length or modulus."""
+        """Return a body from values with units; InputError if a value is no length or modulus."""
         return cls(
             _positive("--R", radius, "length"),
             _positive("--E", modulus, "pressure"),
