@@ -22,8 +22,7 @@ extensions = [
     "sphinx_design",
     "sphinx_copybutton",
 ]
-# `mutation/head.md` is a part of mutation.md.
-exclude_patterns = ["_build", "_generated", "gallery", "mutation"]
+exclude_patterns = ["_build", "_generated", "gallery"]
 html_theme = "pydata_sphinx_theme"
 html_title = "ridgebayes"
 html_theme_options = {"show_prev_next": False, "secondary_sidebar_items": ["page-toc"]}

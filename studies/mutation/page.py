@@ -1,4 +1,4 @@
-"""Writes docs/mutation.md from the results of the runs and the reasons given for survivors.
+"""Writes the score in docs/mutation.md from the results of the runs and the reasons of survivors.
 
 ``python -m studies.mutation.page`` from the repository's root. `docs/mutation/survivors.csv`
 holds the reasons. A survivor without one is an error.
@@ -8,8 +8,6 @@ import csv
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from scipy import stats
-
 from studies.mutation.results import ROOT, Result, read, totals
 
 PAGE = ROOT / "docs" / "mutation.md"
@@ -17,10 +15,10 @@ REASONS = ROOT / "docs" / "mutation" / "survivors.csv"
 CORE = {
     "forms": ("model.forms.",),
     "likelihood": (
-        *("model.model", "model.rows", "model.likelihood", "model.observations", "model.noise"),
-        *("distributions.distribution", "model.shared_offsets", "inference.laplace"),
+        *("model.model", "model.rows", "model.observations", "model.noise"),
+        "distributions.distribution",
     ),
-    "evidence": (*("evidence.", "inference."),),
+    "evidence": ("evidence.", "inference."),
     "half-plane": ("contact.",),
 }
 NEEDLESS = ("no difference", "speed only", "record type only")
@@ -45,45 +43,27 @@ def share(results: Sequence[Result]) -> str:
     return f"{100 * noticed(results) / len(results):.1f} %"
 
 
-def interval(results: Sequence[Result]) -> str:
-    """Return the exact 95 % interval of the share among all mutants of a sampled module."""
-    ends = stats.binomtest(noticed(results), len(results)).proportion_ci(0.95, "exact")
-    return f"{100 * ends.low:.0f} to {100 * ends.high:.0f} %"
-
-
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return a table in Markdown."""
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
 
 
-def by_module(results: Sequence[Result]) -> str:
-    """Return the table of modules, with a line for each part of the core."""
-    rows, size = [], totals()
-    for part, names in CORE.items():
-        of_part = [r for r in results if r.module.startswith(names)]
-        if not of_part:  # not measured yet
-            continue
-        modules = list(dict.fromkeys(r.module for r in of_part))
-        for module in modules:
-            rows.append(row_of(f"`{module}`", [r for r in of_part if r.module == module], size))
-        rows.append(row_of(f"**{part}**", of_part, size))
-    rows.append(row_of("**all**", results, size))
-    return table(
-        ("module", "mutants", "tried", "killed", "timed out", "survived", "detected"), rows
-    )
+def by_part(results: Sequence[Result]) -> str:
+    """Return the table with a line for each part of the core."""
+    size = totals()
+    parts = {part: [r for r in results if r.module.startswith(CORE[part])] for part in CORE}
+    rows = [row_of(part, of_part, size) for part, of_part in parts.items() if of_part]
+    header = ("part", "mutants", "tried", "killed", "timed out", "survived", "detected")
+    return table(header, [*rows, row_of("all", results, size)])
 
 
 def row_of(name: str, results: Sequence[Result], size: dict[str, int]) -> list[object]:
-    """Return a line of the table of modules."""
+    """Return a line of the table."""
     count = Counter(result.outcome for result in results)
-    modules = {result.module for result in results}
-    everything = sum(size[module] for module in modules)
-    noted = share(results)
-    if len(modules) == 1 and everything > len(results):
-        noted += f" ({interval(results)})"
+    n_mutant = sum(size[module] for module in {result.module for result in results})
     counts = (count["killed"], count["timed out"], count["survived"])
-    return [name, everything, len(results), *counts, noted]
+    return [name, n_mutant, len(results), *counts, share(results)]
 
 
 def survivors(results: Sequence[Result]) -> tuple[str, str]:
@@ -108,11 +88,10 @@ def survivors(results: Sequence[Result]) -> tuple[str, str]:
 
 
 def text() -> str:
-    """Return the page."""
+    """Return the page: its text as it is, and the score of the results."""
     results = read()
-    head = REASONS.with_name("head.md").read_text(encoding="utf-8")
-    parts = [head.strip(), "## Score", by_module(results), *survivors(results)]
-    return "\n\n".join(parts) + "\n"
+    head, heading, _ = PAGE.read_text(encoding="utf-8").partition("## Score\n")
+    return "\n\n".join([head + heading.strip(), by_part(results), *survivors(results)]) + "\n"
 
 
 if __name__ == "__main__":

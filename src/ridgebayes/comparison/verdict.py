@@ -15,11 +15,11 @@ from ridgebayes.evidence.tables import MIN_PAIR_WEIGHT, mean_evidence, used_evid
 from ridgebayes.model.noise import SERIES, Noise
 
 GRADES = ("decisive", "supports", "leans", "undecided")
-LEANS = 2.0  # in ln BF, the least that decides anything
-DECISIVE, LEAD = 5.0, 3.0  # in ln BF, of what is decisive: at least, and more over all changes
+LEANS = 2.0  # ln BF; lower values leave the verdict undecided
+DECISIVE, LEAD = 5.0, 3.0  # ln BF of a decisive verdict, and its least value over all changes
 _OF_ERRORS = ("sigma", "tau_", "length_", "df", NUGGET)  # priors of the error model, in all forms
 _SURE = 0.95  # posterior probability that counts as decisive for a reader's own prior
-# Forms that are the same where a texture has a free factor of its own beside them.
+# Forms that are the same where each texture has a free factor of its own.
 _ALIKE_WITH_OFFSETS = frozenset({"modified", "power-law"})
 
 
@@ -36,8 +36,8 @@ class Verdict:
     ln_bf : float
         ln Bayes factor over the next form, error models summed out.
     ln_bf_range : tuple of (float, float)
-        Its least and greatest over the strongest other form, as one prior's scale is changed at a
-        time and under each error model alone that carries weight.
+        Its least and greatest value over the strongest other form, with the scale of one prior
+        changed at a time, and under each error model that carries weight, taken alone.
     over : str
         The next form.
     min_prior_probability : float
@@ -70,8 +70,8 @@ class Verdict:
     why: str
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what run.json holds of it."""
-        # JSON has no infinity: of a form without an evidence under one error model.
+        """Return the entries of run.json."""
+        # JSON has no infinity, the ln BF where a form lacks an evidence under an error model.
         ends = [end if math.isfinite(end) else None for end in self.ln_bf_range]
         return asdict(self) | {"ln_bf_range": ends}
 

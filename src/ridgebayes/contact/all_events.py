@@ -1,7 +1,7 @@
 """Loads that reach one ridge after another, all at once.
 
-Ridges covered in full are a linear problem, with one factor for all events (`ridge_row`). What
-round corners and free ends change of it is found by iteration, all events abreast
+Ridges covered in full are a linear problem, with one factor for all events (`ridge_row`). The
+changes by round corners and free ends follow by iteration, for all events together
 (docs/derivations/contact.md).
 """
 
@@ -25,9 +25,9 @@ from ridgebayes.contact.ridge_row import RidgeRow, felt
 from ridgebayes.contact.rigid_profile import Profile
 
 _MOST_ROUNDS = 40
-_HISTORY = 5  # rounds that the next one is made from
-_KEPT = 0.05  # of a force at least from round to round: no ridge pulls
-_DEEP = 0.9  # of a groove: beyond, its floor may be touched
+_HISTORY = 5  # rounds that the next round combines
+_KEPT = 0.05  # least ratio of a force to that of the round before: no ridge pulls
+_DEEP = 0.9  # of a groove's depth: deeper surfaces may touch the floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +39,7 @@ class Events:
     W : ndarray of float, shape (n,)
         Loads.
     why : str
-        Why there are no more; empty where the last is beyond the largest load, or there are as
-        many as asked for.
+        Reason why the list ends; empty if it reaches the largest load or the largest number.
     """
 
     W: FloatArray
@@ -166,7 +165,7 @@ class _Rounds:
         moving = (np.abs(contacts.steps) > 0.3 * TENSION * math.sqrt(self._tol) * scale).any(axis=0)
         load = row.load(self._moments)
         arrived = self._left & (np.abs(row.load(change)) <= 0.1 * self._tol * load)
-        # A load may stand still by chance: its shares have to as well.
+        # A load may stand still by chance, so its shares are checked as well.
         arrived &= row.load(np.abs(change)) <= self._tol * load
         arrived &= np.bincount(event, moving, minlength=row.n) == 0
         if arrived.any():
@@ -195,7 +194,7 @@ class _Rounds:
         return sound
 
     def _free(self, field: FloatArray, approach: FloatArray) -> BoolArray:
-        """Return whether nothing is touched that an event leaves out, (n_live,)."""
+        """Return whether nothing else is touched, for each live event, (n_live,)."""
         profile, free = self._row.profile, np.ones(self._row.n, dtype=bool)
         if not profile.mirrored:
             t, fallen = self._over(field, 2)
@@ -235,7 +234,7 @@ def _nearest(
 
 
 class _Mixing:
-    """Anderson's: the next round is the combination of the last ones that would change least."""
+    """Anderson's method: combine the last rounds so that the next change is least."""
 
     def __init__(self) -> None:
         self._last: tuple[FloatArray, FloatArray] | None = None
@@ -243,7 +242,7 @@ class _Mixing:
         self._changed: list[FloatArray] = []
 
     def mixed(self, at: FloatArray, change: FloatArray) -> FloatArray:
-        """Return where to go from here, each event by itself, (n, m, n_event)."""
+        """Return the next moments, each event by itself, (n, m, n_event)."""
         if self._last is not None:
             self._moved = [*self._moved, at - self._last[0]][-_HISTORY:]
             self._changed = [*self._changed, change - self._last[1]][-_HISTORY:]

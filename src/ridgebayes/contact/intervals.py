@@ -1,4 +1,4 @@
-r"""Pressure under a parabola on given contact intervals, and how their free ends have to move.
+r"""Pressure under a parabola on given contact intervals, and the steps of their free ends.
 
 The surface recedes by :math:`u = -\int q \ln|x - \xi| d\xi`, with q the pressure times 2/(pi E*)
 and lengths over the body's radius. On an interval of half-width w and local coordinate s,

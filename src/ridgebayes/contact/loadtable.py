@@ -1,4 +1,4 @@
-"""The record of transition loads: numbers, a status each, and what the status rests on."""
+"""The record of transition loads: numbers, their status, and the checks behind it."""
 
 from dataclasses import dataclass, fields
 from typing import Any
@@ -27,7 +27,7 @@ class HalfPlaneLoads:
 
     Notes
     -----
-    All arrays are made read-only: the cache hands the same ones to everybody.
+    All arrays are made read-only: the cache returns the same arrays to every caller.
     """
 
     F: FloatArray

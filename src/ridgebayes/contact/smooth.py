@@ -1,4 +1,4 @@
-"""How wide a smooth cylinder's contact is at finite strain, by finite elements."""
+"""Contact width of a smooth cylinder at finite strain, by finite elements."""
 
 from collections.abc import Iterator
 from pathlib import Path

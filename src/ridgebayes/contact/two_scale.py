@@ -1,7 +1,7 @@
 """Loads of a largely deformed body from half-plane loads: two scales.
 
-Ridges are small beside the body. Its large deformation is smooth, and is that of a smooth cylinder;
-what ridges do is local, and the half-plane's. A texture's load p at which the body reaches a ridge
+Ridges are small beside the body. Its large deformation is that of a smooth cylinder; the effect of
+ridges is local, and that on a half-plane. A texture's load p at which the body reaches a ridge
 follows from the half-plane's by
 
     p r(p; nu)^2 = p_half-plane,
@@ -30,7 +30,7 @@ CHECKED_STIFFENING = 0.2  # the same of other materials than the neo-Hookean
 UNCHECKED = "not checked: no finite elements at this load to compare with"
 BEYOND = f"not computed: p/E above {REACH:g}, or nu under {LEAST_NU:g}"
 TABLE = Path(__file__).with_name("smooth_cylinder.csv")
-# r - 1 as a polynomial in sqrt(p) without a constant, for at p = 0 r is 1, and in nu.
+# r - 1 as a polynomial in sqrt(p) without a constant, since r is 1 at p = 0, and in nu.
 _ORDER_P, _ORDER_NU = 6, 4
 _NEWTON_STEPS = 12
 # Standard errors: of r^2, at no load and over 1 - r^2; of ridges' effect, over it, by the square
@@ -57,14 +57,14 @@ def _coefficients() -> FloatArray:
 @cache
 def stiffening_of(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
     """Return `smooth.stiffening`, found once a body and process."""
-    # scikit-fem takes its time to load: only where it is used.
+    # scikit-fem loads slowly, so it is imported only where it is used.
     from ridgebayes.contact.smooth import stiffening
 
     return stiffening(nu, ogden)
 
 
 def _body(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:
-    """Return what multiplies r, as coefficients of powers of sqrt(p), and how far it goes."""
+    """Return the factor on r, as coefficients of powers of sqrt(p), and its largest load."""
     if ogden == NEO_HOOKEAN or not nu.size:
         return np.array([1.0]), REACH
     if not LEAST_NU <= nu.min() == nu.max():
@@ -107,7 +107,7 @@ def width_ratio(p_over_E: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOO
     nu : array_like of float, shape (...), dimensionless
         Poisson's ratio, 0.3 to 0.5.
     ogden : tuple of (float, float), optional
-        The material, as of `contact.cylinder.material.Material`; neo-Hookean if not given.
+        The material, as in `contact.cylinder.material.Material`; neo-Hookean if not given.
 
     Returns
     -------
@@ -146,9 +146,9 @@ def half_plane_load(
     Parameters
     ----------
     p_over_E, nu : array_like of float, shape (...), dimensionless
-        As of `width_ratio`.
+        As in `width_ratio`.
     ogden : tuple of (float, float), optional
-        As of `width_ratio`.
+        As in `width_ratio`.
 
     Returns
     -------
@@ -168,7 +168,7 @@ def load_of(half_plane: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKE
     nu : array_like of float, shape (...), dimensionless
         Poisson's ratio, 0.3 to 0.5.
     ogden : tuple of (float, float), optional
-        As of `width_ratio`.
+        As in `width_ratio`.
 
     Returns
     -------
@@ -209,7 +209,7 @@ def relative_error(
     nu : array_like of float, shape (...), dimensionless
         Poisson's ratio.
     ogden : tuple of (float, float), optional
-        As of `width_ratio`.
+        As in `width_ratio`.
 
     Returns
     -------
@@ -226,7 +226,7 @@ def relative_error(
     loads = load_factor(0.0) * (1 - np.square(nu)) * half_plane_load(p_over_E, nu, ogden)
     borne = [2 * bearing_half_width(profile, W) for W in loads.ravel().tolist()]
     ridge = np.reshape(borne, loads.shape)
-    # By how much further than a smooth body's the contact reaches: its compliance between ridges
+    # How much further the contact reaches than a smooth body's: its compliance between ridges
     # (docs/derivations/half-plane.md, "Very many ridges"), and 0.1 where that is nothing.
     compliance = -np.log(np.sin(0.5 * math.pi * ridge / pitch))
     further = pitch * (0.1 + 0.5 * compliance)

@@ -17,7 +17,9 @@ from ridgebayes.inference.emcee_sampling import Walked
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.target import Target
 
-_RELATIVE_ROUNDING = 100 * np.finfo(float).eps  # of a mean or covariance of up to 100,000 points
+_RELATIVE_ROUNDING = (
+    100 * np.finfo(float).eps
+)  # relative, of a mean or covariance of up to 100,000 points
 
 
 def bridge_evidence(
@@ -56,8 +58,8 @@ def bridge_evidence(
     Notes
     -----
     *Accuracy.* The standard error adds the relative variances of numerator and denominator, the
-    posterior side divided by its effective sample size, and what the two halves' errors have in
-    common: what is off in the draws of one half, times what is off in those of the other.
+    posterior side divided by its effective sample size, and the covariance of the errors of the
+    two halves: the product of the errors of their draws enters both.
 
     References
     ----------
@@ -116,7 +118,7 @@ class _Normal:
     def fitted(cls, points: FloatArray) -> "_Normal | None":
         """Return the normal of the points' mean and covariance, None where that is singular."""
         covariance = np.atleast_2d(np.cov(points.T)).astype(float)
-        # Rounding gives equal points a variance or none, by the machine.
+        # By rounding, the variance of equal points is zero on some machines only.
         rounding = _RELATIVE_ROUNDING * max(1.0, np.abs(points).max())
         spread = np.linalg.eigvalsh(covariance)
         if not spread[0] > max(rounding**2, _RELATIVE_ROUNDING * spread[-1]):
@@ -170,9 +172,9 @@ def _bridge(
     scale, n_denominator = denominator.mean() ** 2, _effective(denominator)
     variance = numerator.var() / numerator.mean() ** 2 / numerator.size
     variance += denominator.var() / scale / n_denominator
-    # A proposal is off by what its draws are off: f = f0 + s e, of which the other half has the
-    # mean of s, and that is off like its own e. The product is one for both halves, and its
-    # variance half that of the difference between proposals.
+    # A proposal has the error e of its draws: f = f0 + s e. The other half averages s, with the
+    # error of its own draws. The product of both errors enters both halves, and its variance is
+    # half that of the difference between proposals.
     apart = denominator - expit(log_z - other_ratio - log_odds)
     return log_z, float(variance), float(0.5 * apart.var() / scale / n_denominator)
 

@@ -49,7 +49,7 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """A form under an error model; holds all that a process of its own needs.
+    """A form under an error model, with everything that a worker process needs.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ class WeighedPairs:
         n_kept: int,
         executor: Executor | None = None,
     ) -> dict[str, dict[str, Posterior]]:
-        """Return posteriors by form and error model: of what carries weight, or is selected.
+        """Return posteriors of pairs that carry weight or are selected, by form and error model.
 
         Parameters
         ----------
@@ -214,7 +214,7 @@ class WeighedPairs:
 
 @dataclass(frozen=True, eq=False)
 class _Completion:
-    """A pair whose posterior is wanted, with so many draws."""
+    """A pair whose posterior is wanted, and the number of draws."""
 
     pair: Pair
     drawn: Drawn

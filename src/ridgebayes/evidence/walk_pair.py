@@ -1,4 +1,4 @@
-"""A walk of a pair's posterior: the second way to its evidence."""
+"""Walk a pair's posterior: an independent check of its evidence."""
 
 from dataclasses import replace
 

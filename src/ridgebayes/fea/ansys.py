@@ -19,8 +19,10 @@ from ridgebayes.fea.transitions import last_digit
 
 MARK = re.compile(rb"\*\*\*\*\* POST1 .* LISTING|LIST (?:ALL )?SELECTED NODES|PRINT .* PER NODE")
 CLOSED = (2, 3)  # of STAT: 0 far, 1 near, 2 sliding, 3 sticking
-_TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")  # where a number begins in fixed columns
-_ROW = re.compile(r"\s*\d+(?:\s+|(?=-))[-+.]*\d")  # a node and a number: no line of a page's head
+_TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")  # a number begins in fixed columns
+_ROW = re.compile(
+    r"\s*\d+(?:\s+|(?=-))[-+.]*\d"
+)  # a node and a number, unlike lines of a page's head
 _PLACE = ("X", "Y")
 _MOST = 20  # nodes that messages name
 
@@ -87,7 +89,7 @@ def read_ansys(
 def _at_corners(
     where: str, nodes: list[int], corners: Mapping[int, int]
 ) -> tuple[IntArray, list[int]]:
-    """Return the counts of corners, and which nodes are there: their places are not needed."""
+    """Return the counts of corners and their nodes, whose coordinates are not needed."""
     problems = FileError(where)
     if not corners:
         likely = {f"status Q={4 + 2 * i}": str(node) for i, node in enumerate(nodes[:_MOST])}

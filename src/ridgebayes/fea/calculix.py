@@ -1,4 +1,4 @@
-"""CalculiX runs: what a ``.dat`` or a ``.frd`` prints, with its deck and its ``.sta``."""
+"""Read CalculiX runs: a ``.dat`` or a ``.frd``, with its deck and its ``.sta``."""
 
 import re
 from collections.abc import Collection, Sequence
@@ -48,7 +48,7 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
     Returns
     -------
     ContactHistory
-        Heights of the surface, or which of its faces are pressed: where they were.
+        Heights of the surface, or its pressed faces with their undeformed positions.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
         printed.messages.append(said)
         for time in (time for time, is_end in zip(times, converged, strict=True) if not is_end):
             printed.increments[time].ignored = "it did not converge"
-    # Contact stress alone tells which faces carry; displacements tell more.
+    # Contact stress only shows which faces carry load; displacements show more.
     tables = [table for step in printed.increments.values() for table in step.tables]
     is_moved = any(table.has(*_MOVED) for table in tables)
 
@@ -92,7 +92,7 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
 
 
 def _pressed(stress: Sequence[FloatArray], run: RunDeck) -> dict[str, np.ndarray]:
-    """Return which faces are pressed in each increment, and where they were."""
+    """Return the pressed faces in each increment, and their undeformed positions."""
     pressed = [{(int(row[0]), int(row[1])) for row in rows if row[2] > 0} for rows in stress]
     faces = sorted(set().union(*pressed))
     ends = np.array([run.ends(element, side - _SIDES) for element, side in faces])
@@ -109,15 +109,15 @@ class _Blocks(Printed):
         super().__init__()
         self._sets = {name.upper() for name in sets}
         self._blocks: dict[float, set[str]] = {}
-        self._above = ""  # what the line above is, if it is not blank
+        self._above = ""  # kind of the line above, if it is not blank
         self._is_total = self._is_lost = False
 
     def blank(self) -> None:
-        """Note that no line stands above the next."""
+        """Forget the line above."""
         self._above = ""
 
     def take(self, line: Line) -> None:
-        """Take a line, but for words among rows.
+        """Take a line; refuse words among rows.
 
         CalculiX prints headings between blank lines: other words are damage, and rows after them
         would be lost.

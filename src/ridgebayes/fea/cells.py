@@ -1,4 +1,4 @@
-"""Rows of text to the columns of a table: header, units, cells, and the numbers meant by them."""
+"""Turn rows of text into the columns of a table: header, units, cells and numbers."""
 
 import csv
 import io
@@ -32,16 +32,18 @@ FINITE = "expected a finite number, with a point for decimals, or an empty cell"
 _MARKS = {".": "point", ",": "comma"}
 _COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
-_NOTE = re.compile(r"#.*|[^\W\d].*\s.*")  # words, and not one label of a row cut off
-# What Python takes for blanks, but for control characters that only damage brings into a file.
+_NOTE = re.compile(
+    r"#.*|[^\W\d].*\s.*"
+)  # several words, not the single label of a row that is cut off
+# Python's blanks, without the control characters that only damaged files hold.
 _BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
-_UNEVEN = ("#", "=", "nan")  # comments, formulas, no numbers
+_UNEVEN = ("#", "=", "nan")  # comments, formulas, missing numbers
 _IS_NEW = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)  # digits are exact by default
 _EXACT: dict[str, Any] = {} if _IS_NEW else {"float_precision": "round_trip"}
 
 
 def _style(mark: str, thousands: str = "") -> tuple[str, str, re.Pattern[str]]:
-    """Return a decimal mark, a mark between thousands, and what cells with them look like."""
+    """Return a decimal mark, a mark between thousands, and the pattern of cells with them."""
     number = (NUMBER if mark == "." else _COMMA).pattern
     group, point = re.escape(thousands), re.escape(mark)
     grouped = rf"\s*[+-]?\d{{1,3}}(?:{group}\d{{3}})+(?:{point}\d*)?\s*|" if thousands else ""
@@ -101,14 +103,14 @@ class TextTable(TableFile):
         if n_head >= len(full):
             raise InputError(f"{self.where}: no rows below the header")
         first = full[n_head][0]
-        self._units: dict[str, str] = {}  # that stand in the cells
+        self._units: dict[str, str] = {}  # units in the cells
         self._body: str | None = None
         if not self._read_even(text, first - facts.skip_rows):
             below = [row for row in chain(head, rows) if row[0] >= first]
             self._read_uneven(below, full[n_head:], problems)
 
     def _read_even(self, text: str, first: int) -> bool:
-        """Keep the rows for pandas, if they are cells and nothing else, as many in each."""
+        """Keep the rows for pandas, if all have the same number of plain cells."""
         body = text.split("\n", first - 1)[-1].rstrip("\n")
         small, separator = body.lower(), self._separator
         if not body or self._facts.empty or any(mark in small for mark in _UNEVEN):
@@ -116,7 +118,7 @@ class TextTable(TableFile):
         if (lines := even_lines(body, separator, len(self.headers))) is None:
             return False
         begin, last = body.lstrip("\n").split("\n", 1)[0], body.rpartition("\n")[2]
-        is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # perhaps
+        is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # perhaps a note
         if is_note or any(map(_WITH_UNIT.fullmatch, begin.split(separator))):
             return False
         self._body = body
@@ -124,7 +126,7 @@ class TextTable(TableFile):
         return True
 
     def _read_uneven(self, rows: list[Row], head: Sequence[Row], problems: FileError) -> None:
-        """Keep the rows as they were typed, without what stands between and below them."""
+        """Keep the rows as they were typed, without comments and notes between and below them."""
         begin = next((cells for _, cells in head if not self._is_comment(cells)), head[0][1])
         renamed = {}
         for name, match in zip(self.headers, map(_WITH_UNIT.fullmatch, begin), strict=False):
@@ -167,7 +169,7 @@ class TextTable(TableFile):
 
     @cached_property
     def _typed(self) -> pd.DataFrame:
-        """All cells as they were typed, of an even text."""
+        """All cells as they were typed, if pandas can read the rows."""
         return self._by_pandas(dtype=str)
 
     def _by_pandas(self, **options: Any) -> pd.DataFrame:
@@ -177,7 +179,7 @@ class TextTable(TableFile):
         return frame
 
     def _plain(self, wanted: list[str]) -> pd.DataFrame | None:
-        """Return an even text whose numbers are all plain ones; None of any other."""
+        """Return the table by pandas, if all its numbers are plain; else None."""
         if self._body is None or self._facts.decimal == "comma":
             return None
         text = {name: str for name in self.headers if name not in wanted}
@@ -193,7 +195,7 @@ class TextTable(TableFile):
         return cells[0].lstrip().startswith("# " if is_whole else "#")
 
     def _without_comments(self, rows: list[Row], problems: FileError) -> list[Row]:
-        """Return the rows without comments; if most rows were some, they are labels."""
+        """Return the rows without comments; if most rows begin with #, they are labels."""
         comments = [cells for _, cells in rows if self._is_comment(cells)]
         n_whole, n_row = (
             sum(len(cells) == len(self.headers) for cells in some)
@@ -206,7 +208,7 @@ class TextTable(TableFile):
         return [row for row in rows if not self._is_comment(row[1])]
 
     def _without_notes(self, rows: list[Row], problems: FileError) -> list[Row]:
-        """Return the rows without those below them that hold one text and nothing else."""
+        """Return the rows without the single texts below them."""
         notes: list[str] = []
         for n_row in range(len(rows), 0, -1):
             words = [cell.strip() for cell in rows[n_row - 1][1] if cell.strip()]
@@ -240,7 +242,7 @@ class TextTable(TableFile):
         return np.array([line for line, _ in whole], dtype=np.int64), frame
 
     def _numbers(self, wanted: list[str], problems: FileError) -> tuple[dict[str, FloatArray], str]:
-        """Read in the style of which fewest cells are no number, and note those that are none."""
+        """Read numbers in the style that fits most cells, and note the other cells."""
         text: dict[str, pd.Series[str]] = {}
         counts: Counter[Any] = Counter()
         for name in wanted:
@@ -279,7 +281,7 @@ class TextTable(TableFile):
         return columns, mark + thousands
 
     def _exact(self, cell: str) -> float | None:
-        """Return a number that no decimal mark has to be known for; None of other cells."""
+        """Return the number of a cell that reads the same with any decimal mark; else None."""
         if cell in self._is_typed:
             return float(cell) if NUMBER.fullmatch(cell) else None
         match = FORTRAN.fullmatch(cell)
@@ -288,7 +290,7 @@ class TextTable(TableFile):
     def _style_of(
         self, counts: Counter[str], problems: FileError
     ) -> tuple[str, str, re.Pattern[str]]:
-        """Return the first style of which fewest cells are no number; ask where two would do."""
+        """Return the first style that fits most cells; ask where two fit as well."""
 
         def n_off(style: tuple[str, str, re.Pattern[str]]) -> int:
             return sum(n for cell, n in counts.items() if not style[2].fullmatch(cell))

@@ -125,7 +125,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
     sources = as_text(frame["source"]) if "source" in frame else pd.Series("", frame.index)
     frame["source"] = (origin + "; " + sources).where(sources != "", origin)
     lines = None if rows is None or source.lines is None else source.lines[rows]
-    del cells, converter  # of a million rows: 0.2 GB that validating needs
+    del cells, converter  # for a million rows this frees 0.2 GB for the validation
     table = _validated(RawTable(frame, where, lines), rows, problems, source)
     return Imported(table, (*problems.messages, *_kept(table)), problems.known)
 
@@ -212,7 +212,7 @@ def _one_series(
 
 
 def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:
-    """Note the cells of a column that cannot be what it is, and empty them."""
+    """Note the cells that break a rule of their column, and empty them."""
     if use.key not in (*ABOVE_0, *LOWERS, "pressure"):
         return
     numbers = cells[use.header].to_numpy(dtype=float)
@@ -246,7 +246,7 @@ def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) 
 def _validated(
     raw: RawTable, rows: "pd.Index[int] | None", problems: FileError, source: TableFile
 ) -> ContactTable:
-    """Return the table, or refuse the rules that it breaks beside what was noted before."""
+    """Return the table, or raise all noted problems and the rules that it breaks."""
     frame, findings = checked(raw)
     noted = set() if rows is None else problems.rows()
     for column, rule, bad, other in findings.complaints():
@@ -275,7 +275,7 @@ def _typed(use: Use) -> str:
 def _mapping_text(
     uses: Iterable[Use], used: Collection[Use], values: Mapping[str, str | float]
 ) -> str:
-    """Return the mapping on one line, of many columns for each Q the first."""
+    """Return the mapping on one line, with the first of many columns for each Q."""
     groups: dict[tuple[str, bool], list[Use]] = {}
     for use in uses:
         is_plain = use.name == use.header and use.unit is None
@@ -283,7 +283,7 @@ def _mapping_text(
             groups.setdefault((use.key, use.Q is None), []).append(use)
     shown = [some_of(map(str, some), 1) for some in groups.values()]
     text = ", ".join([*shown, *(f"{key}={value}" for key, value in values.items())])
-    # It stands in every row.
+    # Every row repeats it.
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 

@@ -1,4 +1,4 @@
-"""Columns and constants of a table in SI units, the rows that they make, and what is said."""
+"""Convert columns and constants of a table to SI units, and make its rows."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
@@ -24,7 +24,7 @@ from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import COUNT, NAMES, OK
 from ridgebayes.table.rules import as_text
 
-_NEEDED = {  # what it is for, and an example
+_NEEDED = {  # its purpose, and an example
     "R": ("radius of the body", "? mm"),
     "E": ("Young's modulus of the body", "? kPa"),
     "thickness": ("length of the body along the ridges, needed for forces", "? mm"),
@@ -42,7 +42,7 @@ class Converter:
     cells : DataFrame, n_row rows
         Numbers and texts by header.
     uses : list of Use
-        Columns of which it is clear what they are.
+        Columns with a clear meaning.
     values : mapping of str to str or float
         Constants by key.
     facts : Given
@@ -64,7 +64,7 @@ class Converter:
         self.uses, self._values = {(use.key, use.Q): use for use in uses}, values
         self.used: dict[Use, None] = {}
         self._used_values: set[str] = set()
-        self._units: dict[str, str] = {}  # of what has a dimension, by its name in messages
+        self._units: dict[str, str] = {}  # of values with a dimension, by their names in messages
 
     def rows(self, term: str | None) -> pd.DataFrame:
         """Return a row for each transition or increment, and the user's own columns.
@@ -110,7 +110,7 @@ class Converter:
         """Return what is constant along a curve."""
         a, b = self._over_R("a"), self._over_R("b")
         if b is None and a is not None and (pitch := self._over_R("pitch")) is not None:
-            b = np.round(pitch - a, 12)  # a difference of decimals is one
+            b = np.round(pitch - a, 12)  # a difference of decimals, without rounding errors
             self.messages.append("b: pitch minus ridge width")
         columns = {"a_over_R": a, "b_over_R": b, "offset_over_R": self._over_R("offset")}
         columns["nu"] = self.quantity("nu")
@@ -166,7 +166,7 @@ class Converter:
         return self._constant(key) if use is None else self._column(use)
 
     def tell(self, use: Use, what: str = "", *, is_plain: bool = True) -> None:
-        """Say which column is used, but of a plain one by its own name, which `summarize` does."""
+        """Say which column is used, unless `summarize` reports it by its own name."""
         self.used[use] = None
         what += ", guessed from its header" if use.how == "guessed" else ""
         if use.name != use.header or what or not is_plain:
@@ -207,7 +207,7 @@ class Converter:
             unit, factor = None, Fraction(1)
         if use not in self.used:
             self.tell(use, f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else "")
-        if unit is not None and key in DIMENSIONS:  # else told above, and not to be told again
+        if unit is not None and key in DIMENSIONS:  # else it was asked for above
             self._units[f"{key} ({use.header!r})"] = unit
         numbers = self.cells[use.header].to_numpy(dtype=float)
         return numbers if factor == 1 else divided(numbers * float(factor))
@@ -252,10 +252,10 @@ class Converter:
         if key == "R" and (numbers := self.quantity("D")) is not None:
             return numbers / 2
         why, example = _NEEDED[key]
-        self._units[key] = example.split()[1]  # as the user is asked for it
+        self._units[key] = example.split()[1]  # the unit that the user is asked for
         ways = f"expected --{key} '{example}', or a column, --map '{key}=HEADER'"
         self.problems.need(f"{key} is missing ({why}): {ways}", None, **{key: example})
-        return np.array(1.0)  # loads rise or do not, whatever it is
+        return np.array(1.0)  # any E: it does not change whether loads rise
 
     def _rel_se(self, load: FloatArray | None) -> FloatArray | None:
         """Return the relative error of loads: as a column, or a deviation over its mean."""
@@ -268,7 +268,7 @@ class Converter:
         return divided(sd, load) if rel_se is None else np.hypot(rel_se, divided(sd, load))
 
     def _counts(self, counts: FloatArray | None, term: str | None) -> FloatArray | None:
-        """Return Q of counts, whatever they are of."""
+        """Return Q from counts of edges, ridges, segments or one side."""
         if counts is None:
             return None
         if self.facts.count_is is None and term == "":

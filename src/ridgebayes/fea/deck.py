@@ -1,4 +1,4 @@
-"""Input decks of Abaqus and CalculiX, as far as nodes, sets and a material go."""
+"""Read nodes, sets and a material from input decks of Abaqus and CalculiX."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ _CORNERS = (3, 4)  # of plane elements
 
 @dataclass
 class Deck:
-    """Nodes, node sets and what the material says of E and nu.
+    """Nodes, node sets, and E and nu of the material.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Deck:
     elements : dict of int to tuple of int
         Nodes of the elements by number.
     E, nu : float or None
-        Of ``*HYPERELASTIC, NEO HOOKE``, or else of the first ``*ELASTIC``; None without either.
+        From ``*HYPERELASTIC, NEO HOOKE``, or else from the first ``*ELASTIC``; None without either.
     printed : dict of str to list of str
         Node sets by what ``*NODE PRINT`` writes of them: "U" and "RF".
     """
@@ -285,7 +285,7 @@ def _elements(block: _Block, deck: Deck) -> None:
 
 
 def _elastic(block: _Block, deck: Deck) -> None:
-    # Rubber is the body even where the ridges' metal stands before it.
+    # The rubber is the body, even if the ridges' metal precedes it.
     if deck.E is None and block.rows and any(block.rows[0][1]):
         line, cells = block.rows[0]
         deck.E, deck.nu = _numbers(line, cells[:2], 2)

@@ -76,7 +76,7 @@ def _as_text(content: bytes, problems: FileError) -> str:
 
 
 def _separated(text: str, problems: FileError) -> tuple[str, str]:
-    """Return the text and its separator: the one by which most first records are equally wide.
+    """Return the text and its separator: the one that gives most first records one width.
 
     Tab goes before semicolon, bar and comma: a comma may stand within cells of the others. Text in
     columns with blanks between gets tabs.

@@ -30,7 +30,7 @@ def read_febio(paths: Sequence[Path]) -> ContactHistory:
     Returns
     -------
     ContactHistory
-        Heights of the surface. Where it was before is not in such files.
+        Heights of the surface; these files do not hold its undeformed positions.
 
     Raises
     ------

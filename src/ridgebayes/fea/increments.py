@@ -27,7 +27,7 @@ def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
     converter : Converter
         The table.
     corners : sequence of Use
-        Columns of what each corner does.
+        Columns of gap, pressure or status at each corner.
     """
     cells, problems = converter.cells, converter.problems
     for use in converter.uses.values():
@@ -41,7 +41,7 @@ def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
     load, load_se = converter.load(), converter.load_se()
     corners = sorted(corners, key=lambda use: use.Q or 0)
     gaps = np.column_stack([_gap(converter, use) for use in corners])
-    digits = last_digit(gaps) / 2  # a gap is printed as it is, and so rounded once
+    digits = last_digit(gaps) / 2  # a printed gap is rounded once
     keep, said = np.ones(len(cells), dtype=bool), []
     if status := converter.uses.get(("status", None)):
         keep = as_text(cells[status.header]).isin(["", OK]).to_numpy(bool)
@@ -116,5 +116,5 @@ def _gap(converter: Converter, use: Use) -> FloatArray:
     distance = converter.quantity(use.key, use.Q)
     assert distance is not None
     R = None if use.key == "gap_over_R" else converter.quantity("R")
-    # Without R: only its zero counts, and how it falls, not its size.
+    # A gap without R serves too: only its zero and its slope matter, not its size.
     return distance if R is None else divided(distance, R)

@@ -1,4 +1,4 @@
-"""Which column of a file is which of the contract: by a mapping, by name, or by a clear guess."""
+"""Match the columns of a file with those of the contract: by mapping, by name, or by guess."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -56,7 +56,7 @@ class Use:
     Q : int or None
         Which corner, for one column per Q.
     how : {"mapped", "named", "guessed"}
-        Who says so.
+        Source of the match.
     repeat : str or None
         Which repeat, for one column of loads each.
     """
@@ -80,7 +80,7 @@ class Use:
 
     @property
     def label(self) -> int | str | None:
-        """The corner or the repeat that the column is of; None where it is of all."""
+        """Corner or repeat of the column; None where it holds all of them."""
         return self.repeat if self.Q is None else self.Q
 
     @property
@@ -110,12 +110,12 @@ def assign(
     values : mapping of str to object
         Constants by key.
     problems : FileError
-        Where columns are noted of which it is not clear what they are.
+        Collects columns whose meaning is unclear.
 
     Returns
     -------
     list of Use
-        Headers that are in none are the user's own.
+        Headers that occur in none are the user's own columns.
     str or None
         Things counted, one of `ridgebayes.fea.words.COUNTS`; empty where words do not say, None
         where the user does, or the header is Q.
@@ -147,7 +147,7 @@ def assign(
 
 
 def check_constants(values: Mapping[str, object], where: str) -> None:
-    """Refuse constants that are none.
+    """Refuse unknown constants.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def check_constants(values: Mapping[str, object], where: str) -> None:
 
 
 class _Columns:
-    """The columns of a file, and what is known of them so far."""
+    """The columns of a file, and their meanings so far."""
 
     def __init__(
         self, headers: Sequence[str], values: Mapping[str, object], problems: FileError
@@ -174,7 +174,7 @@ class _Columns:
                 raise self._twice(header, header)
 
     def map(self, name: str, text: str) -> None:
-        """Add what the mapping says."""
+        """Add the columns that the mapping names."""
         key, Q = name.strip(), None
         if key not in (*KEYS, *CORNERS, *_SDS):
             match = _KEY.fullmatch(key)
@@ -284,7 +284,7 @@ class _Columns:
         self.uses = [use for uses in places.values() for use in self._settled(uses)]
 
     def _settled(self, uses: list[Use]) -> list[Use]:
-        """Return the columns that stay, of some of one meaning."""
+        """Return the columns to keep among several of one meaning."""
         first, headers = uses[0], [use.header for use in uses]
         are_guessed = all(use.how == "guessed" for use in uses)
         if len(uses) == 1 or (first.key == "series" and are_guessed):
@@ -304,7 +304,7 @@ class _Columns:
         return {use.key for use in self.uses} | set(self.values)
 
     def _free(self) -> list[tuple[str, str, str]]:
-        """Return headers that are not used, with their words and what stands in place of units."""
+        """Return unused headers, with their words and the text in the place of their units."""
         used = {use.header for use in self.uses}
         return [(text, *split_header(text)) for text in self._headers if text not in used]
 
@@ -319,7 +319,7 @@ class _Columns:
 
 
 def _rivals(key: str) -> set[str]:
-    """Return the keys that say the same in another way."""
+    """Return the other keys that give the same quantity."""
     return next((set(group) for group in _SAME if key in group), {key})
 
 
@@ -337,7 +337,7 @@ def lacking(uses: Sequence[Use], values: Mapping[str, object]) -> list[str]:
 def as_load(
     use: Use, uses: Sequence[Use], values: Mapping[str, object], problems: FileError
 ) -> Use:
-    """Return what a load is, by its unit; note one without a unit where a body has to be known."""
+    """Return a load with its kind, by the unit; note a missing unit where others have units."""
     if use.key not in ("load", "load_lower"):
         return use
     lower = use.key.removeprefix("load")
@@ -363,7 +363,7 @@ def as_load(
 
 
 def _as_sd(use: Use, uses: Sequence[Use]) -> Use:
-    """Return what a standard deviation of loads is, by its unit or that of their mean."""
+    """Return a standard deviation of loads with its kind, by its unit or that of the mean."""
     mean = next((other for other in uses if other.key in LOADS), None)
     if use.key != "load_sd" or mean is None:
         return use

@@ -26,9 +26,9 @@ def read_node_table(path: Path, mapping: Mapping[str, str], how: Given) -> Conta
     path : pathlib.Path
         As `ridgebayes.fea.columns.read_columns` reads them, in one system of units: ``load``, ``x``
         across the ridges, one of ``gap`` (to the ridges' tops), ``pressure`` and ``status``, and
-        ``step`` and ``node`` where loads or places do not tell rows apart.
+        ``step`` and ``node`` where loads or coordinates do not distinguish rows.
     mapping : mapping of str to str
-        Keys to headers, beside what words say.
+        Keys to headers, in addition to those that words show.
     how : Given
         How the file is to be read, and which codes of a status mean contact.
 
@@ -100,7 +100,7 @@ def read_node_table(path: Path, mapping: Mapping[str, str], how: Given) -> Conta
 def _columns(
     headers: tuple[str, ...], mapping: Mapping[str, str], problems: FileError
 ) -> dict[str, str]:
-    """Return headers by what they are."""
+    """Return headers by key."""
     columns = dict(mapping)
     for key, header in mapping.items():
         if key not in OF_NODES or header not in headers:

@@ -299,9 +299,9 @@ class FileError(InputError):
 
 FIRST = 4  # Q of the first load that a run can tell
 _UNSURE = 0.2  # rel_se
-_FAR = 5.0  # of the smooth body's load: textured ones are lower
-FARTHEST = 4.0  # of R: where a body may come to lie
-HUGE = 1e100  # of lengths and loads: no body's are so great, and products of a few are floats yet
+_FAR = 5.0  # over the smooth body's load: loads of textures are lower
+FARTHEST = 4.0  # over R: largest distance of a point of the body from the axis
+HUGE = 1e100  # largest length or load: a product of three still is a float
 
 
 @dataclass(frozen=True, eq=False)

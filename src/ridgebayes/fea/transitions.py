@@ -16,8 +16,8 @@ from ridgebayes.table.rules import row_codes
 
 MOST = 2000  # histories in a file: some milliseconds each
 _MOST_REMARKS = 20  # on single histories that messages show
-_TOUCHING = 1e-12  # of R: a body that lies on a corner is off it by rounding
-_MOST_DISTINCT = 1000  # numbers whose digits are looked at
+_TOUCHING = 1e-12  # over R: rounding error of a body that lies on a corner
+_MOST_DISTINCT = 1000  # numbers whose digits are counted
 
 
 def transitions_of(
@@ -110,7 +110,7 @@ def transitions_of(
                     f"Q = {Q[j]}: the gap before contact is not smooth enough: bracketed"
                 )
         if rows and upper <= rows[-1]["p_over_E"]:
-            # One increment went over two corners: its load is known for the first alone.
+            # An increment reached two corners: it determines the load of the first alone.
             messages.append(
                 f"Q = {Q[j]} ignored: reached in the same increment as Q = {rows[-1]['Q']}"
             )
@@ -154,7 +154,7 @@ def _extrapolated(
     curved = float(krogh_interpolate(g, p, 0.0))
     doubt = math.hypot(curved - straight, error[last[-1]] / abs(slope))
     is_inside = p[2] < straight <= upper * (1 + 1e-12) + doubt
-    # A load whose error is not known is not given.
+    # A load without a known error is left out.
     if not (is_inside and abs(curved - straight) < upper - p[2] and math.isfinite(doubt)):
         return None
     zero = min(straight, upper)
@@ -162,7 +162,7 @@ def _extrapolated(
 
 
 def last_digit(values: FloatArray) -> float:
-    """Return what the last of the decimals of some numbers is worth; 0 without any.
+    """Return the value of the last decimal digit of some numbers; 0 without decimals.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Joint draws of what a body does on a texture: counts, contact, forces on ridges and edges."""
+"""Draw counts, contacts and forces on ridges and edges of a body on a texture, jointly."""
 
 import json
 import math
@@ -171,7 +171,9 @@ class InputDraws:
         self._ogden = scene.ogden
         self._loads, self._is_share = _steps(loads)
         self._shapes, textures = Spread(MOST_DISTINCT), Spread(MOST_TEXTURES)
-        for bodies in self._bodies():  # drawn once more when they are used: never all are kept
+        for (
+            bodies
+        ) in self._bodies():  # drawn again when they are used, so that memory holds a block only
             self._shapes.add(shapes_of(_profiles(bodies)))
             textures.add(textures_of(bodies.profile["a"], bodies.profile["b"]))
         self._table = ResponseTable(self._shapes)
@@ -296,7 +298,7 @@ class InputDraws:
             contact = self._table.at(profiles[[i]], int(Q[i, j]), W[i, [j]])
             try:
                 exact = solved(profiles[i], int(Q[i, j]), float(contact.W[0]))
-            except ComputationError:  # another count than the table's
+            except ComputationError:  # the count differs from the table's
                 return math.inf
             worst = max(worst, _apart(contact, exact))
         return 3 * worst

@@ -50,7 +50,7 @@ _START_SD = 2.5  # prior sds: two of 64 starts lie beyond five
 
 @dataclass(frozen=True)
 class Effort:
-    """How many draws importance sampling takes.
+    """Numbers of draws of importance sampling.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def _evidence(
     relative = np.exp(together - value)
     within = float(relative.std()) / math.sqrt(len(relative))
     between = np.exp([log_mean(log_weight) - value for log_weight in weights])
-    # The larger of what the weights and what the scatter of the four sets say.
+    # The larger of two errors: by the weights, and by the scatter of the four sets.
     se = max(within, float(between.std(ddof=1)) / math.sqrt(len(weights)))
     gap = abs(float(log_mean(np.concatenate(halves))) - value)
     k, failed = pareto_k(together), []
@@ -249,7 +249,7 @@ def _modes(target: Target, rng: np.random.Generator) -> Mixture:
     components = []
     for chart in range(target.n_chart):
         starts = _START_SD * rng.standard_normal((N_START, d))
-        starts[:, :k] = 0.0  # the centre of the coefficients given all else
+        starts[:, :k] = 0.0  # the centre of the coefficients given all other parameters
         starts[: N_START // 4, :k] = rng.standard_normal((N_START // 4, k))
         modes = find_modes(partial(target.approximate, chart), starts)
         components += [(chart, mode) for mode in modes]

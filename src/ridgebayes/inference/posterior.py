@@ -52,7 +52,7 @@ class Posterior:
 
     Examples
     --------
-    A fit is one, under the selected error model:
+    A fit is a posterior, under the selected error model:
 
     >>> import ridgebayes as rb
     >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
@@ -87,7 +87,7 @@ class Posterior:
         object.__setattr__(self, "_kept", self.model.to_theta(u))
 
     def __getstate__(self) -> dict[str, object]:
-        """Leave behind what can be worked out again: it may be many times the rest."""
+        """Drop results that can be computed again: they may be many times larger than the rest."""
         return {name: value for name, value in vars(self).items() if name != "_derived"}
 
     def __repr__(self) -> str:
@@ -254,7 +254,7 @@ def walked_posterior(
 ) -> Posterior:
     """Return a posterior of a walk's draws, with their diagnostics.
 
-    Where offsets or log K have to be drawn beside the parameters, of at most `N_KEPT` draws.
+    It has at most `N_KEPT` draws if offsets or log K have to be drawn beside the parameters.
     """
     chains, scores = walked.chains, walked.scores
     if model.offsets.n_level:
@@ -298,8 +298,8 @@ def completed(
     if not scores.shape[1]:
         scores = LatentIntegral(model).draw(u, rng)
     n_first = model.offsets.n_first
-    # Most coordinates are scores of places and steps: in files, half of each number is zeros then.
-    # Scores of textures keep all digits: K may be known to the last of them.
+    # Most coordinates are scores of places and steps: in single precision they compress well in
+    # files. Scores of textures keep all digits, since rows may determine K to the last digit.
     first, rest = scores[:, :n_first], scores[:, n_first:].astype(np.float32).astype(float)
     if not model.has_slopes:
         return np.concatenate([u, first, rest], axis=1)

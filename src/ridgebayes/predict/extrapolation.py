@@ -19,7 +19,7 @@ from ridgebayes.model.forms import PowerLaw
 NAMES = ("Q", "load", "a/pitch", "a/R", "b/R", "texture", "offset")
 _BITS = Q, LOAD, RATIO, RIDGE, GROOVE, TEXTURE, OFFSET = [2**bit for bit in range(len(NAMES))]
 _MARGIN = 1.5  # widths may leave their calibrated range by this factor
-ROUNDING = 1e-12  # of a value that is a calibrated one but for rounding
+ROUNDING = 1e-12  # relative: closer values count as the calibrated value
 
 Flags = np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
 

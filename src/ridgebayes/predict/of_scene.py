@@ -35,7 +35,7 @@ from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.units import load_to_si, number_and_unit
 
 NO_UNIT = "p/E"
-_SEED = 0  # of the scene's draws: the same scene has the same ones in all predictions
+_SEED = 0  # seed of the draws of scenes: a scene has the same draws in all predictions
 
 Averaged = Sequence[tuple[Posterior, float]]
 
@@ -135,7 +135,7 @@ class _SceneLoads:
     """Loads at which an uncertain body on one texture reaches counts, in the unit of its scene."""
 
     def __init__(self, averaged: Averaged, scene: Scene, unit: str | None, kind: str) -> None:
-        """Draw bodies, each with a draw of a posterior, as many of each as it has weight."""
+        """Draw bodies, each with a draw of a posterior, in proportion to its weight."""
         self._scene, self._kind = scene, kind
         self._unit = load_unit(scene) if unit is None else unit
         self._size = 1.0 if self._unit == NO_UNIT else scene.body.p_over_E(f"1 {self._unit}")
@@ -208,7 +208,7 @@ class _SceneLoads:
         return np.tensordot(self._draws.weight, holds, axes=1)
 
     def _texture_flags(self) -> Flags:
-        """Return the flags of what lies beyond the calibrated range in more than rare draws."""
+        """Return flags of quantities beyond the calibrated range in more than a few draws."""
         profile = self._bodies.profile
         total = OFFSET if np.any(profile["offset"] != 0) else 0
         for calibrated in self._ranges:

@@ -229,7 +229,7 @@ def predict_q(
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.load_flags(p, poisson) | calibrated.texture_flags(a, b)
     y = reduced_load(p, poisson).ravel()
-    if kind != "curve":  # its draws count at their own loads, which a logarithm would round
+    if kind != "curve":  # a curve counts at the loads themselves, which a logarithm would round
         with np.errstate(divide="ignore"):
             y = np.log(y)
     first, place = distinct(a, b)
@@ -330,7 +330,7 @@ def _broadcast(
 
 
 def _refuse_beside_scene(**values: ArrayLike | None) -> None:
-    """Refuse what a scene has itself."""
+    """Refuse arguments that a scene already has."""
     for name in [name for name, value in values.items() if value is not None]:
         raise InputError(f"{name}: expected none beside a Scene, got {values[name]!r}")
 

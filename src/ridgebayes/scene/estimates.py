@@ -1,8 +1,8 @@
-"""How large each effect of a scene is, and whether it is simulated or neglected.
+"""Estimate each effect of a scene, and decide whether to simulate it.
 
 Effects are neglected, the smallest first, while half as much again as all their estimates together
 stays within the wanted accuracy. Estimates come from one or two solutions at chosen loads, not from
-the simulation that they are to save: the shift of an event is the gap that the effect leaves at the
+the simulation that they shall save: the shift of an event is the gap that the effect leaves at the
 load of the event without it, over the slope of that gap.
 """
 
@@ -57,7 +57,7 @@ def plan(scene: Scene) -> list[Plan]:
     Raises
     ------
     InputError
-        If the contact of a texture cannot be solved for even roughly, as with grooves under a
+        If the contact of a texture cannot be solved even roughly, as with grooves under a
         millionth of a ridge.
 
     Notes
@@ -131,7 +131,7 @@ class _Base:
         if not W.size:
             raise _too_narrow(texture, loads.status[0])
         W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
-        # The first ridges represent all of very many: the others are smoother still.
+        # Among very many ridges the first represent all: effects on later ones are smoother.
         top = min(max(W_max, float(W[-1])), 1.2 * float(W[-1]) + sharp.pitch**2)
         last = solve_contact(sharp, top, rel_tol=_ROUGH)
         return cls(scene, texture, sharp, W, last, max(W_max, float(W[-1])))
@@ -142,7 +142,7 @@ class _Base:
 
     @property
     def wanted(self) -> str:
-        """The same in words."""
+        """The required accuracy in words."""
         relative = self.scene.relative
         return f"the wanted {percent(relative)}" if relative else "0, and no accuracy is stated"
 
@@ -169,7 +169,7 @@ class _Base:
 
     @cached_property
     def penetration(self) -> float:
-        """How deep the surface hangs into any groove at the highest load, corners as they are."""
+        """Largest depth of the surface in a groove at the highest load, corners included."""
         rounded = self.last
         if self.given.corner:
             round_ones = replace(self.sharp, corner=self.given.corner)
@@ -178,7 +178,7 @@ class _Base:
         if not solutions:
             raise _too_narrow(self.texture, rounded.status)
         deepest = max(max(solution.penetrations.values()) for solution in solutions)
-        # Beyond the ridges looked at it grows as the pressure in the middle: with the root of W.
+        # Beyond these ridges it grows as the pressure in the middle does: with the root of W.
         return deepest * math.sqrt(self.W_max / self.last.W)
 
     @property
@@ -189,7 +189,7 @@ class _Base:
     def shifts(self) -> dict[tuple[bool, bool], FloatArray]:
         """Relative shifts of the first transition, the last and one between, by (floor, corner).
 
-        An effect does not always do the same: a floor takes up what round corners give way.
+        Effects interact: a floor bears the load that round corners give up.
         """
         n = len(self.W)
         looked_at = sorted({1, (n + 1) // 2, n})
@@ -204,7 +204,7 @@ class _Base:
         return shifts
 
     def change(self, which: int) -> float:
-        """Return the largest change that floor (0) or corners (1) make, beside the other."""
+        """Return the largest change by floor (0) or corners (1), with the other effect present."""
         shifts, sizes = self.shifts, []
         for key, with_it in shifts.items():
             without = (False, key[1]) if which == 0 else (key[0], False)
@@ -279,7 +279,7 @@ def _floor(base: _Base) -> Effect:
     if number < 1:
         reason = f"{what}; the floor is not touched"
         return Effect("groove floor", number, 0.0, False, reason, cost)
-    # Touched only beyond the transitions looked at: not known by how much.
+    # If the floor is touched only beyond these transitions, its effect is unknown.
     return Effect("groove floor", number, base.change(0) or math.nan, True, what, cost)
 
 

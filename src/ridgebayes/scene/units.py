@@ -1,4 +1,4 @@
-"""Quantities with units, at the border only: text in, exact numbers out, SI or over a body's."""
+"""Convert quantities with units to exact numbers, in SI units or relative to a body."""
 
 import functools
 import re
@@ -68,7 +68,7 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
     number, unit = match.groups()
     try:
         factor = _registry().Quantity(1, unit).to(_SI[dimension]).magnitude
-    # pint lets out exceptions of many kinds on what is no unit of the kind (its own, tokenize's,
+    # pint raises exceptions of many kinds for text that is no such unit (its own, tokenize's,
     # AttributeError, TypeError ...); some cannot be formatted with fractions, so none is shown.
     except Exception:
         raise InputError(f"{shown!r}: {rule}") from None
@@ -162,7 +162,7 @@ def is_uncertain(text: str) -> bool:
 
 
 def _size(text: str) -> tuple[Fraction, str]:
-    """Return a quantity of a body in its SI unit and its kind, or a plain number of none."""
+    """Return a quantity of a body in its SI unit, and its kind; a plain number has no kind."""
     if re.fullmatch(rf"\s*{_NUMBER}\s*", text):
         return Fraction(text), ""
     try:
@@ -219,7 +219,7 @@ class Body:
 
     @classmethod
     def of(cls, radius: str | None, modulus: str | None, length: str | None = None) -> "Body":
-        """Return a body of values with units; InputError if one is none, or not above 0."""
+        """Return a body from values with units; InputError if a value is no length or modulus."""
         return cls(
             _positive("--R", radius, "length"),
             _positive("--E", modulus, "pressure"),

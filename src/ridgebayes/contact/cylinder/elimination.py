@@ -1,7 +1,7 @@
 """Elimination in the body's sparse stiffness, in an order that is found once for a mesh.
 
-Contact changes which nodes of the rim are coupled, but little of what fills in: an order for all
-that may touch serves every state, where finding one takes a quarter of each factorisation.
+Contact changes which nodes of the rim are coupled, but hardly the fill-in. One order, of all nodes
+that may touch, serves every state. A new order would take a quarter of each factorisation.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from ridgebayes._types import IntArray
 
-_RELAX, _PANEL = 1, 2  # columns: more, SuperLU's default, pay off for denser factors than these
+_RELAX, _PANEL = 1, 2  # columns; SuperLU's larger defaults pay off for denser factors
 
 
 def elimination_order(groups: Sequence[IntArray], n: int) -> IntArray:

@@ -103,7 +103,7 @@ def disk_mesh(
 
 
 def _columns(smallest: float, fewest: int) -> tuple[int, int]:
-    """Choose columns of the core and number of splits for the finest width to come out right."""
+    """Choose the columns of the core and the number of splits that give the finest width."""
     return min(
         (
             (n, level)

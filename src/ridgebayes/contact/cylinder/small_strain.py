@@ -1,7 +1,7 @@
 """Small strain: one linear step from the body at rest for each transition.
 
-The body is linear and contact is imposed where the surface was before it moved, as half-plane
-theory has it: gaps are vertical, above the undeformed rim. The pressures on segments, and the rise
+The body is linear and contact is imposed on the undeformed surface, as in half-plane
+theory: gaps are vertical, above the undeformed rim. The pressures on segments, and the rise
 of the ridges at which the next corner's gap is zero, are then one of Newton's steps.
 """
 
@@ -66,8 +66,8 @@ def small_strain_transitions(
 
     Notes
     -----
-    *Validity.* Small strain; by the per cent where contact at displaced places differs from that at
-    the reference ones: 0.5 % at p/E = 0.004, 3 % at 0.02.
+    *Validity.* Small strain; loads differ from those of contact at displaced places by 0.5 % at
+    p/E = 0.004, and by 3 % at 0.02.
 
     *Cost.* Some tenths of a second a transition.
 

@@ -34,7 +34,7 @@ _ROUNDING = 1e-12
 _BLOCK = 16  # rays that share a box
 # Slope of an edge that folds over a sharp corner, in its stiffness: its tangent changes sign as the
 # edge passes the vertical, and a stiffness of the wrong sign leads Newton's steps away.
-_STEEPEST = 1e4  # a lower one is not the slope any more, and steps no longer Newton's
+_STEEPEST = 1e4  # a lower limit would cut real slopes, and spoil Newton's steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def _hull(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _near(
     rim: FloatArray, point: FloatArray, normal: FloatArray, behind: FloatArray, ahead: float
 ) -> tuple[IntArray, IntArray]:
-    """Pair rays with edges by boxes around both: next to all pairs are far from each other.
+    """Pair rays with edges by boxes around both: nearly all pairs are far apart.
 
     Neighbouring rays share a box, so that few boxes are compared.
     """
@@ -145,7 +145,7 @@ def _near(
 
 
 def _rising_roots(values: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Find where parabolas through values at 0, 1/2, 1 rise through zero; the number of each."""
+    """Find where parabolas through values at 0, 1/2, 1 rise through zero, and which ones."""
     a = 2 * values[:, 0] - 4 * values[:, 1] + 2 * values[:, 2]
     b = -3 * values[:, 0] + 4 * values[:, 1] - values[:, 2]
     c = values[:, 0]
@@ -155,7 +155,7 @@ def _rising_roots(values: FloatArray) -> tuple[FloatArray, IntArray]:
     # The root with slope +root: (-b + root) / 2a, without the difference where b > 0.
     with np.errstate(divide="ignore", invalid="ignore"):
         s = np.where(b > 0, -2 * c / (b + root), (-b + root) / (2 * a))
-    # A node belongs to both its edges: to rounding it might else belong to none.
+    # A node belongs to both of its edges: by rounding it might otherwise belong to neither.
     where = np.flatnonzero(real & (root > 0) & (s >= -_ROUNDING) & (s <= 1.0 + _ROUNDING))
     return np.clip(s[where], 0.0, 1.0), where
 
@@ -209,7 +209,7 @@ def kink(rim: FloatArray, edge: IntArray, tangent: FloatArray, normal: FloatArra
 
 
 def _slope(rise: FloatArray, run: FloatArray) -> FloatArray:
-    """Return rise over run, at most `_STEEPEST`: also of an edge that turned past the normal."""
+    """Return rise over run, at most `_STEEPEST`: also for an edge that turned past the normal."""
     return np.asarray(rise / np.maximum(run, np.maximum(np.abs(rise) / _STEEPEST, 1e-300)))
 
 
