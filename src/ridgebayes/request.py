@@ -111,7 +111,7 @@ class Request:
         names = [form.name for form in chosen]
         if not names or len(set(names)) < len(names):
             raise InputError(
-                f"forms: expected at least one, each once, got {', '.join(names) or 'none'}"
+                f"forms: expected one or more, without repeats, got {', '.join(names) or 'none'}"
             )
         for form in chosen:
             refuse_circular(rows, form)

@@ -179,7 +179,7 @@ class Fit(Posterior, Predictive, Tabular):
         shown = np.flatnonzero(~data.is_count)[:_MOST_SHOWN]
         if not len(shown):
             raise InputError(
-                f"{self.form.name}: expected a row with a load to draw, got only counts"
+                f"{self.form.name}: expected a row with a load to plot, got only counts"
             )
         texture, upper, lower = data.texture[shown], data.log_load[shown], data.log_lower[shown]
         observed = np.exp(np.where(np.isfinite(lower), (lower + upper) / 2, upper))

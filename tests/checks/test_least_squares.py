@@ -47,7 +47,7 @@ def test_least_squares_of_a_texture_in_other_units_says_that_there_are_none(pape
     wrong = (frame["a_over_R"] == 0.022) & (frame["b_over_R"] == 0.02)
     loads = frame["p_over_E"] * np.where(wrong, 1000.0, 1.0)
     table = rb.ContactTable.from_frame(frame.assign(p_over_E=loads))
-    with pytest.raises(rb.ComputationError, match="rate is not positive on the way"):
+    with pytest.raises(rb.ComputationError, match="the rate of a texture was not positive"):
         fit_by_least_squares(rb.Hybrid(), table)
 
 

@@ -143,7 +143,10 @@ COMPARE = ("compare", SWEEP, *IID)
         ((*FIT, "quadratic"), ["form 'quadratic': unknown", "classic, power-law, modified"]),
         ((*COMPARE, "--forms", "hybrid,cubic"), ["form 'cubic': unknown"]),
         ((*COMPARE, "--forms", "hybrid,,classic"), ["--forms 'hybrid,,classic': an empty name"]),
-        ((*COMPARE, "--forms", "hybrid,Hybrid"), ["expected at least one, each once, got hybrid"]),
+        (
+            (*COMPARE, "--forms", "hybrid,Hybrid"),
+            ["forms: expected one or more, without repeats, got hybrid, hybrid"],
+        ),
         ((*FIT, "half-plane"), ["41 calibration rows have solver 'half-plane'", "circular"]),
         ((*COMPARE, "--forms", "classic,half-plane"), ["solver 'half-plane'", "circular"]),
         ((*FIT, "hybrid", "--noise", "loud"), ["noise 'loud'", "expected STRUCTURE"]),
@@ -269,7 +272,10 @@ SCENE = "[texture]\nridge_width = 0.02\ngroove_width = 0.02\n"
     ("words", "expected"),
     [
         (("no.toml",), ["no.toml", "No such file"]),
-        (("my.toml", "--texture", "0.01,0.02"), ["SCENE and --texture", "expected one of them"]),
+        (
+            ("my.toml", "--texture", "0.01,0.02"),
+            ["SCENE and --texture", "expected only one of the two"],
+        ),
         (("--texture", "0.02,0.02", "--p-max", "nan"), ["p_over_E = nan", "finite"]),
         (("--texture", "0.02,0.02", "--p-max", "-1"), ["p_over_E = -1.0", "greater than 0"]),
         (("--texture", "0.02,0.02", "--p-max", "1e-9"), ["no transition under p/E = 1e-09"]),
@@ -626,7 +632,7 @@ BAD_PREDICTIONS = [
     ((*AT, "--load", "1,2 kPa"), "'1,2 kPa': has a decimal comma"),
     ((*AT, *OVER, "--E", "5 mm"), "--E '5 mm': must be a number and a unit of pressure"),
     ((*AT, *OVER, "--R", "0 mm"), "--R '0 mm': must be > 0"),
-    ((*AT, *OVER, "--load", "1 kPa"), "--p-over-E and --load: expected one of them"),
+    ((*AT, *OVER, "--load", "1 kPa"), "--p-over-E and --load: expected only one of the two"),
     ((*AT, *OVER, "--scene", "a.toml", "--R", "8 mm"), "--scene, and --R or --E or"),
     ((*AT, *OVER, "--scene", "a.toml"), "a.toml: cannot be read"),
     ((*AT, *OVER, "--kind", "all"), "--kind 'all': expected curve, simulation or both"),
@@ -755,7 +761,10 @@ def test_friction__of_round_corners_leaves_interlocking_out_and_says_so(command,
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("--loads", "3", "--p-over-E", "0.01:0.02:3"), "--p-over-E and --loads: expected one"),
+        (
+            ("--loads", "3", "--p-over-E", "0.01:0.02:3"),
+            "--p-over-E and --loads: expected only one",
+        ),
         (("--loads", "0"), "--loads"),
         (("-o", "x.txt"), "expected a file of .nc, .parquet, .csv"),
     ],

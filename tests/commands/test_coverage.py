@@ -115,11 +115,11 @@ def test_coverage__that_failed_somewhere_is_written_and_says_so(command, canned)
     [
         (("--noise", "nois"), "noise 'nois': not an error model; expected "),
         (("--noise", "iid,,step"), "--noise 'iid,,step': an empty name"),
-        (("--noise", "iid,iid"), "noise: expected each once, got iid, iid"),
+        (("--noise", "iid,iid"), "noise: expected error models without repeats, got iid, iid"),
         (("--forms", "hybrid,cubic"), "cubic"),
         (("--forms", "half-plane"), "circular"),
         (("nowhere.csv",), "nowhere.csv"),
-        (("one.csv", "--workers", "1"), "expected rows of at least two"),
+        (("one.csv", "--workers", "1"), "expected at least two values of texture"),
         (("brackets.csv", "--workers", "1"), "got only brackets and counts"),
         (("--workers", "0"), "--workers"),
     ],

@@ -245,14 +245,14 @@ def test_sweep__bad_input_leaves_nothing_unless_it_was_to_go_on(tmp_path, monkey
         (("generate", "-o", "t.csv", "--workers", "0"), "--workers"),
         (
             ("generate", "-o", "t.csv", "--workers", "2", "--scheduler", "tcp://host:1"),
-            "--workers and --scheduler: expected one of them, got both",
+            "--workers and --scheduler: expected only one of the two, got both",
         ),
         (("generate", "-o", "t.csv", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler"),
         (
             ("generate", "-o", "t.csv", "--fields", "f", "--workers", "2"),
-            "--fields: expected without --work",
+            "--fields: cannot be combined with --work",
         ),
-        (("generate", "-o", "t.csv", "--fields", "f", "--resume"), "expected without"),
+        (("generate", "-o", "t.csv", "--fields", "f", "--resume"), "cannot be combined"),
         (("coverage", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler answers"),
         (("run", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler answers"),
     ],

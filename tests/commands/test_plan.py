@@ -204,7 +204,7 @@ def test_plan__draws_each_texture(command):
         ),
         (("--new", "my.txt"), "my.txt: expected a file name that ends in .toml, got '.txt'"),
         (("--new", "scene.toml"), "scene.toml: exists; use another name, or --force"),
-        (("scene.toml", "--new", "my.toml"), "--new: expected without a scene"),
+        (("scene.toml", "--new", "my.toml"), "--new: cannot be combined with a scene"),
         (("nowhere.toml",), "nowhere.toml: cannot be read: No such file"),
         (("scene.toml", "-o", "."), ".: a table file ends in .csv or .parquet"),
         (("scene.toml", "-o", "no/plan.csv"), "no/plan.csv: folder no does not exist"),

@@ -322,7 +322,7 @@ def test_complete__needs_every_form_fitted_and_converged(comparison, fits):
 @pytest.mark.parametrize("names", [[], ["hybrid", "classic", "hybrid"]])
 def test_forms__none_or_one_twice_is_refused(paper, names):
     forms = {"hybrid": rb.Hybrid(), "classic": rb.Classic()}
-    with pytest.raises(rb.InputError, match="expected at least one, each once"):
+    with pytest.raises(rb.InputError, match="expected one or more, without repeats"):
         rb.compare(paper, [forms[name] for name in names], noise="iid")
 
 

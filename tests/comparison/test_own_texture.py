@@ -98,11 +98,11 @@ def test_table__is_left_out_and_says_why(paper, comparison):
     own = rb.compare(paper, Fixed(), noise="iid", rng=1, accuracy="quick")
     found = own_texture(own)
     assert found.table is None
-    assert "fixed: expected loads that go with the square of the pitch" in found.why
+    assert "fixed: expected loads in proportion to the squared pitch" in found.why
     priors = {"power-law": {"K": "lognormal(60, 0.3)"}}
     own = rb.compare(paper, "power-law", noise="iid", priors=priors, rng=1, accuracy="quick")
     found = own_texture(own)
     assert found.table is None
-    assert "expected a prior of K that goes with the pitch" in found.why
+    assert "expected a prior of K in proportion to the pitch" in found.why
     none = comparison.evidence.assign(used=False)
     assert "no form has an evidence" in own_texture(replace(comparison, evidence=none)).why

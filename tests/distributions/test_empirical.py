@@ -43,7 +43,7 @@ def test_density__is_that_of_the_transform_and_integrates_to_one(sample):
     [
         (np.arange(9.0), "expected 10 finite values or more, got 9"),
         (np.r_[np.arange(10.0), np.nan], "expected 10 finite values"),
-        (np.ones(50), "nearly all alike"),
+        (np.ones(50), "nearly equal ones"),
     ],
 )
 def test_of__refuses_a_sample_that_tells_too_little(sample, message):

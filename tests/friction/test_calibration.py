@@ -129,5 +129,5 @@ def test_calibrate__refuses_what_cannot_be_fitted():
     with pytest.raises(rb.InputError, match="expected a Fit or a Comparison for rows on ridges"):
         rb.calibrate_friction(frame.assign(a_over_R=0.02, b_over_R=0.02), None, model)
     known = rb.FrictionModel(0.07, 0, 0.8, 0.24, 0, 0.1, 0.1, 0.1, 0.1)
-    with pytest.raises(rb.InputError, match="expected a parameter that is not known"):
+    with pytest.raises(rb.InputError, match="expected a parameter with a distribution"):
         rb.calibrate_friction(frame, None, known)

@@ -206,7 +206,7 @@ def test_input_draws__need_callables_that_draw_with_their_generator(fit):
     texture = {"ridge_width": A, "groove_width": lambda _: next(own)}
     scene = rb.Scene.from_dict({"texture": texture, "load": {"p_over_E": 0.002}})
     draws = InputDraws(fit, scene, 1, n=40, rng=1)
-    with pytest.raises(rb.InputError, match="a callable that draws with the generator it is given"):
+    with pytest.raises(rb.InputError, match="a callable that draws only with its generator"):
         list(draws.blocks())
 
 

@@ -130,9 +130,9 @@ def test_predict__of_a_comparison_is_the_mixture():
     [
         ({"load": ["1 kPa", "1 N"]}, "expected one unit, got N, kPa"),
         ({"load": -1.0}, "expected finite loads > 0"),
-        ({"load": "1 N", "p_over_E": 0.01}, "expected one of them, got both"),
-        ({"b_over_R": 0.02}, "b_over_R: expected none beside a Scene"),
-        ({"nu": 0.4}, "nu: expected none beside a Scene"),
+        ({"load": "1 N", "p_over_E": 0.01}, "expected only one of the two, got both"),
+        ({"b_over_R": 0.02}, "b_over_R: expected no value beside a Scene"),
+        ({"nu": 0.4}, "nu: expected no value beside a Scene"),
         ({"kind": "other"}, "kind: expected one of"),
     ],
 )

@@ -234,7 +234,7 @@ def test_loads_of_new_ones__go_with_the_pitch_only_if_the_prior_of_K_does(two_te
     for given in ({}, {"K": "lognormal(auto, 5 %)"}):
         PosteriorLoads(power_law(two_textures, given)).check_scaling(0.4)
     fit = power_law(two_textures, {"K": "lognormal(40, 1 %)"})
-    with pytest.raises(rb.InputError, match="prior of K that goes with the pitch"):
+    with pytest.raises(rb.InputError, match="prior of K in proportion to the pitch"):
         PosteriorLoads(fit).check_scaling(0.4)
 
 

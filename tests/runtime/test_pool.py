@@ -215,7 +215,10 @@ def test_workers__have_one_thread_each_and_leave_no_trace(monkeypatch):
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
-        ((2, "tcp://127.0.0.1:1"), r"^--workers and --scheduler: expected one of them, got both$"),
+        (
+            (2, "tcp://127.0.0.1:1"),
+            r"^--workers and --scheduler: expected only one of the two, got both$",
+        ),
         ((None, "tcp://127.0.0.1:1"), r"^--scheduler tcp://127.0.0.1:1: no Dask scheduler answers"),
         ((None, "nowhere"), r"^--scheduler nowhere: .* expected tcp://HOST:PORT"),
         ((None, "http://127.0.0.1:1"), r"not tcp://HOST:PORT"),

@@ -112,9 +112,9 @@ def test_from_dict__takes_joint_draws():
     assert np.corrcoef(drawn["a"], drawn["b"])[0, 1] == pytest.approx(0.5, abs=0.03)
     for section, words in (
         ({"of": of, "draws": rows[:, :1]}, "joint.draws: expected finite rows of 2"),
-        ({"of": of}, "expected one of correlation and draws"),
+        ({"of": of}, "expected either correlation or draws"),
         ({"of": of, "draws": [[1.0, 2.0], [1.0]]}, "joint.draws: expected finite rows of 2"),
-        ({"of": [of[0], of[0]], "draws": rows}, "joint.of: expected each once"),
+        ({"of": [of[0], of[0]], "draws": rows}, "joint.of: expected names without repeats"),
     ):
         with pytest.raises(InputError, match=words):
             Scene.from_dict({"texture": texture, "joint": [section]})

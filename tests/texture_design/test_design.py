@@ -262,7 +262,7 @@ def test_design__is_a_record_like_the_others(fit, uncertain):
         ({"sizes": {"step": -1.0}}, "step: expected above 0, got -1.0"),
         ({"sizes": {"a": (0.011, 0.012), "step": 0.01}}, "a: no multiple of the step 0.01"),
         ({"sizes": {"step": 1e-5}}, "step: expected at most 40,000 textures"),
-        ({"tolerance": "much"}, "tolerance 'much': expected such as '5 %'"),
+        ({"tolerance": "much"}, "tolerance 'much': expected a tolerance such as '5 %'"),
         ({"tolerance": "30 %"}, "tolerance '30 %': expected 0 to 20%"),
         ({"tolerance": "0.01"}, "tolerance: expected at most 20% of the smallest width"),
         ({"loads": "0.02:0.01:3"}, "loads: '0.02:0.01:3': expected one load, LO:HI:N"),
@@ -280,7 +280,7 @@ def test_design__bad_options_are_refused(fit, uncertain, options, expected):
 def test_design__widths_are_uncertain_by_the_scene_or_by_a_tolerance(fit):
     texture = {"ridge_width": "normal(0.2 mm, 5 %)", "groove_width": "0.16 mm"}
     scene = rb.Scene.from_dict(SCENE | {"texture": texture})
-    with pytest.raises(rb.InputError, match="expected one of them, got both"):
+    with pytest.raises(rb.InputError, match="expected only one of the two, got both"):
         rb.design(fit, scene, "P(Q >= 8) >= 0.9", sizes=COARSE, tolerance="5 %")
     found = rb.design(fit, scene, "P(Q >= 8) >= 0.9", sizes=COARSE)
     assert "tolerance" in set(found.shares["source"])

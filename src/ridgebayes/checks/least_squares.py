@@ -89,7 +89,7 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
         value: FloatArray = form.continuous_count(p, a, b, scaled * start, nu) - q
         if not np.isfinite(value).all():
             raise ComputationError(
-                f"{form.name}: least squares on Q: a texture's rate is not positive on the way"
+                f"{form.name}: least squares on Q failed: the rate of a texture was not positive"
             )
         return value
 

@@ -129,7 +129,9 @@ def folds_of(
         dealt = stream(seed, f"groups of {leave}").permutation(len(names)) % _N_GROUP
         codes, names = dealt[codes], [f"group {i + 1} of {_N_GROUP}" for i in range(_N_GROUP)]
     if len(names) < 2:
-        raise InputError(f"leave: expected rows of at least two, to leave one out, got {leave!r}")
+        raise InputError(
+            f"leave: expected at least two values of {leave} to leave one out, got one"
+        )
     posterior = form.posteriors.get(noise.name) if isinstance(form, Fit) else None
     form = form.form if isinstance(form, Fit) else form
 

@@ -32,7 +32,7 @@ def command(asked: Coverage) -> Answer:
     table = replace(paper_sweep(), where=EMBEDDED) if asked.table is None else asked.table
     request = Request.of(table, names or DEFAULT_FORMS)
     if len(set(noises)) < len(noises):
-        raise InputError(f"noise: expected each once, got {', '.join(noises)}")
+        raise InputError(f"noise: expected error models without repeats, got {', '.join(noises)}")
     models = [Noise.named(name) for name in noises] or list(Noise.every())
     n_worker = 2 if asked.workers is None and asked.scheduler is None else asked.workers
     with (

@@ -35,7 +35,7 @@ def command(asked: options.Friction) -> Answer:
         refuse_existing(path, asked.force)
     check_name(asked.out)
     if asked.p_over_E is not None and asked.loads is not None:
-        raise InputError("--p-over-E and --loads: expected one of them, got both")
+        raise InputError("--p-over-E and --loads: expected only one of the two, got both")
     scene, warnings = Scene.from_toml(asked.scene), []
     model = None
     if asked.model:  # round edges have no forces, which interlocking is made of

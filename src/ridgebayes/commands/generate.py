@@ -29,9 +29,9 @@ def command(asked: options.Generate) -> Answer:
     """Do what the command line asks for."""
     refuse_existing(asked.out, asked.force)
     if asked.scene is not None and asked.texture:
-        raise InputError("SCENE and --texture: expected one of them, got both")
+        raise InputError("SCENE and --texture: expected only one of the two, got both")
     if asked.R is not None and not asked.texture:
-        raise InputError("--R: expected with --texture, whose widths have units")
+        raise InputError("--R: needs --texture, with widths that have units")
     if asked.scene is not None:
         wanted = Scene.from_toml(asked.scene)
     elif asked.texture:
@@ -54,7 +54,7 @@ def command(asked: options.Generate) -> Answer:
         )
     else:
         if asked.workers is not None or asked.scheduler is not None or asked.resume:
-            raise InputError("--fields: expected without --workers, --scheduler and --resume")
+            raise InputError("--fields: cannot be combined with --workers, --scheduler or --resume")
         # Here, not above: it loads matplotlib and finite elements, which sweeps do without.
         from ridgebayes.commands.fields import generate_fields
 

@@ -72,7 +72,9 @@ def command(asked: options.Import) -> Answer:
 def _codes(text: str) -> tuple[int, ...]:
     """Return whole numbers between commas."""
     if not re.fullmatch(r"\s*|\s*\d{1,6}(\s*,\s*\d{1,6})*\s*", text):
-        raise InputError(f"--closed-is {text}: expected whole numbers between commas, such as 2,3")
+        raise InputError(
+            f"--closed-is {text}: expected whole numbers separated by commas, such as 2,3"
+        )
     return tuple(map(int, re.findall(r"\d+", text)))
 
 

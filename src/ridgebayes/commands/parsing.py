@@ -21,7 +21,7 @@ def refuse_existing(path: Path, force: bool) -> None:
         raise InputError(f"{path}: exists; use another name, or --force to replace it")
     if not os.access(path.absolute().parent, os.W_OK):
         raise InputError(
-            f"{path}: folder {path.parent} cannot be written to; expected a writable one"
+            f"{path}: folder {path.parent} cannot be written to; expected a writable folder"
         )
 
 
@@ -38,9 +38,7 @@ def parse_names(text: str, option: str = "--forms") -> list[str]:
     """Return comma-separated names."""
     names = [name.strip() for name in text.split(",")] if text else []
     if not all(names):
-        raise InputError(
-            f"{option} {text!r}: an empty name; expected names with commas between them"
-        )
+        raise InputError(f"{option} {text!r}: an empty name; expected names separated by commas")
     return names
 
 
@@ -56,12 +54,12 @@ def parse_form(text: str) -> str:
 
 
 def parse_forms(text: str) -> list[str]:
-    """Return names of forms with commas between them."""
+    """Return names of forms separated by commas."""
     return [parse_form(name) for name in parse_names(text)]
 
 
 def parse_odds(text: str) -> dict[str, float]:
-    """Return prior odds by form, of FORM=NUMBER with commas between them."""
+    """Return prior odds by form, from FORM=NUMBER separated by commas."""
     odds_of: dict[str, float] = {}
     for part in text.split(",") if text else []:
         name, _, odds = part.partition("=")
@@ -72,8 +70,8 @@ def parse_odds(text: str) -> dict[str, float]:
             number = math.nan
         if not name or math.isnan(number) or name in odds_of:
             raise InputError(
-                f"--prior-odds {text!r}: {part.strip()!r}; expected FORM=NUMBER with commas "
-                "between them, each form once, such as hybrid=2,classic=0.5"
+                f"--prior-odds {text!r}: {part.strip()!r}; expected FORM=NUMBER separated by "
+                "commas, without repeats, such as hybrid=2,classic=0.5"
             )
         odds_of[name] = number
     return odds_of
@@ -84,7 +82,7 @@ def parse_numbers(text: str, option: str) -> tuple[float, ...]:
     try:
         return tuple(float(part) for part in text.split(",")) if text else ()
     except ValueError:
-        raise InputError(f"{option} {text!r}: expected numbers with commas between them") from None
+        raise InputError(f"{option} {text!r}: expected numbers separated by commas") from None
 
 
 def parse_inches(text: str, option: str) -> float:

@@ -63,7 +63,7 @@ def _new_scene(asked: options.PlanOptions) -> Answer:
     """Write a scene file to start from."""
     path = asked.new
     if path is None or asked.scene is not None:
-        raise InputError("--new: expected without a scene")
+        raise InputError("--new: cannot be combined with a scene")
     refuse_suffix(path, (".toml",))
     refuse_existing(path, asked.force)
     write_text(data_path("scenes/template.toml").read_text(encoding="utf-8"), path)

@@ -54,12 +54,12 @@ def command(asked: options.Predict) -> Answer:
     if asked.plot is not None:
         refuse_suffix(asked.plot, (".png", ".svg", ".pdf"))
     elif asked.width is not None:
-        raise InputError(f"--width {asked.width!r}: needs --plot, the figure that it is of")
+        raise InputError(f"--width {asked.width!r}: needs --plot, whose width it sets")
     width = drawing.style.WIDTH if asked.width is None else parse_inches(asked.width, "--width")
     if asked.kind not in (*KINDS, "both"):
         raise InputError(f"--kind {asked.kind!r}: expected curve, simulation or both")
     if asked.p_over_E is not None and asked.load is not None:
-        raise InputError("--p-over-E and --load: expected one of them, got both")
+        raise InputError("--p-over-E and --load: expected only one of the two, got both")
     if not asked.texture and asked.scene is None:
         raise InputError("no textures; expected --texture A,B or --scene")
     if asked.p_over_E is None and asked.load is None and asked.scene is None:
@@ -97,7 +97,7 @@ def _uncertain_scene(asked: options.Predict) -> Scene | None:
     if asked.scene is not None:
         if any(value is not None for value in typed.values()):
             raise InputError(
-                "--scene, and --R or --E or --thickness: expected one of them, got both"
+                "--scene, and --R or --E or --thickness: expected only one of the two, got both"
             )
         scene = Scene.from_toml(asked.scene)
         if scene.uncertain is None and all(texture.offset == 0 for texture in scene.textures):
@@ -105,8 +105,8 @@ def _uncertain_scene(asked: options.Predict) -> Scene | None:
         for option, value in (("--texture", asked.texture), ("--nu", asked.nu)):
             if value:
                 raise InputError(
-                    f"--scene and {option}: expected the scene's own where it has distributions or "
-                    "an offset, got both"
+                    f"--scene and {option}: a scene with distributions or an offset keeps its own "
+                    "values; remove one of the two options"
                 )
         return scene
     if not any(is_uncertain(text) for text in (asked.load, *typed.values()) if text):

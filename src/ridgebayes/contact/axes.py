@@ -58,8 +58,8 @@ class Spread:
             within = (rows[:, None] == self.distinct).all(axis=-1).any(axis=1)
         if not within.all():
             raise InputError(
-                "scene: expected a callable that draws with the generator it is given, got one "
-                "whose draws were others the second time"
+                "scene: expected a callable that draws only with its generator, got other draws "
+                "from the same generator the second time"
             )
 
 

@@ -98,11 +98,11 @@ class Truncated(Distribution):
 
     def __post_init__(self) -> None:
         if isinstance(self.base, Truncated):
-            raise InputError("truncated distribution: expected one that is not truncated itself")
+            raise InputError("truncated distribution: expected a base that is not truncated itself")
         least, most = self.base.support
         if not max(self.low, least) < min(self.high, most) or not math.isfinite(self._log_mass):
             raise InputError(
-                f"truncated distribution: expected low < high and a part of it between them, got "
+                f"truncated distribution: expected low < high with some probability between, got "
                 f"low = {self.low!r}, high = {self.high!r}"
             )
 

@@ -96,7 +96,7 @@ class Empirical(Distribution):
         values = np.quantile(sample, special.ndtr(scores), method="hazen")
         new = np.diff(values, prepend=-np.inf) > 0
         if new.sum() < 3:
-            raise InputError(f"{source}: expected values that differ, got nearly all alike")
+            raise InputError(f"{source}: expected values that differ, got nearly equal ones")
         return cls(tuple(scores[new]), tuple(values[new]), source)
 
     @property

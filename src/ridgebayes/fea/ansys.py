@@ -131,7 +131,7 @@ class _Listing(Printed):
         """Take a row, of columns of fixed width; other lines are of a page's head."""
         if _ROW.match(line.text):
             if not line.ended:
-                raise line.error("the last line has no end; expected a whole listing")
+                raise line.error("the last line is cut off; expected a whole listing")
             words = _TOUCH.sub(" ", line.text).split()
             words = words[:3] if table is self.places else words
             table.lines.append(line._replace(text=" ".join(words)))

@@ -292,9 +292,9 @@ class _Columns:
         if are_guessed and first.key in PER_Q and first.Q is None and (n := repeats_of(headers)):
             return [replace(use, key=first.key, repeat=n[use.header]) for use in uses]
         if not (are_guessed and first.key in TEXTS):
-            text = f"columns {', '.join(map(repr, headers))} could each be {first.name}"
+            text = f"columns {', '.join(map(repr, headers))} could all be {first.name}"
             if any(use.how == "mapped" for use in uses[1:]):
-                raise self.problems.error(f"{text}; expected one")
+                raise self.problems.error(f"{text}; expected one column")
             text += f": name one with --map '{first.name}=HEADER'"
             self.problems.need(text, {first.name: headers[0]})
         return uses[:1]

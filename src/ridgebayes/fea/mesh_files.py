@@ -116,7 +116,9 @@ def _check_items(path: Path, root: ET.Element) -> None:
     for item in root.iter("DataItem"):
         dimensions, text = item.get("Dimensions") or "", (item.text or "").strip()
         if len(item) or item.get("ItemType", "Uniform") != "Uniform":
-            raise InputError(f"{path}: a <DataItem> of others; expected one plain <DataItem>")
+            raise InputError(
+                f"{path}: a <DataItem> that refers to others; expected one plain <DataItem>"
+            )
         if not re.fullmatch(r"\s*[0-9]{1,15}(\s+[0-9]{1,15})?\s*", dimensions):
             raise InputError(
                 f"{path}: Dimensions {clipped(dimensions)}; expected whole numbers, of points and "
@@ -193,7 +195,9 @@ def _check_binary(path: Path, root: ET.Element, item: ET.Element) -> None:
     content = base64.b64decode(text[at : at + _encoded(sum(packed))])
     for start, end in pairwise(np.cumsum([0, *packed]).tolist()):
         if len(zlib.decompressobj().decompress(content[start:end], block + 1)) > block:
-            raise InputError(f"{path}: a block of over {block} bytes; expected as stated")
+            raise InputError(
+                f"{path}: a block unpacks to over {block} bytes, more than the file states"
+            )
 
 
 def _encoded(n: int) -> int:

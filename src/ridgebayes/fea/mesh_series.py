@@ -124,7 +124,7 @@ def _of_pvd(path: Path) -> tuple[list[Path], list[str]]:
         if not (name.lower().endswith(".vtu") and is_beside(path, name)):
             raise InputError(f"{path}: file {clipped(name)}; expected a .vtu in the same folder")
     if len(set(times)) < len(times):
-        raise InputError(f"{path}: a timestep twice; expected one file a step, of one part")
+        raise InputError(f"{path}: a timestep stands twice; expected one file for each step")
     return [path.parent / name for name in names], times
 
 
@@ -143,7 +143,7 @@ def _rim(points: FloatArray, R: float | None, where: str) -> tuple[IntArray, flo
     if not (most := float(np.abs(points).max(initial=0.0))) <= HUGE:
         raise InputError(f"{where}: a point {most:.3g} away; expected coordinates within {HUGE:g}")
     if not len(points) or (points[:, 2:] != points[0, 2:]).any():
-        raise InputError(f"{where}: no points, or of several z; expected a plane mesh")
+        raise InputError(f"{where}: no points, or points with different z; expected a plane mesh")
     lowest = points[np.argmin(points[:, 1])]
     R = R if R is not None else float(np.abs(points[:, 0] - lowest[0]).max())
     centre = lowest[:2] + np.array([0.0, R])

@@ -76,12 +76,12 @@ def read_node_table(path: Path, mapping: Mapping[str, str], how: Given) -> Conta
     )
     loads = frame.groupby("step")["load"]
     if (loads.min() != loads.max()).any():
-        raise problems.error("a step with several loads: expected one in all rows of a step")
+        raise problems.error("a step has several loads: expected one load in all rows of a step")
     if frame.duplicated(["step", "node"]).any():
-        raise problems.error("a node twice in a step: expected each once; name the column of steps")
+        raise problems.error("a node stands twice in a step: name the column of steps")
     wide = frame.pivot_table(index="step", columns="node", values=["x", "value"])
     if wide.isna().to_numpy().any():
-        raise problems.error("steps of other nodes: expected the same nodes in all steps")
+        raise problems.error("the steps have different nodes: expected the same nodes in all steps")
     load, x, values = (np.asarray(part) for part in (loads.first(), wide["x"], wide["value"]))
     is_gap = kind == "gap"
     return ContactHistory(
@@ -114,7 +114,7 @@ def _columns(
         if len(likely) > 1 and key not in mapping:
             shown = ", ".join(map(repr, likely))
             problems.need(
-                f"columns {shown} could each be {key}: name one with --map", {key: likely[0]}
+                f"columns {shown} could all be {key}: name one with --map", {key: likely[0]}
             )
         if likely:
             columns.setdefault(key, likely[0])

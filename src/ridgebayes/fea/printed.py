@@ -262,11 +262,15 @@ class Printed:
         for name in names:
             tables = [table for table in increment.tables if table.has(name)]
             if len(tables) > 1:
-                raise tables[-1].line.error(f"{name} twice; expected once an increment")
+                raise tables[-1].line.error(
+                    f"{name} stands twice in an increment; expected one table"
+                )
             for table in tables:
                 column = table.rows[name].sort_index()
                 if not column.index.equals(self._nodes.setdefault(name, column.index)):
-                    raise table.line.error(f"{name} of other nodes; expected the same in all")
+                    raise table.line.error(
+                        f"{name} of other nodes; expected the same nodes in all increments"
+                    )
                 return column
         raise MissingError(f"{' or '.join(names)} missing")
 

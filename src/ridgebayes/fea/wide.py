@@ -31,7 +31,7 @@ def melted(
     if not row.size and not problems:
         raise problems.error(
             f"columns {names}: expected a number in some cell, got "
-            f"{count(len(cells), 'row')} of empty ones"
+            f"{count(len(cells), 'row')} with empty cells only"
         )
     key = "Q" if is_Q else "series"
     new = {key: np.array(labels, dtype=float if is_Q else object)[which]}

@@ -273,7 +273,7 @@ def calibrate_friction(
     if not table.is_fitted.any():
         raise InputError(f"{table.where}: expected a row of role calibration, got none")
     if not model.unknown:
-        raise InputError("model: expected a parameter that is not known, got none")
+        raise InputError("model: expected a parameter with a distribution, got fixed values only")
     rows = rows_of(table.frame, inputs, nu, seed, edges=model.kappa != 0)
     density = FrictionDensity(model, rows.where(table.is_fitted))
     chains, summary, evidence = sampled(density, seed)

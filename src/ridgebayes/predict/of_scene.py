@@ -67,7 +67,7 @@ def q_of_scene(
         Distribution with the shape of the loads.
     """
     if load is not None and p_over_E is not None:
-        raise InputError("load and p_over_E: expected one of them, got both")
+        raise InputError("load and p_over_E: expected only one of the two, got both")
     values: FloatArray | None
     if p_over_E is None:
         values, unit = _loads(load)

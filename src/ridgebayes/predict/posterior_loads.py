@@ -150,7 +150,7 @@ class PosteriorLoads:
             finite = np.isfinite(pitches[0])
             if not np.allclose(pitches[1][finite], 4 * pitches[0][finite]):
                 raise InputError(
-                    f"{form.name}: expected loads that go with the square of the pitch, got others"
+                    f"{form.name}: expected loads in proportion to the squared pitch, got others"
                 )
             return
         slopes = self.fit.model.prior_of_slopes
@@ -158,8 +158,8 @@ class PosteriorLoads:
         score = np.array([-1.0, 0.0, 1.0])
         if not np.allclose(priors[0].value_at(score), 2 * priors[1].value_at(score)):
             raise InputError(
-                f"{form.name}: expected a prior of K that goes with the pitch, so that its median "
-                f"is auto and it has no bounds, got {priors[0].words}"
+                f"{form.name}: expected a prior of K in proportion to the pitch: with the median "
+                f"auto and without bounds, got {priors[0].words}"
             )
 
     @property

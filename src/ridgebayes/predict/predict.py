@@ -332,7 +332,7 @@ def _broadcast(
 def _refuse_beside_scene(**values: ArrayLike | None) -> None:
     """Refuse arguments that a scene already has."""
     for name in [name for name, value in values.items() if value is not None]:
-        raise InputError(f"{name}: expected none beside a Scene, got {values[name]!r}")
+        raise InputError(f"{name}: expected no value beside a Scene, got {values[name]!r}")
 
 
 def _check_kind(kind: str) -> None:

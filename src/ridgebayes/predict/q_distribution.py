@@ -316,7 +316,7 @@ def shares(weights: Sequence[float]) -> FloatArray:
     """Return weights that sum to 1, or raise InputError where that cannot be."""
     values = np.asarray(weights, dtype=float)
     if not (np.all(values >= 0) and 0 < values.sum() < math.inf):
-        raise InputError(f"weights: expected finite, not negative, one above 0, got {weights!r}")
+        raise InputError(f"weights: expected finite numbers >= 0, not all 0, got {weights!r}")
     value: FloatArray = values / values.sum()
     return value
 

@@ -195,7 +195,7 @@ def executor_for(
     """
     if scheduler is not None:
         if n_worker is not None:
-            raise InputError("--workers and --scheduler: expected one of them, got both")
+            raise InputError("--workers and --scheduler: expected only one of the two, got both")
         # Needs an optional extra.
         from ridgebayes.runtime.cluster import cluster
 

@@ -105,7 +105,7 @@ class Source:
         if share > _NO_MASS:
             raise InputError(
                 f"{rule}; this distribution has {share:.2g} of its mass at or below {least:g}, "
-                "expected none, as a lognormal or a truncated one has"
+                "expected none: use a lognormal or truncated distribution"
             )
 
 
@@ -195,7 +195,7 @@ class Uncertain:
         joints = [Joint.read(section, medians, of_place) for section in joint]
         seen = [name for entry in joints for name in entry.of]
         if len(set(seen)) < len(seen):
-            raise InputError(f"joint: expected each place once, got {', '.join(seen)}")
+            raise InputError(f"joint: expected each value in one joint only, got {', '.join(seen)}")
         texts |= {name: "joint draws" for j in joints if j.draws is not None for name in j.of}
         return cls(of_place, texts, medians, joints)
 
@@ -270,14 +270,15 @@ class Joint:
         """
         names, draws = tuple(section["of"]), section["draws"]
         if (draws is None) == (section["correlation"] is None):
-            raise InputError("joint: expected one of correlation and draws")
+            raise InputError("joint: expected either correlation or draws")
         allowed = [name for name, value in sources.items() if value.has_quantiles]
         if draws is not None:  # instead of plain values
             allowed = [name for name, value in certain.items() if not isinstance(value, str)]
         for name in names:
             if name not in allowed or names.count(name) > 1:
                 raise InputError(
-                    f"joint.of: expected each once of {', '.join(allowed)}, got {name!r}"
+                    f"joint.of: expected names without repeats, of "
+                    f"{', '.join(allowed)}, got {name!r}"
                 )
         if draws is not None:
             joint = cls(names, None, draws if hasattr(draws, "rvs") else _array(draws))

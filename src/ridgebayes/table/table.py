@@ -201,7 +201,7 @@ class ContactTable(ValidatedTable):
         """
         ok = self._frame[self._ok]
         if ok.empty:
-            raise InputError(f"{self.where}: expected a row with status ok to draw, got none")
+            raise InputError(f"{self.where}: expected a row with status ok to plot, got none")
         varying = [name for name in CURVE[2:] if len(ok[name].unique()) > 1]
         by_curve, curves = ok.groupby(list(CURVE), sort=False, dropna=False), {}
         for _, rows in islice(by_curve, drawing.MOST_TEXTURES):

@@ -72,7 +72,9 @@ class Tolerance:
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         except ValueError:
-            raise InputError(f"{where}: expected such as '5 %', 'worst 5 %' or '10 um'") from None
+            raise InputError(
+                f"{where}: expected a tolerance such as '5 %', 'worst 5 %' or '10 um'"
+            ) from None
         if not 0 <= size < np.inf or (words[3] and size > _LARGEST_SHARE):
             raise InputError(f"{where}: expected 0 to {_LARGEST_SHARE:.0%}")
         return cls(size, not words[3], bool(words[1]))
@@ -145,7 +147,8 @@ class Bodies:
         widths = [name for name in scene.uncertain_names if name.endswith("_width")]
         if tolerance.size and widths:
             raise InputError(
-                f"tolerance, and {', '.join(widths)} of the scene: expected one of them, got both"
+                f"tolerance, and {', '.join(widths)} of the scene: expected only one of the two, "
+                "got both"
             )
         drawn = draw_scene(scene, n, seed, draws)
         (texture,) = scene.textures

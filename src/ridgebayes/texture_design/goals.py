@@ -204,7 +204,7 @@ def _goal(text: str, loads: tuple[Load, ...], body: Body) -> Goal:
         cases = (Case(*(sum((getattr(c, k) for c in cases), ()) for k in ("at_least", "below"))),)
     for case in cases:
         if case.excludes(case):
-            raise InputError(f"{where}: no count can be so; Q never falls as the load rises")
+            raise InputError(f"{where}: no count meets this; Q never falls as the load rises")
     return Goal(text, tuple(dict.fromkeys(cases)), level)
 
 
@@ -252,7 +252,7 @@ def _bounds(text: str, op: str, where: str) -> tuple[int | None, int | None]:
     low = {">=": up, ">": above, "=": n}.get(op)
     high = {"<": up, "<=": above, "=": n + 2}.get(op)
     if high is not None and high <= 2:
-        raise InputError(f"{where}: no count can be so; Q is 2 at least")
+        raise InputError(f"{where}: no count meets this; Q is at least 2")
     return low, high
 
 

@@ -302,7 +302,7 @@ class Form(ABC):
         """
         guess = self.continuous_count(p_over_E, a_over_R, b_over_R, theta, nu)
         if np.any(np.isnan(guess)):
-            raise InputError("theta: expected a positive rate of every texture, got one <= 0")
+            raise InputError("theta: expected a positive rate of every texture, got a rate <= 0")
         if np.any(guess > 2**52):
             raise InputError(f"p_over_E: expected counts up to 2^52, got {p_over_E!r}")
         pairs, p = np.maximum(np.floor(guess / 2 - 1), 0), np.asarray(p_over_E, dtype=float)
