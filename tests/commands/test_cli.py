@@ -836,7 +836,7 @@ def test_design__a_goal_that_nothing_meets_is_no_failure(command, run, finger):
         (("--goal", GOAL, "--step", "10 kg"), "--step '10 kg': must be a number and a unit"),
         (("--goal", GOAL, "--step", "wide"), "--step 'wide'"),
         (("--goal", GOAL, "--tolerance", "a lot"), "tolerance 'a lot'"),
-        (("--goal", GOAL, "--p-over-E", "1:2"), "loads: '1:2': expected LO:HI:N"),
+        (("--goal", GOAL, "--p-over-E", "1:2"), "loads: '1:2': expected one load, LO:HI:N"),
         (("--goal", GOAL, "--objective", "best"), "objective: expected one of margin"),
     ],
 )

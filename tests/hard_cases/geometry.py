@@ -534,7 +534,7 @@ def corners_of_any_radius():
     words = refused(
         lambda: Texture(a_over_R=0.022, b_over_R=0.02, corner_radius_over_R=0.0111),
         rb.InputError,
-        "at most half of a_over_R",
+        "half the ridge width",
     )
     return f"tiny as sharp; half a ridge: {ratio:.2f} times the first load; {words}"
 
