@@ -235,7 +235,7 @@ def test_fit__of_brackets_has_a_picture_of_their_middles_and_counts_have_none(pa
         data = replace(data, is_count=np.ones(41, bool))
     fit = drawn_posterior(Model(data, rb.Modified()), n_draw=128)
     if kind == "count":
-        with pytest.raises(rb.InputError, match="modified: expected a row with a load to draw"):
+        with pytest.raises(rb.InputError, match="modified: expected a row with a load to plot"):
             rb.Fit.of(fit).plot()
     else:
         observed = np.asarray(rb.Fit.of(fit).plot().lines[0].get_xdata(), float)

@@ -83,7 +83,7 @@ def test_plot_of_a_table__rounds_long_labels():
 
 def test_plot_of_a_table__refuses_one_without_a_row_to_draw():
     frame = rb.paper_sweep().frame.assign(status="not converged")
-    with pytest.raises(rb.InputError, match="table: expected a row with status ok to draw"):
+    with pytest.raises(rb.InputError, match="table: expected a row with status ok to plot"):
         rb.ContactTable.from_frame(frame).plot()
 
 

@@ -196,7 +196,7 @@ def _check_binary(path: Path, root: ET.Element, item: ET.Element) -> None:
     for start, end in pairwise(np.cumsum([0, *packed]).tolist()):
         if len(zlib.decompressobj().decompress(content[start:end], block + 1)) > block:
             raise InputError(
-                f"{path}: a block unpacks to over {block} bytes, more than the file states"
+                f"{path}: a block of over {block} bytes unpacked; expected what the file states"
             )
 
 

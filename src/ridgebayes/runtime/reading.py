@@ -290,7 +290,7 @@ def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: 
         mask, packed = data.id.read_direct_chunk(chunk.chunk_offset)
         if not mask >> at & 1 and not _fits(packed, most):
             raise InputError(
-                f"{where}: a chunk unpacks to over {most} bytes, more than the file states"
+                f"{where}: a chunk of over {most} bytes unpacked; expected what the file states"
             )
 
 
