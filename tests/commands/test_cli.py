@@ -1,8 +1,11 @@
 """Commands as a person types them: exit codes, what is said, and what is (not) written."""
 
 import json
+import os
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import meshio
@@ -888,3 +891,20 @@ def test_form__is_known_as_pages_write_it(command, form):
     assert Path(f"out/posterior-{name}.nc").is_file()
     words = ("predict", "out", *AT, *OVER, "--form", form, "-o", "b.csv")
     assert command(*words).code == 0
+
+
+def test_output__that_nobody_reads_to_its_end_is_no_failure(tmp_path):
+    words = ["generate", "--texture", "0.02,0.02", "--p-max", "0.001"]
+    code = "from ridgebayes.commands.cli import main; main()"
+    nobody, into = os.pipe()
+    os.close(nobody)  # as `| head` does when it has seen enough
+    said = subprocess.run(
+        [sys.executable, "-c", code, *words, "-o", tmp_path / "t.csv"],
+        stdout=into,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    os.close(into)
+    assert said.returncode == 0
+    assert "pipe" not in said.stderr
+    assert (tmp_path / "t.csv").is_file()

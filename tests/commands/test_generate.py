@@ -107,6 +107,15 @@ def test_sweep__refusals_are_those_of_one_process(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_sweep__workers_of_another_version_are_refused(monkeypatch):
+    task = generation._tasks(SCENE, "auto", 1e-6, (24, 10))[0]
+    monkeypatch.setattr(generation, "versions", lambda: {"ridgebayes": "0.0.9"})
+    with pytest.raises(
+        rb.InputError, match=r"a worker has ridgebayes 0\.0\.9, this process \d.*same"
+    ):
+        generation._solved(task)
+
+
 def test_generate__fields_come_from_one_process_alone(tmp_path):
     with (
         workers(2) as pool,

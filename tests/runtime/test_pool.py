@@ -12,6 +12,7 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
+    ProcessPoolExecutor,
     ThreadPoolExecutor,
 )
 from pathlib import Path
@@ -125,6 +126,19 @@ def test_workers__leave_ctrl_c_to_their_parent():
         signal.signal(signal.SIGINT, before)
 
 
+def test_stop__does_not_wait_for_what_is_under_way():
+    pool = WorkerPool(1)
+    running, waiting = pool.submit(time.sleep, 100), pool.submit(abs, -1)
+    until(running.running)
+    start = time.monotonic()
+    pool.stop()
+    assert time.monotonic() - start < 20
+    assert isinstance(running.exception(10), CancelledError)
+    assert waiting.cancelled()
+    with pytest.raises(RuntimeError, match="after shutdown"):
+        pool.submit(abs, -1)
+
+
 def test_shutdown__ends_what_is_begun_and_drops_the_rest_if_told():
     pool = WorkerPool(1)
     futures = [pool.submit(time.sleep, 0.3) for _ in range(3)]
@@ -163,6 +177,51 @@ def test_workers__end_when_their_parent_is_killed(tmp_path):
     until(lambda: not Path(f"/proc/{worker}").exists())
 
 
+SERVER = """
+import sys
+from ridgebayes.runtime.pool import start_server, workers
+def loaded(name):
+    return name in sys.modules
+if __name__ == "__main__":
+    import ridgebayes.runtime.journal
+    if sys.argv[1:]:
+        start_server(sys.argv[1:])
+    with workers(1) as pool:
+        names = ("colorsys", "ridgebayes.runtime.journal")
+        print([pool.submit(loaded, name).result() for name in names])
+"""
+
+
+@pytest.mark.parametrize(
+    ("preload", "expected"), [(["colorsys"], "[True, False]"), ([], "[False, True]")]
+)
+def test_start_server__imports_what_it_is_told_or_what_is_loaded(tmp_path, preload, expected):
+    script = tmp_path / "parent.py"
+    script.write_text(SERVER)
+    words = [sys.executable, str(script), *preload]
+    assert (
+        subprocess.run(words, check=True, capture_output=True, text=True).stdout == expected + "\n"
+    )
+
+
+class Later(Executor):
+    """Computes nothing until so many tasks are out, and then the last one first."""
+
+    def __init__(self, n_worker, until):
+        self.n_worker, self.until = n_worker, until
+        self.waiting, self.done = [], []
+
+    def submit(self, function, task):
+        future = Future()
+        self.waiting.append((future, function, task))
+        if len(self.waiting) >= self.until:
+            while self.waiting:
+                future_there, function, task = self.waiting.pop()
+                self.done.append(task)
+                future_there.set_result(function(task))
+        return future
+
+
 class Failing(Executor):
     """Fails the second task."""
 
@@ -185,6 +244,66 @@ def test_map_ordered__is_the_order_of_tasks_on_any_executor(n):
     assert list(map_ordered(abs, tasks, None)) == expected
     with ThreadPoolExecutor(3) as executor:
         assert list(map_ordered(abs, tasks, executor)) == expected
+    backwards = Later(n_worker=100, until=n)
+    assert list(map_ordered(abs, tasks, backwards)) == expected
+    assert backwards.done == tasks[::-1]
+
+
+def test_map_ordered__keeps_an_executor_of_unknown_size_busy():
+    executor = Later(n_worker=None, until=100)  # computes nothing until 100 tasks are out
+    assert list(map_ordered(abs, range(-100, 0), executor)) == list(range(100, 0, -1))
+
+
+def test_map_ordered__takes_four_tasks_a_worker_and_no_more():
+    taken = []
+
+    def tasks():
+        for i in range(30):
+            taken.append(i)
+            yield i
+
+    executor = Later(n_worker=2, until=1_000)
+    found = []
+    thread = threading.Thread(
+        target=lambda: found.extend(map_ordered(float, tasks(), executor)), daemon=True
+    )
+    thread.start()
+    for n_done in range(30):
+        out = min(8, 30 - n_done)
+        end = time.monotonic() + 10
+        while len(executor.waiting) < out and time.monotonic() < end:
+            time.sleep(0.001)
+        time.sleep(0.002)  # in which more would come
+        assert len(executor.waiting) == out
+        assert len(taken) == n_done + out
+        future, function, task = executor.waiting.pop()
+        future.set_result(function(task))
+    thread.join(10)
+    assert found == [float(i) for i in range(30)]
+
+
+def test_map_ordered__says_what_is_done_as_soon_as_it_is():
+    executor, said = Later(n_worker=1, until=3), []
+    found = map_ordered(
+        abs, [-1, -2, -3], executor, done=lambda task, got: said.append((task, got))
+    )
+    assert next(found) == 1
+    assert said == [(-2, 2), (-1, 1)]  # the second before its turn
+    assert list(found) == [2, 3]
+    assert len(said) == 3
+    said.clear()
+    list(map_ordered(abs, [-1, -2], None, done=lambda task, got: said.append((task, got))))
+    assert said == [(-1, 1), (-2, 2)]
+
+
+def test_map_ordered__drops_what_is_not_wanted_any_more():
+    executor = Later(n_worker=1, until=2)
+    found = map_ordered(abs, [-1, -2, -3], executor)
+    next(found)
+    future = executor.waiting[0][0]
+    assert not future.cancelled()
+    found.close()
+    assert future.cancelled()
 
 
 @pytest.mark.parametrize(
@@ -200,7 +319,24 @@ def test_map_ordered__names_the_task_that_workers_died_on(error):
         list(map_ordered(abs, [-1, -2], Failing(error), name=lambda task: f"that of {task}"))
 
 
+def test_map_ordered__a_broken_process_pool_is_a_computation_that_failed():
+    with (
+        ProcessPoolExecutor(1) as executor,
+        pytest.raises(ComputationError, match=r"^task 1: "),
+    ):
+        list(map_ordered(os._exit, [1, 1], executor))
+
+
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def test_executor_for__one_process_is_this_one():
+    for n in (None, 1):
+        with executor_for(n) as executor:
+            assert executor is None
+    with executor_for(2) as executor:
+        assert executor.n_worker == 2
+        assert executor.submit(os.getpid).result() != os.getpid()
 
 
 def test_workers__have_one_thread_each_and_leave_no_trace(monkeypatch):

@@ -17,9 +17,8 @@ from ridgebayes.inference.emcee_sampling import Walked
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.target import Target
 
-_RELATIVE_ROUNDING = (
-    100 * np.finfo(float).eps
-)  # relative, of a mean or covariance of up to 100,000 points
+# Relative error by rounding of a mean or covariance of up to 100,000 points.
+_RELATIVE_ROUNDING = 100 * np.finfo(float).eps
 
 
 def bridge_evidence(

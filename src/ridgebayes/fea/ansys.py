@@ -20,9 +20,8 @@ from ridgebayes.fea.transitions import last_digit
 MARK = re.compile(rb"\*\*\*\*\* POST1 .* LISTING|LIST (?:ALL )?SELECTED NODES|PRINT .* PER NODE")
 CLOSED = (2, 3)  # of STAT: 0 far, 1 near, 2 sliding, 3 sticking
 _TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")  # a number begins in fixed columns
-_ROW = re.compile(
-    r"\s*\d+(?:\s+|(?=-))[-+.]*\d"
-)  # a node and a number, unlike lines of a page's head
+# A node and a number, unlike lines of a page's head.
+_ROW = re.compile(r"\s*\d+(?:\s+|(?=-))[-+.]*\d")
 _PLACE = ("X", "Y")
 _MOST = 20  # nodes that messages name
 

@@ -32,9 +32,8 @@ FINITE = "expected a finite number, with a point for decimals, or an empty cell"
 _MARKS = {".": "point", ",": "comma"}
 _COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
-_NOTE = re.compile(
-    r"#.*|[^\W\d].*\s.*"
-)  # several words, not the single label of a row that is cut off
+# Several words, not the single label of a row that is cut off.
+_NOTE = re.compile(r"#.*|[^\W\d].*\s.*")
 # Python's blanks, without the control characters that only damaged files hold.
 _BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
 _UNEVEN = ("#", "=", "nan")  # comments, formulas, missing numbers

@@ -33,7 +33,7 @@ _Task = TypeVar("_Task")
 # A server that has imported everything forks workers in milliseconds; without one (Windows) each
 # worker imports for itself.
 _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-_PACKAGE, *_ = __name__.split(".")
+_PACKAGE = __name__.partition(".")[0]
 # BLAS of one thread in each worker: several would fight for processors. One arena of glibc's
 # malloc: a worker has threads, and each would keep memory that it has freed.
 _ENVIRONMENT = dict.fromkeys(
@@ -42,6 +42,7 @@ _ENVIRONMENT = dict.fromkeys(
 _TRIES = 3  # a task that has killed as many workers would kill the next
 # Tasks under way for each worker: one in progress, the others queued so that it never idles.
 _PER_WORKER = 4
+_MOST_UNDER_WAY = 1_000  # tasks of an executor that does not say how many workers it has
 
 
 class WorkerPool(futures.ThreadPoolExecutor):
@@ -255,8 +256,8 @@ def map_ordered(
     turn = n_done = 0
     try:
         while True:
-            n_worker = getattr(executor, "n_worker", n_cpu())  # which may change
-            most = _PER_WORKER * max(n_worker, 1)
+            n_worker = getattr(executor, "n_worker", None)  # which may change
+            most = _MOST_UNDER_WAY if n_worker is None else _PER_WORKER * max(n_worker, 1)
             for number, task in itertools.islice(numbered, max(most - len(under_way), 0)):
                 future = executor.submit(function, task)
                 under_way[future] = number, task
