@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebvander
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
-from ridgebayes.contact.contact_set import TENSION
+from ridgebayes.contact.contact_set import SHRINK, TENSION
 from ridgebayes.contact.contact_solution import (
     MOST_UNKNOWNS,
     bearing_half_width,
@@ -26,7 +26,6 @@ from ridgebayes.contact.rigid_profile import Profile
 
 _MOST_ROUNDS = 40
 _HISTORY = 5  # rounds that the next round combines
-_KEPT = 0.05  # least ratio of a force to that of the round before: no ridge pulls
 _DEEP = 0.9  # of a groove's depth: deeper surfaces may touch the floor
 
 
@@ -127,7 +126,7 @@ class _Rounds:
         row = self._row
         moments, self._by_approach, _ = row.covered_in_full()
         smooth = 0.5 * (np.abs(row.centre[self._events + 1]) - row.half_width) ** 2
-        least = _KEPT * row.within * smooth / (math.pi * row.weight.sum())
+        least = SHRINK * row.within * smooth / (math.pi * row.weight.sum())
         moments[:, 0] = np.maximum(moments[:, 0], least)
         return moments
 
@@ -256,5 +255,5 @@ class _Mixing:
             gram += least[:, None, None] * np.eye(len(changed))
             share = np.linalg.solve(gram, along[..., None])[..., 0]
             moments -= np.einsum("anmk,ka->nmk", np.stack(self._moved) + changed, share)
-        moments[:, 0] = np.maximum(moments[:, 0], _KEPT * at[:, 0])
+        moments[:, 0] = np.maximum(moments[:, 0], SHRINK * at[:, 0])
         return moments

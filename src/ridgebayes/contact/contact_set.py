@@ -17,7 +17,7 @@ SHRINK = 0.1  # a contact keeps at least this share of its width in one step
 TENSION = 0.1  # times the root of the tolerance, of the mean pressure: free ends err by as much
 BEGUN, _ROUNDING = 1e-6, 1e-9  # of the load
 _STEP = 1e-13  # of a contact's width: shorter steps are rounding
-_N_LOOK, _LOOKS = 17, 8  # places on a segment; each look is at an eighth of the one before
+N_LOOK, _LOOKS = 17, 8  # places on a segment; each look is at an eighth of the one before
 _NOTHING = 1e-11  # of a segment's width: narrower is no contact
 
 
@@ -169,14 +169,14 @@ def nearest_gaps(
     """
     rows = np.arange(len(segments))
     start, stop = np.array([(s.start, s.stop) for s in segments]).T
-    x = np.linspace(start, stop, _N_LOOK, axis=1)
+    x = np.linspace(start, stop, N_LOOK, axis=1)
     # Where no pressure acts the surface is convex, as ridges are: one minimum.
     for _ in range(looks):
         heights = [segment.height(at) for segment, at in zip(segments, x, strict=True)]
         gap = pressing.surface(x) + heights
         lowest = np.argmin(gap, axis=1)
         nearest, least = x[rows, lowest], gap[rows, lowest]
-        i = np.clip(lowest, 1, _N_LOOK - 2)
+        i = np.clip(lowest, 1, N_LOOK - 2)
         slack = np.ptp(gap[rows, [i - 1, i, i + 1]], axis=0)
-        x = np.linspace(x[rows, i - 1], x[rows, i + 1], _N_LOOK, axis=1)
+        x = np.linspace(x[rows, i - 1], x[rows, i + 1], N_LOOK, axis=1)
     return nearest, least, slack

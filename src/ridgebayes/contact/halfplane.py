@@ -24,7 +24,6 @@ from ridgebayes.errors import InputError
 # 7,000 unknowns are 400 MB and some seconds; beyond, a row says that it was not computed.
 MAX_UNKNOWNS = 7000
 _FIRST_BATCH = 4
-_MAX_SOLVES = 5
 _TOO_FAR = "not converged: estimated relative error {:.1e}"
 
 
@@ -160,7 +159,7 @@ def _solve_batch(gap_ratio: float, n_known: int, n_last: int, rel_tol: float) ->
     # where measured, 1e-1 here. The solve with this many is the check of the one that counts.
     n_check = math.ceil(max(3.0, math.log(0.1 / rel_tol) / (2.0 * log_ellipse(gap_ratio))))
     best, worst = None, math.inf
-    for _ in range(_MAX_SOLVES):
+    while True:
         # An eighth more: at least e^2 less error at the usual tolerances, so that the change
         # bounds the error of the finer solve.
         n_coefficients = n_check + max(2, math.ceil(n_check / 8.0))

@@ -17,7 +17,7 @@ from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL, ContactSolution
 from ridgebayes.contact.ridge_row import touch_order
 from ridgebayes.contact.rigid_profile import Profile
 
-_TINY = np.geomspace(1e-10, 1e-6, 5)  # of a load: as small as rounding lets one be solved for
+_TINY = 1e-10  # of a load: about as small as rounding lets one be solved for
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def reaching_loads(
         profile = replace(profile, corner=0.0)
     together = all_events(profile, W_max=W_max, n_max=n_max + 1, rel_tol=rel_tol)
     low, *later = touch_order(profile, len(together.W) + 1).tolist()
-    high, least = low, _TINY[0] * min(W_max, profile.pitch**2)
+    high, least = low, _TINY * min(W_max, profile.pitch**2)
     events: list[tuple[float, int, str]] = []
     for W, ridge in zip(together.W.tolist(), later, strict=True):
         low, high = min(low, ridge), max(high, ridge)
@@ -122,9 +122,9 @@ def _one_by_one(
 
 def _smallest(profile: Profile, W_max: float, rel_tol: float) -> ContactSolution:
     """Return the contact under a load as small as can be solved for."""
+    largest = min(W_max, profile.pitch**2)
+    W = _TINY * largest
     # Round corners bear so little on a spot near rounding's size.
-    for tiny in _TINY * min(W_max, profile.pitch**2):
-        smallest = solve_contact(profile, float(tiny), rel_tol=rel_tol)
-        if smallest.status == "ok":
-            break
+    while (smallest := solve_contact(profile, W, rel_tol=rel_tol)).status != "ok" and largest > W:
+        W *= 10
     return smallest

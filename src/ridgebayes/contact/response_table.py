@@ -42,7 +42,7 @@ _SHAPE = ("groove/ridge", "offset", "depth", "corner/ridge", "ridge")
 _COLUMNS = (*_SHAPE, "groove", "corner")
 _OVER_RIDGE = [_COLUMNS.index(name) for name in _SHAPE]
 _OVER_RADIUS = [_COLUMNS.index(name.removesuffix("/ridge")) for name in _SHAPE]
-_N_SMOOTH, _N_OFFSET = 13, 17  # nodes along an axis
+_N_NODE = 17  # along an axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class ResponseTable:
     *Accuracy.* Measured by whoever asks, with `solved`.
 
     *Cost.* Some 0.1 s for each shape and count: up to 32 distinct shapes are solved each, more
-    are interpolated from 13 ratios of groove to ridge, or 17 offsets, or both.
+    are interpolated from 17 ratios of groove to ridge, or 17 offsets, or both.
     """
 
     def __init__(self, seen: Spread) -> None:
@@ -163,10 +163,11 @@ class ResponseTable:
         y = (wanted - low) / (high - low)
         kept = np.clip(y, -np.inf if Q == 2 else self._margin, 1 - self._margin)
         near = np.where(kept == y, W, np.exp(low + kept * (high - low)) * unit**2)
-        root = np.sqrt(np.clip(kept, 0.0, 1.0))
+        root = np.sqrt(np.maximum(kept, 0.0))
         values = np.zeros((len(profiles), _FIXED + 4 * Q))
         for weight, shape in zip(weights.T, shapes, strict=True):
-            values += weight[:, None] * shape.values(Q)(root)
+            of_shape = shape.values(Q)
+            values += weight[:, None] * of_shape(np.clip(root, of_shape.x[0], of_shape.x[-1]))
         power = np.repeat([1.0, 1.0, 2.0, 0.0, 0.0, 1.0, 1.5], [1] * _FIXED + [2 * Q] * 2)
         contact = _contacts(near, values * unit[:, None] ** power)
         mirrored, x, K = (profiles[:, 4] < 0)[:, None], contact.x, contact.K
@@ -209,10 +210,10 @@ def _units(profiles: FloatArray) -> FloatArray:
 def _axes(seen: Spread, columns: list[int]) -> list[Axis]:
     """Return axes over some columns of `shapes_of`, the second of them that of the offset."""
     ranges = list(zip(seen.low[columns], seen.high[columns], strict=True))
-    axes = [Axis.over(*ends, _N_SMOOTH) for ends in ranges]
+    axes = [Axis.over(*ends, _N_NODE) for ends in ranges]
     # Which end is free changes with the offset: a cubic would swing.
     near, far = (min(end, _LAST_OFFSET) for end in ranges[1])
-    axes[1] = Axis.over(near, far, _N_OFFSET, degree=1)
+    axes[1] = Axis.over(near, far, _N_NODE, degree=1)
     return axes
 
 
@@ -283,49 +284,34 @@ class _Shape:
             low, high = self.interval(Q)
             # More below the first change of the count, where loads go over decades.
             n = _N_PLACE * max(round(math.log10(high / low)), 1)
-            roots = np.linspace(0.0, 1.0, n).tolist()
-            grid = [self._solve(Q, root**2) for root in roots]
-            nodes = dict(grid)
-            for first, last in itertools.pairwise(grid):
-                nodes |= self._between(Q, first, last)
+            nodes = dict(self._solve(Q, root**2) for root in np.linspace(0.0, 1.0, n).tolist())
+            for _ in range(_N_BISECTION):  # ever closer to where an end is free no more
+                for first, last in itertools.pairwise(sorted(nodes)):
+                    if _free_ends(nodes[first]) != _free_ends(nodes[last]):
+                        root = 0.5 * (math.sqrt(first) + math.sqrt(last))
+                        nodes |= [self._solve(Q, root**2, nodes[first])]
             places = sorted(nodes)
-            values = [_measured(nodes[place], Q) for place in places]
-            self._kept[Q] = PchipInterpolator(np.sqrt(places), np.array(values))
+            values = np.array([_measured(nodes[place], Q) for place in places])
+            self._kept[Q] = PchipInterpolator(np.sqrt(places), values)
         return self._kept[Q]
-
-    def _between(
-        self, Q: int, low: tuple[float, ContactSolution], high: tuple[float, ContactSolution]
-    ) -> dict[float, ContactSolution]:
-        """Return contacts ever closer to where an end is free no more; none where none is."""
-        nodes = {}
-        for _ in range(_N_BISECTION):
-            if _free_ends(low[1]) == _free_ends(high[1]):
-                break
-            root = 0.5 * (math.sqrt(low[0]) + math.sqrt(high[0]))
-            place, middle = self._solve(Q, root**2, low[1])
-            nodes[place] = middle
-            if _free_ends(middle) == _free_ends(low[1]):
-                low = place, middle
-            else:
-                high = place, middle
-        return nodes
 
     def _solve(
         self, Q: int, y: float, start: ContactSolution | None = None
     ) -> tuple[float, ContactSolution]:
         """Return the contact at a place y, and the place: farther inside if it has to be."""
         low, high = self.interval(Q)
-        inside, place = min(_INSIDE * max(1.0, 0.5 / math.log(high / low)), 0.25), y
+        inside = _INSIDE * max(1.0, 0.5 / math.log(high / low))
         while True:
-            W = low * (high / low) ** min(max(place, inside), 1 - inside)
+            inside = min(inside, 0.25)
+            place = min(max(y, inside), 1 - inside)
+            W = low * (high / low) ** place
             solution = solve_contact(self._profile, W, start=start)
             if start is not None and solution.status != "ok":  # it may lead round in circles
                 solution = solve_contact(self._profile, W)
             inside *= 4
-            further = min(max(y, inside), 1 - inside)
-            if (solution.status == "ok" and solution.Q == Q) or further == y or inside >= 0.25:
+            is_there = solution.status == "ok" and solution.Q == Q
+            if is_there or inside > 0.25 or inside <= y <= 1 - inside:
                 return place, solution
-            place = further
 
 
 def _free_ends(solution: ContactSolution) -> tuple[bool, ...]:

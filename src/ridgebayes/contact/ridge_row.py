@@ -16,6 +16,7 @@ from scipy import fft
 from scipy.linalg import lapack
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes.contact.contact_set import N_LOOK
 from ridgebayes.contact.intervals import potentials_around
 from ridgebayes.contact.logkernel import cross_blocks, log_ellipse, self_energies
 from ridgebayes.contact.rigid_profile import Profile
@@ -23,7 +24,6 @@ from ridgebayes.contact.rigid_profile import Profile
 # Neighbours feel the m-th moments by rho^-2m: below e^-6 rounds of `all_events` take them along.
 _FELT = 3.0
 _AHEAD = 2  # ridges that no event touches: the next ones on either side
-_LOOKS = np.linspace(0.02, 0.98, 9)  # of a groove's width
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,7 +270,7 @@ class RidgeRow:
         """Return how deep the surface hangs into the grooves next to the centre, (n_event,)."""
         first = int(self.numbers[0])
         floors = [self.profile.floor_after(k) for k in range(first - 1, first + 1)]
-        x = np.concatenate([floor.start + _LOOKS * (floor.stop - floor.start) for floor in floors])
+        x = np.concatenate([np.linspace(floor.start, floor.stop, N_LOOK) for floor in floors])
         size = self.n * self.m
         up = self.potentials(x).reshape(len(x), size) @ moments.reshape(size, -1)
         value: FloatArray = (approach - 0.5 * x[:, None] ** 2 - up).max(axis=0)

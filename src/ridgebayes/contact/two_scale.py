@@ -10,6 +10,7 @@ r being a smooth cylinder's contact half-width over Hertz's at the load p
 (docs/derivations/two-scale.md).
 """
 
+import csv
 import math
 from functools import cache
 from pathlib import Path
@@ -33,15 +34,9 @@ TABLE = Path(__file__).with_name("smooth_cylinder.csv")
 # r - 1 as a polynomial in sqrt(p) without a constant, since r is 1 at p = 0, and in nu.
 _ORDER_P, _ORDER_NU = 6, 4
 _NEWTON_STEPS = 12
-# Standard errors: of r^2, at no load and over 1 - r^2; of ridges' effect, over it, by the square
-# of the half-width, by 1 - r^2, by the mean pressure on ridges, and by the root of what another
-# material than the neo-Hookean changes of r^2.
-_TABLE_ERROR, _TABLE_GROWTH = 4e-4, 4e-3
-_BY_WIDTH, _BY_BODY, _BY_PRESSURE, _BY_MATERIAL = 0.05, 0.1, 0.01, 0.2
-# A further error of bodies off centre. Twelve loads on round corners at offsets of 0.16 to 0.38
-# pitches were 0.3 to 1.7 % above those of finite elements, always above (docs/two-scale.md). Over
-# the middle of a groove or a ridge there is no lateral force, and no such error.
-_OFF_CENTRE = 1e-2
+# Standard errors, from loads held against finite elements (docs/two-scale.md), by what they
+# grow with.
+ERRORS = Path(__file__).with_name("two_scale_errors.csv")
 
 
 @cache
@@ -52,6 +47,12 @@ def _coefficients() -> FloatArray:
     first = _ORDER_NU + 1
     coefficients = np.linalg.lstsq(terms[:, first:], ratio - 1.0, rcond=None)[0]
     return np.concatenate([np.zeros(first), coefficients]).reshape(_ORDER_P + 1, first)
+
+
+@cache
+def _standard_errors() -> dict[str, float]:
+    with ERRORS.open(encoding="utf-8", newline="") as file:
+        return {row["by"]: float(row["standard_error"]) for row in csv.DictReader(file)}
 
 
 @cache
@@ -234,8 +235,10 @@ def relative_error(
     pressure = np.asarray(p_over_E, float) / width * pitch / ridge
     by_body = 1.0 - ratio**2
     by_material = np.abs(1.0 - (ratio / width_ratio(p_over_E, nu)) ** 2)
-    share = _BY_WIDTH * width**2 + _BY_BODY * by_body + _BY_PRESSURE * pressure
-    share = share + _BY_MATERIAL * np.sqrt(by_material)
-    error = np.hypot(_TABLE_ERROR + _TABLE_GROWTH * by_body, by_ridges * share)
-    by_offset = _OFF_CENTRE * math.sin(2 * math.pi * profile.offset)
+    errors = _standard_errors()
+    share = errors["width"] * width**2 + errors["body"] * by_body + errors["pressure"] * pressure
+    share = share + errors["material"] * np.sqrt(by_material)
+    error = np.hypot(errors["table"] + errors["table and body"] * by_body, by_ridges * share)
+    # Over the middle of a groove or a ridge there is no lateral force, and no such error.
+    by_offset = errors["offset"] * math.sin(2 * math.pi * profile.offset)
     return np.asarray(np.hypot(error, by_offset))

@@ -36,13 +36,11 @@ CORNER = 0.4
 SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
 _ARC = 8  # segments of a round corner
 _FIRST_STEP, _LEAST_STEP = 0.1, 1e-3  # of the corner's distance
-_LONGEST, _LONGEST_RUBBED = 0.5, 0.25  # first of later ones; with friction loads depend on them
-# Newton steps, of which fewer let that of the distance double, and more halve it if it is long:
-_FEW, _FEW_RUBBED, _MANY = 8, 6, 10
-_LONG = 0.25  # where the rim snaps past sharp corners short steps take as many
-# Tolerances by which a state between transitions may be off, a part in 10^5 of the load, and steps
-# that are spared by it:
-_PASSING, _SPARED = 1e4, 2
+# Of the corner's distance: with friction, on which loads depend, first steps are no longer, without
+# it twice as long. Where the rim snaps past sharp corners shorter steps take as many.
+_LONG = 0.25
+_FEW, _MANY = 6, 10  # Newton steps, of which fewer let that distance double, and more halve it
+_PASSING = 1e4  # tolerances by which states between transitions may be off: 10^-5 of the load
 # Solves that fail on the way to a transition; one without an equilibrium in all steps counts twice:
 # it costs as much as five that find one.
 MOST_FAILURES = 16
@@ -241,7 +239,6 @@ class Cylinder:
         In steps of the corner's distance of which the first is given, the next returned.
         """
         rubbed = self.problem.friction > 0
-        few, longest = (_FEW_RUBBED, _LONGEST_RUBBED) if rubbed else (_FEW, _LONGEST)
         apart = [self.problem.corner_distance(state, corner)[0] for corner in corners]
         which = int(np.argmin(apart))
         whole, now = apart[which], 1.0
@@ -250,11 +247,8 @@ class Cylinder:
             goal = now - step if now - step > _LEAST_STEP else 0.0
             control = Control("corner", goal * whole, corners[which])
             try:
-                if goal and not rubbed:
-                    there, n = solve(self.problem, state, control, enough=_PASSING)
-                    n += _SPARED
-                else:
-                    there, n = solve(self.problem, state, control)
+                enough = _PASSING if goal and not rubbed else 1.0
+                there, n = solve(self.problem, state, control, enough=enough)
             except NotConvergedError as failed:
                 step /= 3
                 failures += 2 if isinstance(failed, OutOfStepsError) else 1
@@ -272,9 +266,9 @@ class Cylinder:
             state, now = there, goal
             if self.p_over_E(state) > p_max:
                 return None
-            step *= 2.0 if n < few else 0.5 if n > _MANY and step >= _LONG else 1.0
+            step *= 2.0 if n < _FEW else 0.5 if n > _MANY and step >= _LONG else 1.0
             if now == 0.0:
-                return state, corners[which], min(step, longest)
+                return state, corners[which], min(step, _LONG if rubbed else 2 * _LONG)
 
 
 def transition_curve(

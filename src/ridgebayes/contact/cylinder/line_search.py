@@ -10,12 +10,12 @@ from collections.abc import Callable
 
 _ENOUGH = 0.5  # of the first slope: the next step corrects a smaller one
 _MOST = 8  # slopes, each a seventh of a Newton step's time
-_LEAST, _LARGEST = 0.1, 0.9  # of an interval, where the slope's chord has its zero
-_GROWTH = (1.5, 4.0)
 
 
 def best_part(slope: Callable[[float], float]) -> float:
     """Return the part of a step, 1 being all of it, at which the slope has all but vanished.
+
+    The part doubles until the slope changes sign, then its interval is halved.
 
     Parameters
     ----------
@@ -31,20 +31,11 @@ def best_part(slope: Callable[[float], float]) -> float:
     first = slope(0.0)
     if not first < 0:
         return 1.0
-    low, at_low, high, at_high = 0.0, first, math.inf, math.inf
-    part = 1.0
+    low, high, part = 0.0, math.inf, 1.0
     for _ in range(_MOST):
         value = slope(part)
         if abs(value) <= _ENOUGH * -first:
             return part
-        if value < 0:
-            low, at_low = part, value
-        else:
-            high, at_high = part, value
-        if math.isinf(high):
-            chord = first / (first - value) if value > first else math.inf
-            part *= min(max(chord, _GROWTH[0]), _GROWTH[1])
-        else:
-            share = at_low / (at_low - at_high)
-            part = low + (high - low) * min(max(share, _LEAST), _LARGEST)
+        low, high = (part, high) if value < 0 else (low, part)
+        part = 2 * part if math.isinf(high) else 0.5 * (low + high)
     return 0.0

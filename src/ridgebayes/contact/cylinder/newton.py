@@ -26,7 +26,8 @@ from ridgebayes.contact.cylinder.solid import Assembled, InvertedError
 # Stiffness of condensed multipliers, in E per length of a segment: its inverse is the error of a
 # step, its size times rounding that of the linear solve.
 _STIFF = 1e4
-_MOST_STEPS = 30
+_MOST_STEPS, _FRICTION_STEPS = 30, 15  # and pivots of a step; with friction segments change kind
+_PATIENCE = 6  # steps or pivots in which all that are wrong change; then one at a time
 # Shares of the part that contact takes from the stiffness: at 0.9 most bodies between two places on
 # a corner are stable, and soft directions keep most of their length; at 0 they do not.
 _SHARES = (1.0, 0.9, 0.0)
@@ -35,8 +36,6 @@ _GAP_TOL = 1e-11
 _FORCE_TOL = 1e-9  # of the load; and of the friction, by which a shear has to differ from it
 _NEAR = 1e3  # tolerances: nearer to equilibrium, a part in 10^6 of the load, steps need no search
 _LEAST_VOLUME = 0.05  # of an element after a step, over the undeformed
-_MOST_PIVOTS, _PATIENCE = 30, 5
-_FRICTION_STEPS, _ALL_AT_ONCE = 15, 6
 _WHOLLY = 0.9  # of the friction, in one direction: the body slides
 
 
@@ -113,7 +112,6 @@ def solve(
     left_out = control.left_out(problem.faces)
     state = replace(start, pressure=np.where(left_out, 0.0, start.pressure))
     active = state.pressure > 0
-    # Segments change between sticking and sliding on the way.
     more = _FRICTION_STEPS if problem.friction else 0
     kind, settled = _sliding(problem, start), True
     for step in range(_MOST_STEPS + more):
@@ -126,7 +124,7 @@ def solve(
             raise NotConvergedError(str(inverted)) from None
         if problem.friction and step:
             before = kind
-            kind = _changed(problem, state, gaps, kind, one_by_one=step >= _ALL_AT_ONCE)
+            kind = _changed(problem, state, gaps, kind, one_by_one=step >= _PATIENCE)
             settled = np.array_equal(kind, before)
         newton = NewtonStep(problem, control, state, gaps, inner, kind)
         error = newton.error()
@@ -322,7 +320,7 @@ class NewtonStep:
         problem, state = self.problem, self.state
         active = best = self._reference.copy()
         fewest, patience = len(active) + 1, _PATIENCE
-        for _ in range(_MOST_PIVOTS):
+        for _ in range(_MOST_STEPS):
             du, rise, pressure, gap = self._of(active)
             tiny = 1e-9 * np.abs(pressure).max(initial=0.0)
             leaving = active & (pressure < -tiny)

@@ -29,7 +29,7 @@ def _dot(x: FloatArray, y: FloatArray) -> FloatArray:
     return value
 
 
-_BENDS = slopes(np.array(1.0)) - slopes(np.array(0.0))  # second derivatives: the same all along
+_BENDS = slopes(np.ones(())) - slopes(np.zeros(()))  # second derivatives: the same all along
 _ROUNDING = 1e-12
 _BLOCK = 16  # rays that share a box
 # Slope of an edge that folds over a sharp corner, in its stiffness: its tangent changes sign as the
@@ -202,8 +202,8 @@ def kink(rim: FloatArray, edge: IntArray, tangent: FloatArray, normal: FloatArra
     ndarray of float, shape (n,)
         n.x'/t.x' after the node less that before: minus the jump of m along t.
     """
-    before = np.einsum("k,nki->ni", slopes(np.array(1.0)), rim[edge])
-    after = np.einsum("k,nki->ni", slopes(np.array(0.0)), rim[edge + 1])
+    before = np.einsum("k,nki->ni", slopes(np.ones(())), rim[edge])
+    after = np.einsum("k,nki->ni", slopes(np.zeros(())), rim[edge + 1])
     low, high = (_slope(_dot(normal, first), _dot(tangent, first)) for first in (before, after))
     return high - low
 
