@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.contact.intervals import Intervals, PressureSolution
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
@@ -27,7 +27,7 @@ class ContactSet:
     def __init__(self, profile: Profile, segments: Sequence[RigidSegment], rel_tol: float) -> None:
         self._profile, self._segments, self._tol = profile, list(segments), rel_tol
         self._ends: dict[RigidSegment, tuple[float, float]] = {}
-        self._made: dict[tuple[RigidSegment, int], float] = {}  # last step of each end, outward
+        self._made: dict[RigidSegment, tuple[float, ...]] = {}  # last steps of its ends, outward
 
     @property
     def touched(self) -> list[RigidSegment]:
@@ -80,60 +80,54 @@ class ContactSet:
 
     def move(self, pressing: PressureSolution) -> bool:
         """Move free ends by Newton's step, drop what shrinks to nothing; whether any did."""
-        moved = False
-        for i, segment in enumerate(self.touched):
-            low, high = (self._stepped(pressing, i, segment, side) for side in (0, 1))
-            moved = moved or (low, high) != self._ends[segment]
+        touched = self.touched
+        ends = np.array([self._ends[segment] for segment in touched]).T
+        moved = self._stepped(pressing, touched, ends)
+        for segment, (low, high) in zip(touched, moved.T.tolist(), strict=True):
             if high - low <= _NOTHING * (segment.stop - segment.start) and len(self._ends) > 1:
                 del self._ends[segment]
-                moved = True
                 continue
             if self._profile.mirrored and segment.start < 0 < segment.stop:
                 low = -high
             self._ends[segment] = low, high
-        return moved
+        return len(self._ends) < len(touched) or not np.array_equal(moved, ends)
 
     def forget_steps(self) -> None:
         """Let ends step back as far as they like: the load rises on."""
         self._made.clear()
 
     def _stepped(
-        self, pressing: PressureSolution, i: int, segment: RigidSegment, side: int
-    ) -> float:
-        """Return the place of an end after its step; equations of docs/derivations/contact.md."""
-        sign, limits = 2 * side - 1, (segment.start, segment.stop)
-        end, limit = self._ends[segment][side], limits[side]
-        room = abs(limit - end)
-        width = float(2 * pressing.intervals.half_width[i])
-        mean, strength = abs(pressing.coefficients[i, 0]), pressing.singular[side][i]
-        stuck = [place == at for place, at in zip(self._ends[segment], limits, strict=True)]
-        if stuck[side] and strength >= -self._tol * mean:  # (5)
-            return end
-        most = (1 - SHRINK) * width * (1.0 if sum(stuck) == 1 else 0.5)  # (9)
-        step = float(np.nan_to_num(pressing.outward[side][i], nan=0.0))  # (7)
-        if strength > 0 and step <= 0:  # no zero of pressure ahead (8)
-            step = width
-        elif strength < 0 and step >= 0:
-            step = -most
-        layer = sign * (end - segment.flat[side])
-        share = math.pi * mean / pressing.load
-        if not stuck[side] and abs(step) <= self._near_enough(width, share, layer):
-            return end
-        step = min(max(step, -most), 2 * width)  # (9)
-        last = self._made.get((segment, side), 0.0)
-        if step * last < 0:  # (9a)
-            step = min(max(step, -0.5 * abs(last)), 0.5 * abs(last))
-        self._made[segment, side] = min(step, room)
-        return limit if step >= room else end + sign * step
+        self, pressing: PressureSolution, touched: list[RigidSegment], ends: FloatArray
+    ) -> FloatArray:
+        """Return the places of ends after their steps, (2, n).
 
-    def _near_enough(self, width: float, share: float, layer: float) -> float:
+        Equations of docs/derivations/contact.md.
+        """
+        sign = np.array([[-1.0], [1.0]])
+        limits = np.array([(segment.start, segment.stop) for segment in touched]).T
+        layer = sign * (ends - np.array([segment.flat for segment in touched]).T)
+        room, stuck = np.abs(limits - ends), ends == limits
+        width, mean = 2 * pressing.intervals.half_width, np.abs(pressing.coefficients[:, 0])
+        strength = np.array(pressing.singular)
+        step = end_steps(strength, np.nan_to_num(pressing.outward, nan=0.0), width, stuck)
+        near = np.abs(step) <= self._near_enough(width, math.pi * mean / pressing.load, layer)
+        stays = np.where(stuck, strength >= -self._tol * mean, near)  # (5), (10)
+        last = np.array([self._made.get(segment, (0.0, 0.0)) for segment in touched]).T
+        most = np.where(step * last < 0, 0.5 * np.abs(last), np.inf)  # (9a)
+        step = np.clip(step, -most, most)
+        made = np.where(stays, last, np.minimum(step, room))
+        self._made |= zip(touched, map(tuple, made.T.tolist()), strict=True)
+        return np.where(stays, ends, np.where(step >= room, limits, ends + sign * step))
+
+    def _near_enough(self, width: FloatArray, share: FloatArray, layer: FloatArray) -> FloatArray:
         """Return the step below which an end is found, eq. (10), by its share of the load."""
-        near = math.inf
-        if share > max(_ROUNDING, 0.01 * self._tol):
-            near = self._tol * width * max(1.0, BEGUN / share)
-        if 0 < layer < width:  # beyond a kink pressure falls to zero within it
-            near = min(near, 0.3 * TENSION * math.sqrt(self._tol) * layer)
-        return max(near, _STEP * width)
+        bears = share > max(_ROUNDING, 0.01 * self._tol)
+        by_share = self._tol * width * np.maximum(1.0, BEGUN / np.where(bears, share, 1.0))
+        # Beyond a kink pressure falls to zero within it.
+        by_layer = 0.3 * TENSION * math.sqrt(self._tol) * layer
+        near = np.where((layer > 0) & (layer < width), by_layer, np.inf)
+        near = np.minimum(near, np.where(bears, by_share, np.inf))
+        return np.maximum(near, _STEP * width)
 
     def add_penetrated(self, pressing: PressureSolution) -> bool:
         """Begin a contact on every segment that the surface penetrates; whether there was any."""
@@ -158,6 +152,21 @@ class ContactSet:
                 half = math.sqrt(-segment.corner * gap) or 0.02 * (stop - start)
                 self._ends[segment] = self._within(segment, at - half, at + half)
         return len(self._ends) > before
+
+
+def end_steps(
+    strength: FloatArray, newton: FloatArray, width: FloatArray, stuck: BoolArray
+) -> FloatArray:
+    """Return Newton's steps of left and right ends, outward, (2, n), kept to a contact's size.
+
+    Strengths are those of the edge singularity: negative is tension. Equations (7) to (9) of
+    docs/derivations/contact.md.
+    """
+    # Half of it where both ends move in: else they could pass each other.
+    most = (1 - SHRINK) * width * np.where(stuck.sum(axis=0) == 1, 1.0, 0.5)
+    step = np.where((strength > 0) & (newton <= 0), width, newton)  # no zero of pressure ahead
+    step = np.where((strength < 0) & (newton >= 0), -most, step)
+    return np.clip(step, -most, 2 * width)
 
 
 def nearest_gaps(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from ridgebayes._types import FloatArray
-from ridgebayes.contact.contact_set import SHRINK
+from ridgebayes.contact.contact_set import end_steps
 from ridgebayes.contact.rigid_profile import Kinks, falls
 
 
@@ -116,11 +116,8 @@ class RidgeContacts:
         width = 2 * self.share
         step = np.divide(-width * strength, slopes, out=np.zeros_like(slopes), where=slopes != 0.0)
         stuck = self.ends >= 1.0
-        # Half of it where both ends move in: else they could pass each other.
-        most = (1 - SHRINK) * width * np.where(stuck.sum(axis=0) == 1, 1.0, 0.5)
-        step = np.where((strength > 0) & (step <= 0), width, step)
-        step = np.where((strength < 0) & (step >= 0), -most, step)
-        step = np.where(stuck & (strength >= 0), 0.0, np.clip(step, -most, 2 * width))
+        step = end_steps(strength, step, width, stuck)
+        step = np.where(stuck & (strength >= 0), 0.0, step)
         return np.minimum(self.ends + step, 1.0) - self.ends
 
     @property

@@ -115,63 +115,53 @@ _LineLoad = Annotated[_Measure, PlainValidator(partial(_measured, "line load"))]
 _Force = Annotated[_Measure, PlainValidator(partial(_measured, "force"))]
 
 
+def _key(description: str, default: Any = None) -> Any:
+    """Return a key that may be left out."""
+    return Field(default=default, description=description)
+
+
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class _Body(_Section):
-    radius: _Length | None = Field(default=None, description="of the cylinder")
-    youngs_modulus: _Pressure | None = Field(default=None, description="at small strain")
-    poissons_ratio: Annotated[fields.PoissonsRatio, _Uncertain] = Field(
-        default=0.5, description="0 to 0.5"
-    )
-    ogden: fields.OgdenTerms = Field(
-        default=NEO_HOOKEAN, description="shares and exponents, see below"
-    )
+    radius: _Length | None = _key("of the cylinder")
+    youngs_modulus: _Pressure | None = _key("at small strain")
+    poissons_ratio: Annotated[fields.PoissonsRatio, _Uncertain] = _key("0 to 0.5", 0.5)
+    ogden: fields.OgdenTerms = _key("shares and exponents, see below", NEO_HOOKEAN)
 
 
 class _Texture(_Section):
     ridge_width: _Length = Field(description="of the flat top")
     groove_width: _Length = Field(description="between two ridges")
-    groove_depth: _Length | None = Field(
-        default=None, description="without it grooves have no floor"
+    groove_depth: _Length | None = _key("without it grooves have no floor")
+    corner_radius: _LengthOrZero | None = _key("without it corners are sharp")
+    offset: Annotated[fields.Offset, _Uncertain] = _key(
+        "of the body from a groove's centre: -0.5 to 0.5 pitches, or `uniform`", 0.0
     )
-    corner_radius: _LengthOrZero | None = Field(
-        default=None, description="without it corners are sharp"
-    )
-    offset: Annotated[fields.Offset, _Uncertain] = Field(
-        default=0.0,
-        description="of the body from a groove's centre: -0.5 to 0.5 pitches, or `uniform`",
-    )
-    role: fields.Role = Field(default="calibration", description="or `held-out`: not fitted")
-    max_p_over_E: fields.Positive | None = Field(
-        default=None, description="highest load on it alone"
-    )
+    role: fields.Role = _key("or `held-out`: not fitted", "calibration")
+    max_p_over_E: fields.Positive | None = _key("highest load on it alone")
 
 
 class _Load(_Section):
-    max: _Pressure | None = Field(default=None, description="force over the area 2 R times length")
-    line: _LineLoad | None = Field(default=None, description="force over the length")
-    force: _Force | None = Field(default=None, description="force, spread over `length`")
-    length: _Length | None = Field(default=None, description="of the cylinder along the ridges")
-    p_over_E: Annotated[fields.Positive, _Uncertain] | None = Field(
-        default=None, description="`max` over Young's modulus; 0.02 without any load"
+    max: _Pressure | None = _key("force over the area 2 R times length")
+    line: _LineLoad | None = _key("force over the length")
+    force: _Force | None = _key("force, spread over `length`")
+    length: _Length | None = _key("of the cylinder along the ridges")
+    p_over_E: Annotated[fields.Positive, _Uncertain] | None = _key(
+        "`max` over Young's modulus; 0.02 without any load"
     )
-    friction: fields.NotNegative = Field(default=0.0, description="Coulomb's coefficient")
+    friction: fields.NotNegative = _key("Coulomb's coefficient", 0.0)
 
 
 class _Accuracy(_Section):
-    relative: fields.Relative | None = Field(
-        default=None, description="required accuracy of each transition load"
-    )
+    relative: fields.Relative | None = _key("required accuracy of each transition load")
 
 
 class _Joint(_Section):
     of: list[str] = Field(min_length=2, description="places, such as `texture.ridge_width`")
-    correlation: list[list[float]] | None = Field(
-        default=None, description="matrix, of normal scores"
-    )
-    draws: Any = Field(default=None, description="rows of joint draws, without `correlation`")
+    correlation: list[list[float]] | None = _key("matrix, of normal scores")
+    draws: Any = _key("rows of joint draws, without `correlation`")
 
 
 class _SceneFile(_Section):
@@ -247,7 +237,7 @@ def _values(scene: _SceneFile, where: str) -> Json:
     exact = at | {place: measure.value for place, measure in measures.items()}
     textures, shared = [], dict[str, Any]()
     for place in _places(scene):
-        shared = _rounded(over_body(exact, place))
+        shared = {name: _rounded(value) for name, value in over_body(exact, place).items()}
         named = {name: shared.pop(key) for key, name in DERIVED.items() if key in shared}
         alike = {key: at[f"{place}.{key}"] for key in _ALIKE if f"{place}.{key}" in at}
         textures.append(named | alike)
@@ -279,16 +269,12 @@ def _places(scene: _SceneFile) -> list[str]:
     return [f"texture[{i}]" for i in range(1, n + 1)] if n > 1 else ["texture"]
 
 
-def _rounded(values: Json) -> Json:
-    """Return exact numbers as floats; infinite where one is too large, which records refuse."""
-    rounded = dict(values)
-    for name, value in values.items():
-        if isinstance(value, Fraction):
-            try:
-                rounded[name] = float(value)
-            except OverflowError:
-                rounded[name] = float("inf")
-    return rounded
+def _rounded(value: object) -> object:
+    """Return an exact number as a float; infinite where it is too large, which records refuse."""
+    try:
+        return float(value) if isinstance(value, Fraction) else value
+    except OverflowError:
+        return float("inf")
 
 
 def _validated(data: Json, where: str, folder: Path) -> _SceneFile:
