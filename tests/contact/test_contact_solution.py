@@ -10,11 +10,7 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 from ridgebayes.contact import hertz
-from ridgebayes.contact.contact_solution import (
-    load_factor,
-    solve_contact,
-    solve_many_contacts,
-)
+from ridgebayes.contact.contact_solution import load_factor, solve_contact, solve_many_contacts
 from ridgebayes.contact.rigid_profile import Profile
 
 A, B = 0.012, 0.03

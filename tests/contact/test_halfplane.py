@@ -5,10 +5,7 @@ import pytest
 
 from ridgebayes import InputError
 from ridgebayes.contact import halfplane, hertz
-from ridgebayes.contact.halfplane import (
-    smooth_load,
-    transition_loads,
-)
+from ridgebayes.contact.halfplane import smooth_load, transition_loads
 
 # Loads of an independent solution of the same equation, nu = 0.5, rounded to 1e-10.
 REFERENCE = {

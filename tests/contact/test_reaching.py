@@ -1,11 +1,14 @@
 """Loads that reach ridges, against closed forms, the Galerkin solution and each other's limits."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import optimize
 
+from ridgebayes.contact import reaching
+from ridgebayes.contact.all_events import Events
 from ridgebayes.contact.contact_solution import solve_contact
 from ridgebayes.contact.halfplane import transition_loads
 from ridgebayes.contact.reaching import reaching_loads
@@ -167,3 +170,42 @@ def test_reaching_loads__stop_at_the_most_events_asked_for():
     many = reaching_loads(Profile(A, B), W_max=W_MAX)
     np.testing.assert_allclose(few.W, many.W[:2], rtol=1e-8)  # tolerance
     assert len(many.W) > 2
+
+
+def scenes(n, seed):
+    """Ridges of all shapes; round and sharp; bodies anywhere."""
+    rng = np.random.default_rng(seed)
+    for i in range(n):
+        a = math.exp(rng.uniform(math.log(0.02), math.log(0.05)))
+        b = a / math.exp(rng.uniform(math.log(0.2), math.log(5)))
+        corner = (rng.uniform(0.01, 0.5) * a, 0.02 * a, 0.0)[i % 3]
+        offset = (0.0, 0.5, rng.uniform(-0.5, 0.5))[(i // 3) % 3]
+        profile = Profile(a, b, corner=corner, offset=offset)
+        yield profile, 30 * profile.pitch**2
+
+
+# A floor is touched after some of the events.
+FLOORS = [(Profile(0.03, 0.05, depth=3e-3, corner=2e-3, offset=o), 0.05) for o in (0.0, 0.2)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("profile", "W_max"), [*scenes(9, 3), *FLOORS], ids=str)
+def test_reaching_loads__found_together_are_those_found_one_by_one(profile, W_max, monkeypatch):
+    """By `solve_contact`: collocation, and each event by itself."""
+    together = reaching_loads(profile, W_max=W_max)
+    monkeypatch.setattr(reaching, "all_events", lambda *_, **__: Events(np.empty(0), "none"))
+    floor = replace(profile, depth=min(profile.depth, 1.0))  # one that is never touched
+    single = reaching_loads(floor, W_max=W_max)
+    assert together.status == single.status == ("ok",) * len(single.W)
+    assert np.array_equal(together.Q, single.Q)
+    np.testing.assert_allclose(together.W, single.W, rtol=2e-8)  # tolerance, of each
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_reaching_loads__of_narrow_ridges_are_all_found(seed):
+    """Contacts that have just begun, on one side, and their tiny forces."""
+    offset = np.random.default_rng(seed).uniform(-0.5, 0.5)
+    found = reaching_loads(Profile(0.02, 0.02, corner=2e-3, offset=offset), W_max=0.02)
+    assert set(found.status) == {"ok"}
+    assert (np.diff(found.W) > 0).all()
+    assert 0.02 < 1.3 * found.W[-1]  # the next one lies beyond

@@ -107,10 +107,7 @@ def test_cluster__without_the_package_is_told_to_install_it(address, tmp_path, m
         r"a package is missing on the cluster \(No module named 'only_here'\); "
         r"expected the same ridgebayes on its sched"
     )
-    with (
-        executor_for(None, address) as executor,
-        pytest.raises(rb.InputError, match=expected),
-    ):
+    with executor_for(None, address) as executor, pytest.raises(rb.InputError, match=expected):
         executor.submit(one, 1).result(60)
 
 

@@ -22,12 +22,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from ridgebayes import ComputationError, InputError
 from ridgebayes.errors import WorkerLostError
-from ridgebayes.runtime.pool import (
-    WorkerPool,
-    executor_for,
-    map_ordered,
-    workers,
-)
+from ridgebayes.runtime.pool import WorkerPool, executor_for, map_ordered, workers
 
 
 @pytest.fixture
@@ -320,10 +315,7 @@ def test_map_ordered__names_the_task_that_workers_died_on(error):
 
 
 def test_map_ordered__a_broken_process_pool_is_a_computation_that_failed():
-    with (
-        ProcessPoolExecutor(1) as executor,
-        pytest.raises(ComputationError, match=r"^task 1: "),
-    ):
+    with ProcessPoolExecutor(1) as executor, pytest.raises(ComputationError, match=r"^task 1: "):
         list(map_ordered(os._exit, [1, 1], executor))
 
 

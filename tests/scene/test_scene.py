@@ -153,11 +153,7 @@ def test_all_problems_are_in_one_message(refused):
             "'0,25 mm': has a decimal comma; expected a point, such as '0.2",
         ),
         ('"0.25 mm"', "0,25 mm", 'has a decimal comma; expected ridge_width = "0.25 mm"'),
-        (
-            '"0.25 mm"',
-            "0,25",
-            "ridge_width = 0,25: has a decimal comma; expected",
-        ),
+        ('"0.25 mm"', "0,25", "ridge_width = 0,25: has a decimal comma; expected"),
         ('"0.25 mm"', "0.25 mm  # wide", 'a unit without quotes; expected ridge_width = "0.25 mm"'),
         ('"8 mm"', '"8 kPa"', "body.radius = '8 kPa': must be a number and a unit of length, such"),
         ('max = "1.2 kPa"', 'max = "2 N"', "unit of pressure, such as '60 kPa'"),

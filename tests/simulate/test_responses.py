@@ -31,8 +31,7 @@ def test_contact_at_loads__counts_change_at_the_transition_loads():
 
 
 @pytest.mark.parametrize(
-    "changed",
-    [{}, {"offset": 0.5}, {"offset": 0.2, "groove_depth_over_R": 5e-4}, {"offset": -0.3}],
+    "changed", [{}, {"offset": 0.5}, {"offset": 0.2, "groove_depth_over_R": 5e-4}, {"offset": -0.3}]
 )
 def test_ridge_forces__are_the_load_and_pressures_the_forces(changed):
     scene = scene_with(**changed)

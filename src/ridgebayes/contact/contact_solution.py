@@ -13,11 +13,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.contact_set import BEGUN, TENSION, ContactSet, nearest_gaps
-from ridgebayes.contact.intervals import (
-    Intervals,
-    PressureSolution,
-    solve_pressure,
-)
+from ridgebayes.contact.intervals import Intervals, PressureSolution, solve_pressure
 from ridgebayes.contact.rigid_profile import Kinks, Profile, RigidSegment, falls
 from ridgebayes.errors import InputError
 

@@ -59,23 +59,16 @@ def edge_forces(solution: ContactSolution, nu: float) -> EdgeForces:
         The lateral force is -P x/R, P the line load and x the centroid of the pressure. With sharp
         corners alone the sum of `side` times G is the same.
     """
-    profile, intervals, series = (
-        solution.profile,
-        solution.pressing.intervals,
-        solution.pressing.coefficients,
-    )
+    profile, pressing, segments = solution.profile, solution.pressing, solution.segments
+    intervals, series = pressing.intervals, pressing.coefficients
     half_width, modulus = intervals.half_width, 1 / (1 - nu**2)
-    floor = np.array([segment.ridge is None for segment in solution.segments], dtype=bool)
-    corners = np.array([(segment.start, segment.stop) for segment in solution.segments]).reshape(
-        -1, 2
-    )
+    floor = np.array([segment.ridge is None for segment in segments], dtype=bool)
+    corners = np.array([(segment.start, segment.stop) for segment in segments]).reshape(-1, 2)
     ends = np.stack([intervals.left, intervals.right], axis=1)
-    strength = np.maximum(np.stack(solution.pressing.singular, axis=1), 0.0)
+    strength = np.maximum(np.stack(pressing.singular, axis=1), 0.0)
     K = 0.5 * math.pi * modulus * strength * np.sqrt(math.pi / half_width)[:, None]
     K = np.where((ends == corners) & ((profile.corner == 0) | floor)[:, None], K, 0.0)
-    number = np.array(
-        [profile.ridge_before(segment) for segment in solution.segments], dtype=np.int64
-    )
+    number = np.array([profile.ridge_before(segment) for segment in segments], dtype=np.int64)
     side = np.tile(np.array([-1, 1], dtype=np.int64), (len(number), 1))
     lateral = 0.0
     if profile.mirrored:
@@ -89,12 +82,5 @@ def edge_forces(solution: ContactSolution, nu: float) -> EdgeForces:
         lateral = -0.5 * math.pi**2 * modulus * float(moment)
     order = np.argsort(ends, axis=None)
     K, row = K.ravel()[order], order // 2
-    return EdgeForces(
-        number[row],
-        floor[row],
-        side.ravel()[order],
-        ends.ravel()[order],
-        K,
-        0.5 * K**2 / modulus,
-        lateral,
-    )
+    side, x = side.ravel()[order], ends.ravel()[order]
+    return EdgeForces(number[row], floor[row], side, x, K, 0.5 * K**2 / modulus, lateral)

@@ -28,11 +28,7 @@ _TOO_FAR = "not converged: estimated relative error {:.1e}"
 
 
 def transition_loads(
-    ridge_width: float,
-    groove_width: float,
-    n_transitions: int,
-    *,
-    rel_tol: float = DEFAULT_REL_TOL,
+    ridge_width: float, groove_width: float, n_transitions: int, *, rel_tol: float = DEFAULT_REL_TOL
 ) -> HalfPlaneLoads:
     """Compute the loads at which contact reaches the ridges 1 ... n.
 
@@ -176,9 +172,8 @@ def _solve_batch(gap_ratio: float, n_known: int, n_last: int, rel_tol: float) ->
             break
         n_check = math.ceil(1.4 * n_check)
     n_best = 0 if best is None else best.F.size
-    reason = (
-        f"{n_coefficients:.6g} coefficients a strip are over the cap of {MAX_UNKNOWNS} unknowns"
-    )
+    over = f"are over the cap of {MAX_UNKNOWNS} unknowns"
+    reason = f"{n_coefficients:.6g} coefficients a strip {over}"
     rest = HalfPlaneLoads.not_computed(n_last - max(n_best, n_known), reason)
     return rest if best is None else best.part(slice(n_known, n_best)).joined(rest)
 

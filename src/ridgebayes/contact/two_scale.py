@@ -91,9 +91,8 @@ def _polynomial(
 ) -> tuple[FloatArray, FloatArray]:
     """Return r, and its derivative by the root of p."""
     of_p, whole = np.polynomial.polynomial, _coefficients()
-    ratio, slope = (
-        of_p.polyval2d(root, nu, matrix) for matrix in (whole, of_p.polyder(whole, axis=0))
-    )
+    ratio = of_p.polyval2d(root, nu, whole)
+    slope = of_p.polyval2d(root, nu, of_p.polyder(whole, axis=0))
     ratio, body = 1.0 + ratio, of_p.polyval(root, by_material)
     return ratio * body, slope * body + ratio * of_p.polyval(root, of_p.polyder(by_material))
 

@@ -88,9 +88,8 @@ class FrictionInputs:
     @classmethod
     def joined(cls, parts: "Sequence[FrictionInputs]") -> "FrictionInputs":
         """Return blocks of draws as one."""
-        scene = {
-            name: np.concatenate([part.scene[name] for part in parts]) for name in parts[0].scene
-        }
+        names = parts[0].scene
+        scene = {name: np.concatenate([part.scene[name] for part in parts]) for name in names}
         contact = np.concatenate([part.contact for part in parts])
         beyond = np.concatenate([part.extrapolation for part in parts])
         return cls(parts[0].load, contact, scene, beyond)
@@ -204,9 +203,8 @@ def predicted(
         rows += [("input", *row) for row in _sobol(mu, _evaluated(other, contact)[1], swapped)]
         rows += [("scene", *row) for row in _scene_shares(inputs, j, sample, float(mu.var()))]
         shares += [(*at, *row) for row in rows]
-    return FrictionBands(
-        pd.DataFrame(bands, columns=BAND_COLUMNS), pd.DataFrame(shares, columns=SHARE_COLUMNS), kept
-    )
+    frame = pd.DataFrame(bands, columns=BAND_COLUMNS)
+    return FrictionBands(frame, pd.DataFrame(shares, columns=SHARE_COLUMNS), kept)
 
 
 def _effects(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -271,9 +269,7 @@ def _scene_shares(
     for name, values in inputs.scene.items():
         value = values if values.ndim == 1 else values[:, j]
         if np.ptp(value) > 0 and len(value) >= _LEAST * _N_BATCH:
-            batches = zip(
-                np.array_split(value, _N_BATCH), np.array_split(mean, _N_BATCH), strict=True
-            )
+            batches = zip(*(np.array_split(x, _N_BATCH) for x in (value, mean)), strict=True)
             _, se = _mean_and_se(np.array([_between(*pair) for pair in batches]))
             yield name, _between(value, mean) / variance, se / variance, np.nan, np.nan
 

@@ -317,11 +317,8 @@ def rows_of(
             raise InputError("inputs: expected a Fit or a Comparison for rows on ridges, got None")
         here = np.flatnonzero((widths == texture).all(axis=1))
         loads, at = np.unique(p[here], return_inverse=True)
-        scene, draw_seed = (
-            Scene.of([tuple(texture.tolist())], nu=nu),
-            int(stream(seed, f"texture {i}").integers(2**31)),
-        )
-        drawn = friction_inputs(source, scene, loads, n=_N_INPUT, rng=draw_seed, edges=edges)
+        scene, rng = Scene.of([tuple(texture.tolist())], nu=nu), stream(seed, f"texture {i}")
+        drawn = friction_inputs(source, scene, loads, n=_N_INPUT, rng=rng, edges=edges)
         contacts = FrictionInputs.of(drawn, edges=edges).contact
         mean = contacts.mean(axis=0)
         scale = np.where(mean > 0, mean, 1.0)
@@ -358,21 +355,14 @@ def _to_json(model: FrictionModel) -> Json:
 def _fit_of(stored: Stored) -> FrictionFit:
     """Return the fit in a file; an error of any kind if there is none."""
     about = stored.attrs
-    values = json.loads(about["friction_model"])
-    model = FrictionModel(
-        **{k: from_dict(v) if isinstance(v, dict) else float(v) for k, v in values.items()}
-    )
+    values = json.loads(about["friction_model"]).items()
+    priors = {k: from_dict(v) if isinstance(v, dict) else float(v) for k, v in values}
+    model = FrictionModel(**priors)
     chains = chains_of(stored, len(model.unknown))
     observed, constant = stored.groups["observed_data"], stored.groups["constant_data"]
     names = json.loads(about["columns"])
-    columns = {k: (observed if k == "mu" else constant)[k] for k in names}
-    return FrictionFit(
-        model,
-        chains,
-        pd.DataFrame(json.loads(about["summary"])),
-        tuple(json.loads(about["missing"])),
-        LogEvidence(**json.loads(about["evidence"])),
-        pd.DataFrame(columns),
-        int(about["seed"]),
-        about["table_digest"],
-    )
+    summary = pd.DataFrame(json.loads(about["summary"]))
+    evidence = LogEvidence(**json.loads(about["evidence"]))
+    missing, seed = tuple(json.loads(about["missing"])), int(about["seed"])
+    rows = pd.DataFrame({k: (observed if k == "mu" else constant)[k] for k in names})
+    return FrictionFit(model, chains, summary, missing, evidence, rows, seed, about["table_digest"])

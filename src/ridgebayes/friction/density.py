@@ -59,10 +59,9 @@ class FrictionRows:
 
     def where(self, keep: BoolArray) -> "FrictionRows":
         """Return some of the rows."""
-        groups = [codes[keep] for codes in self.groups]
-        return FrictionRows(
-            self.mu[keep], self.se[keep], self.contact[keep], self.spread[keep], groups
-        )
+        columns = (self.mu, self.se, self.contact, self.spread)
+        mu, se, contact, spread = (column[keep] for column in columns)
+        return FrictionRows(mu, se, contact, spread, [codes[keep] for codes in self.groups])
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +82,9 @@ class FrictionDensity:
     @cached_property
     def _member(self) -> tuple[FloatArray, np.ndarray, sparse.csr_array]:
         """Return each row's groups, (n_row, n_group), pairs of them, and the kinds of groups."""
-        codes_of_kinds = [np.unique(codes, return_inverse=True) for codes in self.rows.groups]
-        member = np.concatenate(
-            [np.eye(len(names))[codes] for names, codes in codes_of_kinds], axis=1
-        )
-        kind = np.repeat(
-            np.arange(len(codes_of_kinds)), [len(names) for names, _ in codes_of_kinds]
-        )
+        kinds = [np.unique(codes, return_inverse=True) for codes in self.rows.groups]
+        member = np.concatenate([np.eye(len(names))[codes] for names, codes in kinds], axis=1)
+        kind = np.repeat(np.arange(len(kinds)), [len(names) for names, _ in kinds])
         pairs = sparse.csr_array([np.outer(row, row).ravel() for row in member])
         return member, kind, pairs
 

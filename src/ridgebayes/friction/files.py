@@ -60,11 +60,9 @@ def _bounded(parts: Iterable[xr.Dataset], path: Path) -> Iterator[xr.Dataset]:
     for block in parts:
         n, size = int(block.attrs["n_draw"]), block.nbytes / block.sizes["draw"]
         if n * size > LARGEST_NETCDF:
-            raise InputError(
-                f"{path}: {n:,} draws of {size:,.0f} bytes; expected at most "
-                f"{LARGEST_NETCDF / size:,.0f} in NetCDF, which is made in memory; Parquet and CSV "
-                "take any number"
-            )
+            rule = f"at most {LARGEST_NETCDF / size:,.0f} in NetCDF, which is made in memory"
+            draws = f"{n:,} draws of {size:,.0f} bytes"
+            raise InputError(f"{path}: {draws}; expected {rule}; Parquet and CSV take any number")
         yield block
 
 

@@ -60,11 +60,7 @@ _VARIABLES = {
     "youngs_modulus": ("d", "Pa", "Young's modulus"),
     "edge_x": ("dle", "R", "where contact ends, from the body's axis; NaN beyond the last edge"),
     "edge_side": ("dle", "1", "-1 left, 1 right; 0 beyond the last edge"),
-    "edge_K": (
-        "dle",
-        "E sqrt(R)",
-        "pressure near the edge is K/sqrt(2 pi r); NaN if round",
-    ),
+    "edge_K": ("dle", "E sqrt(R)", "pressure near the edge is K/sqrt(2 pi r); NaN if round"),
     "edge_G": ("dle", "E R", "(1 - nu^2) K^2/(2 E): force on the body, into the groove; NaN as K"),
 }
 _DIMS = {"d": "draw", "l": "load", "e": "edge"}
@@ -256,11 +252,10 @@ class InputDraws:
         names = ["p_over_E_mechanics", "contact_length_over_R", "contact_fraction"]
         names += ["ridge_force_mean", "ridge_force_max", "penetration_over_R"]
         out = {name: np.empty(p.shape) for name in names}
-        n_edge = 2 * int(Q.max()) if self._edges else 0
-        for name in ("edge_x", "edge_K", "edge_G")[: 3 * self._edges]:
-            out[name] = np.full((*p.shape, n_edge), np.nan)
         if self._edges:
-            out["edge_side"] = np.zeros((*p.shape, n_edge), dtype=np.int8)
+            of_edges = (*p.shape, 2 * int(Q.max()))
+            out |= {f"edge_{name}": np.full(of_edges, np.nan) for name in ("x", "K", "G")}
+            out["edge_side"] = np.zeros(of_edges, dtype=np.int8)
         factor = np.broadcast_to(load_factor(0.0) * (1 - nu**2)[:, None], p.shape)
         # A half-plane under this load behaves as the body does under p.
         half_plane = two_scale.half_plane_load(p, nu[:, None], self._ogden)
@@ -312,9 +307,8 @@ class InputDraws:
         coords = {"draw": index, "load": self._loads}
         if self._edges:
             coords["edge"] = np.arange(values["edge_x"].shape[2])
-        return xr.Dataset(
-            variables, coords, self._attrs | {"contact_relative_error": self.contact_relative_error}
-        )
+        error = {"contact_relative_error": self.contact_relative_error}
+        return xr.Dataset(variables, coords, self._attrs | error)
 
 
 def _profiles(bodies: SceneDraws) -> FloatArray:
@@ -334,9 +328,8 @@ def _steps(loads: int | ArrayLike) -> tuple[FloatArray, bool]:
     within = (p_over_E > 0) & (p_over_E <= LARGEST_LOAD)
     if p_over_E.ndim != 1 or not p_over_E.size or not within.all():
         bad = p_over_E[~within][0] if (~within).any() else f"shape {p_over_E.shape}"
-        raise InputError(
-            f"loads: expected a row of p/E, finite and > 0, at most {LARGEST_LOAD:g}, got {bad}"
-        )
+        rule = f"a row of p/E, finite and > 0, at most {LARGEST_LOAD:g}"
+        raise InputError(f"loads: expected {rule}, got {bad}")
     return p_over_E, False
 
 

@@ -8,6 +8,7 @@ import pandas as pd
 from ridgebayes import drawing
 from ridgebayes._types import Tabular
 from ridgebayes.contact import two_scale
+from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.scene import Scene, Texture
@@ -16,7 +17,8 @@ from ridgebayes.table.rules import texture_label
 if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
 
-DEFAULT_RELATIVE = 1e-8  # without a wanted accuracy only what has no effect at all is left out
+# Without a wanted accuracy only what has no effect at all is left out.
+DEFAULT_RELATIVE = DEFAULT_REL_TOL
 BEYOND_HALF_PLANE = ("finite body and large deformation", "friction")
 # Finite elements themselves are right to about this: a smaller effect is not worth them.
 FINITE_ELEMENT_ERROR = 0.002
@@ -172,9 +174,8 @@ def beyond_reach(scene: Scene, solver: str = "auto") -> str:
     written = scene.body.load
     load = f"{written} is p/E = {highest:.2g}" if written else f"p/E = {highest:.2g}"
     if solver == "two-scale" and scene.nu < two_scale.LEAST_NU:
-        raise InputError(
-            f"poissons_ratio = {scene.nu:g}: expected {two_scale.LEAST_NU:g} to 0.5 for two-scale"
-        )
+        rule = f"expected {two_scale.LEAST_NU:g} to 0.5 for two-scale"
+        raise InputError(f"poissons_ratio = {scene.nu:g}: {rule}")
     two_scales = scene.nu >= two_scale.LEAST_NU
     reach = two_scale.REACH if two_scales else HIGHEST_LOAD
     if solver in ("auto", "two-scale") and highest > reach:

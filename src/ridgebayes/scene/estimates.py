@@ -97,14 +97,9 @@ def _planned(base: "_Base") -> Plan:
     effects += [_poisson(base), large, material, friction, *_not_modelled()]
     solver = "cylinder-fe" if friction.simulated else solver
     chosen = {effect.name for effect in effects if effect.simulated}
-    profile = None
-    if chosen & {"ridges", "offset", "groove floor", "corner radius"}:
-        profile = replace(
-            base.sharp,
-            depth=base.given.depth if "groove floor" in chosen else math.inf,
-            corner=base.given.corner if "corner radius" in chosen else 0.0,
-            offset=base.given.offset if "offset" in chosen else 0.0,
-        )
+    fields = {"groove floor": "depth", "corner radius": "corner", "offset": "offset"}
+    shape = {fields[name]: getattr(base.given, fields[name]) for name in chosen & fields.keys()}
+    profile = replace(base.sharp, **shape) if shape or "ridges" in chosen else None
     return Plan(base.texture, tuple(effects), profile, base.tolerance, solver)
 
 
@@ -205,12 +200,12 @@ class _Base:
 
     def change(self, which: int) -> float:
         """Return the largest change by floor (0) or corners (1), with the other effect present."""
-        shifts, sizes = self.shifts, []
-        for key, with_it in shifts.items():
+        sizes = [0.0]
+        for key, with_it in self.shifts.items():
             without = (False, key[1]) if which == 0 else (key[0], False)
-            if key[which] and without in shifts:
-                sizes.append(np.abs(with_it - shifts[without]).max())
-        return float(np.max(sizes)) if sizes else 0.0
+            if key[which] and without in self.shifts:
+                sizes.append(np.abs(with_it - self.shifts[without]).max())
+        return float(np.max(sizes))
 
     def _shift_of(self, other: Profile, k: int) -> float:
         """Gap at the load of event k, over its slope: one Newton step from here to there."""
@@ -277,8 +272,8 @@ def _floor(base: _Base) -> Effect:
     cost = base.cost(40 * len(base.W), 2 * len(base.W), 12)
     what = "deepest penetration into a groove over its depth"
     if number < 1:
-        reason = f"{what}; the floor is not touched"
-        return Effect("groove floor", number, 0.0, False, reason, cost)
+        what += "; the floor is not touched"
+        return Effect("groove floor", number, 0.0, False, what, cost)
     # If the floor is touched only beyond these transitions, its effect is unknown.
     return Effect("groove floor", number, base.change(0) or math.nan, True, what, cost)
 
@@ -287,9 +282,8 @@ def _corner(base: _Base) -> Effect:
     corner = base.given.corner
     number = corner / base.sharp.a
     cost = base.cost(120 * len(base.W), len(base.W), 12)
-    if corner == 0:
-        return Effect("corner radius", 0.0, 0.0, False, "radius over a; corners are sharp", cost)
-    return Effect("corner radius", number, base.change(1), True, "radius over a", cost)
+    what = "radius over a" if corner else "radius over a; corners are sharp"
+    return Effect("corner radius", number, base.change(1), corner > 0, what, cost)
 
 
 def _poisson(base: _Base) -> Effect:
@@ -317,12 +311,12 @@ def _finite_body(base: _Base) -> tuple[Effect, str]:
         # body can be.
         drawn = 2 * (1 - 2 * nu) * (1 + nu) * p / width
         estimate = _FINITE_BODY * width**2 + 0.2 * hang**2 + drawn
-    reason = f"contact half-width over R; load per ridge over E a is {strain:.2g}, "
-    reason += f"penetration over b {hang:.2g}; "
     solver, why = _solver_for(base, estimate)
+    reason = f"contact half-width over R; load per ridge over E a is {strain:.2g}, "
+    reason += f"penetration over b {hang:.2g}; {why}"
     cost = (_PER_TRANSITION if solver == "cylinder-fe" else _PER_PRESS) * len(base.W)
-    simulated = solver != "half-plane"
-    return Effect(BEYOND_HALF_PLANE[0], width, estimate, simulated, reason + why, cost), solver
+    is_there = solver != "half-plane"
+    return Effect(BEYOND_HALF_PLANE[0], width, estimate, is_there, reason, cost), solver
 
 
 def _solver_for(base: _Base, estimate: float) -> tuple[str, str]:
@@ -339,9 +333,8 @@ def _solver_for(base: _Base, estimate: float) -> tuple[str, str]:
     if _SAFETY * estimate <= base.tolerance:
         return "half-plane", f"within {base.wanted}"
     if base.scene.relative is None and not (goes_on and error < math.inf):
-        return "half-plane", (
-            f"a scene without a stated accuracy uses the half-plane to p/E = {HIGHEST_LOAD:g}"
-        )
+        why = f"a scene without a stated accuracy uses the half-plane to p/E = {HIGHEST_LOAD:g}"
+        return "half-plane", why
     if estimate <= min(error, FINITE_ELEMENT_ERROR):
         return "half-plane", f"below the error of finite elements, {percent(FINITE_ELEMENT_ERROR)}"
     if error <= max(base.tolerance, FINITE_ELEMENT_ERROR) or (goes_on and error < math.inf):
@@ -362,10 +355,8 @@ def _material(base: _Base) -> Effect:
         stiff, soft = (float(two_scale.width_ratio(p, nu, terms)) for terms in (ogden, NEO_HOOKEAN))
         estimate = abs((soft / stiff) ** 2 - 1)
     what += "a smooth body's load against a neo-Hookean one's"
-    (effect,) = _decided(
-        base, [Effect("material", exponent, estimate, True, what, _PER_MATERIAL)], base.tolerance
-    )
-    return effect
+    effect = Effect("material", exponent, estimate, True, what, _PER_MATERIAL)
+    return _decided(base, [effect], base.tolerance)[0]
 
 
 def _friction(base: _Base) -> Effect:

@@ -118,9 +118,8 @@ class Scene(fields.Record):
     body: Annotated[InstanceOf[Body], Field(exclude=True, repr=False)] = NO_UNITS
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Scene) and super().__eq__(
-            other.model_copy(update={"body": self.body})
-        )
+        alike = {"body": self.body}
+        return isinstance(other, Scene) and super().__eq__(other.model_copy(update=alike))
 
     def __hash__(self) -> int:
         return hash((self.textures, self.nu, self.p_over_E))

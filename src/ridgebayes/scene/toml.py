@@ -245,11 +245,8 @@ def _values(scene: _SceneFile, where: str) -> Json:
     values = shared | {"textures": textures, "friction": scene.load.friction}
     values |= {"ogden": scene.body.ogden, "relative": scene.accuracy.relative}
     values["body"] = _body(scene, measures)
-    sources = {
-        place: (measure.source, measure.raw)
-        for place, measure in measures.items()
-        if measure.source is not None
-    }
+    drawn = {place: measure for place, measure in measures.items() if measure.source is not None}
+    sources = {place: (measure.source, measure.raw) for place, measure in drawn.items()}
     if not sources and not scene.joint:
         return values
     # Here, not above: it loads scipy, which a scene that is certain does without.
@@ -284,9 +281,8 @@ def _validated(data: Json, where: str, folder: Path) -> _SceneFile:
         scene = _SceneFile.model_validate(wanted, context={"folder": folder})
     except ValidationError as error:
         lines = fields.findings(error, where, _meant)
-        raise InputError(
-            "\n".join(line.replace("texture[1]", "texture") if single else line for line in lines)
-        ) from None
+        text = "\n".join(lines)
+        raise InputError(text.replace("texture[1]", "texture") if single else text) from None
     problems = _clashes(scene)
     if problems:
         raise InputError("\n".join(f"{where}: {problem}" for problem in problems))
@@ -365,13 +361,13 @@ def scene_text(values: Json) -> str:
     """
     names = {LENGTHS.get(key, key): name for key, name in DERIVED.items()}
     names |= {name: name for name in _ALIKE}
-    textures = [
-        {key: texture.get(name) for key, name in names.items()} for texture in values["textures"]
-    ]
     load = {"p_over_E": values["p_over_E"], "friction": values["friction"] or None}
     sections: list[tuple[str, Json]] = [
         ("[body]", {"radius": 1.0, "poissons_ratio": values["nu"], "ogden": values["ogden"]}),
-        *(("[[texture]]", texture) for texture in textures),
+        *(
+            ("[[texture]]", {key: texture.get(name) for key, name in names.items()})
+            for texture in values["textures"]
+        ),
         ("[load]", load),
         ("[accuracy]", {"relative": values["relative"]}),
     ]

@@ -36,13 +36,11 @@ def parse_texture(
     >>> parse_texture("0.2 mm, 160 um", "8 mm"), parse_texture("0.025,0.02")
     ((0.025, 0.02), (0.025, 0.02))
     """
-    parts = text.split(",")
+    parts, where = text.split(","), f"{where} {text!r}"
     with_unit = [has_unit(part) for part in parts]
     if any(with_unit) and not all(with_unit):
-        raise InputError(
-            f"{where} {text!r}: expected both widths with a unit, or both without (shares of the "
-            "radius)"
-        )
+        rule = "both widths with a unit, or both without (shares of the radius)"
+        raise InputError(f"{where}: expected {rule}")
     try:
         if any(with_unit) and not isinstance(body, Body):
             body = Body.of(body, None)
@@ -51,13 +49,12 @@ def parse_texture(
             for part, unit in zip(parts, with_unit, strict=True)
         )
     except InputError as error:
-        raise InputError(f"{where} {text!r}: {error}") from None
+        raise InputError(f"{where}: {error}") from None
     except ValueError:
-        raise InputError(
-            f"{where} {text!r}: expected A,B, two numbers with one comma, such as 0.022,0.02"
-        ) from None
+        rule = "A,B, two numbers with one comma, such as 0.022,0.02"
+        raise InputError(f"{where}: expected {rule}") from None
     if not (0 < a < float("inf") and 0 < b < float("inf")):
-        raise InputError(f"{where} {text!r}: expected both widths finite and > 0")
+        raise InputError(f"{where}: expected both widths finite and > 0")
     return a, b
 
 

@@ -56,9 +56,8 @@ class Source:
                 or raw.dtype.kind not in "iuf"
                 or not np.isfinite(raw).all()
             ):
-                raise InputError(
-                    f"expected a row of finite draws, got {raw.dtype.name} of shape {raw.shape}"
-                )
+                shown = f"{raw.dtype.name} of shape {raw.shape}"
+                raise InputError(f"expected a row of finite draws, got {shown}")
             return cls(np.sort(raw.astype(np.float64)))
         return None
 
@@ -232,10 +231,10 @@ class Uncertain:
                 root = vector * np.sqrt(np.maximum(value, 0.0))
                 mixed = root @ np.stack([score[name] for name in entry.of])
                 score |= dict(zip(entry.of, mixed, strict=True))
-        return {
-            name: source.draw(score[name], random("scene", name, "callable"))
-            for name, source in self.sources.items()
-        }
+        values = {}
+        for name, source in self.sources.items():
+            values[name] = source.draw(score[name], random("scene", name, "callable"))
+        return values
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,10 +275,8 @@ class Joint:
             allowed = [name for name, value in certain.items() if not isinstance(value, str)]
         for name in names:
             if name not in allowed or names.count(name) > 1:
-                raise InputError(
-                    f"joint.of: expected names without repeats, of "
-                    f"{', '.join(allowed)}, got {name!r}"
-                )
+                rule = f"expected names without repeats, of {', '.join(allowed)}"
+                raise InputError(f"joint.of: {rule}, got {name!r}")
         if draws is not None:
             joint = cls(names, None, draws if hasattr(draws, "rvs") else _array(draws))
             joint.rows(1, stream(0, "shape"))

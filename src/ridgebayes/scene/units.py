@@ -58,23 +58,17 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
     >>> to_si("1.2 kPa", "pressure")
     Fraction(1200, 1)
     """
-    match = _QUANTITY.fullmatch(text)
     shown = text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
     rule = f"must be a number and a unit of {dimension}, such as {EXAMPLES[dimension]!r}"
     if _DECIMAL_COMMA.search(text):
         rule = f"has a decimal comma; expected a point, such as {with_point(shown)!r}"
-    if match is None:
-        raise InputError(f"{shown!r}: {rule}")
-    number, unit = match.groups()
     try:
+        number, unit = _QUANTITY.fullmatch(text).groups()  # type: ignore[union-attr]
         factor = _registry().Quantity(1, unit).to(_SI[dimension]).magnitude
+        return Fraction(number) * Fraction(factor)
     # pint raises exceptions of many kinds for text that is no such unit (its own, tokenize's,
     # AttributeError, TypeError ...); some cannot be formatted with fractions, so none is shown.
     except Exception:
-        raise InputError(f"{shown!r}: {rule}") from None
-    try:
-        return Fraction(number) * Fraction(factor)
-    except ValueError:  # Python makes no integers of some thousand digits
         raise InputError(f"{shown!r}: {rule}") from None
 
 
@@ -220,11 +214,8 @@ class Body:
     @classmethod
     def of(cls, radius: str | None, modulus: str | None, length: str | None = None) -> "Body":
         """Return a body from values with units; InputError if a value is no length or modulus."""
-        return cls(
-            _positive("--R", radius, "length"),
-            _positive("--E", modulus, "pressure"),
-            _positive("--thickness", length, "length"),
-        )
+        sizes = _positive("--R", radius, "length"), _positive("--E", modulus, "pressure")
+        return cls(*sizes, _positive("--thickness", length, "length"))
 
     @property
     def sizes(self) -> dict[str, Fraction | None]:

@@ -206,13 +206,10 @@ def _solved(task: TextureTask, *, pressed: "CylinderVisitor | None" = None) -> l
     """Return the curves of a texture, or why it has none."""
     here = versions()["ridgebayes"]
     if task.version != here:
-        raise InputError(
-            f"a worker has ridgebayes {here}, this process {task.version}; expected the same on all"
-        )
-    if task.planned:
-        (effects,) = plan(task.scene)
-    else:
-        effects = Plan(task.texture, (), full_profile(task.texture))
+        other = f"a worker has ridgebayes {here}, this process {task.version}"
+        raise InputError(f"{other}; expected the same on all")
+    as_given = Plan(task.texture, (), full_profile(task.texture))
+    effects = plan(task.scene)[0] if task.planned else as_given
     if refused := solvers.friction_refused(task.scene, effects, task.solver):
         raise InputError(f"scene: {refused}")
     try:

@@ -272,9 +272,8 @@ def _solved(
         raise InputError(f"p_over_E: expected numbers, got {p_over_E!r}") from None
     within = (loads > 0) & (loads <= LARGEST_LOAD)
     if not np.all(within):
-        raise InputError(
-            f"p_over_E = {loads[~within][0]}; expected finite and > 0, at most {LARGEST_LOAD:g}"
-        )
+        rule = f"finite and > 0, at most {LARGEST_LOAD:g}"
+        raise InputError(f"p_over_E = {loads[~within][0]}; expected {rule}")
     if solver not in ("auto", "half-plane", "two-scale"):
         raise InputError(f"solver = {solver!r}; expected auto, half-plane or two-scale")
     profiles = [full_profile(texture) for texture in scene.textures]
@@ -309,9 +308,8 @@ def _pressed(
     W = load_factor(scene.nu) * loads[within] / by_body[within]
     checked = two_scale.checked(scene.ogden)
     solved = iter(solve_many_contacts(profile, W, rel_tol=rel_tol))
-    solutions = [
-        next(solved) if reached else no_solution(profile, two_scale.BEYOND) for reached in within
-    ]
+    beyond = no_solution(profile, two_scale.BEYOND)
+    solutions = [next(solved) if reached else beyond for reached in within]
     return [
         replace(solution, status=two_scale.UNCHECKED)
         if scale != 1.0 and load > checked and solution.status == "ok"

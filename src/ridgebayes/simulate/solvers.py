@@ -151,11 +151,8 @@ def transition_curves(
         edges = task.meshes[0]
         yield _curve(task, _linear(task), solver, f"{effects}+finite-body", edges=edges)
         return
-    offsets = (
-        offsets_between(_N_OFFSET)
-        if profile.offset and texture.offset == "uniform"
-        else [profile.offset]
-    )
+    is_any = profile.offset and texture.offset == "uniform"
+    offsets = offsets_between(_N_OFFSET) if is_any else [profile.offset]
     for offset in offsets:
         here = replace(profile, offset=offset)
         if by_elements:

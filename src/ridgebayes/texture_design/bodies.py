@@ -146,23 +146,16 @@ class Bodies:
         """
         widths = [name for name in scene.uncertain_names if name.endswith("_width")]
         if tolerance.size and widths:
-            raise InputError(
-                f"tolerance, and {', '.join(widths)} of the scene: expected only one of the two, "
-                "got both"
-            )
+            both = f"tolerance, and {', '.join(widths)} of the scene"
+            raise InputError(f"{both}: expected only one of the two, got both")
         drawn = draw_scene(scene, n, seed, draws)
-        (texture,) = scene.textures
-        nominal = {"a": texture.a_over_R, "b": texture.b_over_R}
+        nominal = {name: scene.textures[0].shape[name] for name in ("a", "b")}
         score = (draws or {}).get("tolerance")
         if score is None:
             score = stream(seed, "tolerance").standard_normal((2, n))
-        return cls(
-            tolerance,
-            np.clip(score, -_FURTHEST, _FURTHEST),
-            np.stack([drawn.profile[name] / value for name, value in nominal.items()]),
-            drawn.nu,
-            _units(drawn, scene.body),
-        )
+        factor = np.stack([drawn.profile[name] / value for name, value in nominal.items()])
+        score = np.clip(score, -_FURTHEST, _FURTHEST)
+        return cls(tolerance, score, factor, drawn.nu, _units(drawn, scene.body))
 
     @property
     def is_certain(self) -> bool:
@@ -171,13 +164,9 @@ class Bodies:
 
     def some(self, index: slice | BoolArray) -> "Bodies":
         """Return some of the draws."""
-        return Bodies(
-            self.tolerance,
-            self.score[:, index],
-            self.factor[:, index],
-            self.nu[index],
-            {unit: p[index] for unit, p in self.units.items()},
-        )
+        units = {unit: p[index] for unit, p in self.units.items()}
+        score, factor = self.score[:, index], self.factor[:, index]
+        return Bodies(self.tolerance, score, factor, self.nu[index], units)
 
     def widths(
         self, a: float, b: float, corner: tuple[float, float] = (0.0, 0.0)

@@ -71,7 +71,5 @@ def drawn_loads(
 ) -> list[tuple[DrawnLoads, float]]:
     """Return the loads of posteriors over a range of a/pitch, with weights that sum to 1."""
     weights = shares([weight for _, weight in averaged]).tolist()
-    return [
-        (DrawnLoads(fit, *ratios), weight)
-        for (fit, _), weight in zip(averaged, weights, strict=True)
-    ]
+    loads = [DrawnLoads(fit, *ratios) for fit, _ in averaged]
+    return list(zip(loads, weights, strict=True))

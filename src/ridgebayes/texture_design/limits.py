@@ -65,10 +65,8 @@ class Limits:
         texture = float(row["a_over_R"]), float(row["b_over_R"])
         load, widths = self.of_loads(texture), self.of_widths(texture, tolerance)
         goal = self._goals[int(row.get("goal", 1)) - 1]
-        extreme = (
-            "The sd of Q is at least" if goal.is_spread else "The largest probability found is"
-        )
-        why = f"{extreme} {row['probability']:.3g}, and {goal.level:.3g} was asked for."
+        extreme = "sd of Q is at least" if goal.is_spread else "largest probability found is"
+        why = f"The {extreme} {row['probability']:.3g}, and {goal.level:.3g} was asked for."
         would = []
         if load is not None:
             p = " to ".join(f"{load * p:.3g}" for p in dict.fromkeys(self._p_over_E))

@@ -13,7 +13,7 @@ from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
 
-_N, _MOST_TEXTURES, _MOST_COUNT = 256, 64, 40
+_N, _MOST_TEXTURES = 256, 64
 _COLUMNS = ["a_over_R", "b_over_R", "Q", "p_over_E", "information", "form_a", "form_b"]
 Form = Sequence[tuple[Posterior, float]]  # its posteriors and their weights
 
@@ -50,13 +50,11 @@ def next_simulation(forms: Sequence[Form], textures: Sequence[Texture], seed: in
     chosen = [textures[i] for i in np.linspace(0, len(textures) - 1, _MOST_TEXTURES).astype(int)]
     chosen = list(dict.fromkeys(chosen))
     ratios = [a / (a + b) for a, b in chosen]
-    parts = [
-        [(DrawnLoads(fit, min(ratios), max(ratios)), weight) for fit, weight in form]
-        for form in forms
-    ]
+    ends = min(ratios), max(ratios)
+    parts = [[(DrawnLoads(fit, *ends), weight) for fit, weight in form] for form in forms]
     ranges = [CalibratedRange.of(form[0][0]) for form in forms]
     most = min(calibrated.load_max for calibrated in ranges)
-    most_count = min(_MOST_COUNT, *(calibrated.Q_max for calibrated in ranges))
+    most_count = min(calibrated.Q_max for calibrated in ranges)
     rows = []
     for a, b in chosen:
         count, load = _count_within(parts[0][0][0], (a, b), most, most_count)

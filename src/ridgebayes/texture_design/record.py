@@ -87,11 +87,8 @@ class Design(Tabular):
         texts = " and ".join(goal.text for goal in self.goals)
         row, word = self.best, "recommended" if self.feasible else "nearest"
         place = f"a/R {row['a_over_R']:.4g}, b/R {row['b_over_R']:.4g}"
-        n = int(self.designs["feasible"].sum())
-        return (
-            f"Design({texts}: {n} of {len(self.designs)} textures; {word} {place}, "
-            f"margin {row['margin']:.3g})"
-        )
+        some = f"{self.designs['feasible'].sum()} of {len(self.designs)} textures"
+        return f"Design({texts}: {some}; {word} {place}, margin {row['margin']:.3g})"
 
     @property
     def feasible(self) -> bool:
@@ -118,12 +115,11 @@ class Design(Tabular):
         """
         loads = [load["p_over_E"] for load in self.options["loads"]]
         several = f" to {max(loads):.3g} ({len(loads)} loads)" if len(loads) > 1 else ""
-        size, kind = self.options["tolerance"]["size"], "made exactly"
-        if size:
-            over = " R" if self.options["tolerance"]["is_length"] else ""
-            number = f"{size:.2g}" if over else f"{100 * size:.3g} %"
-            worst = self.options["tolerance"]["is_worst"]
-            kind = f"made to {'within' if worst else 'a standard deviation of'} {number}{over}"
+        tolerance, kind = self.options["tolerance"], "made exactly"
+        if size := tolerance["size"]:
+            number = f"{size:.2g} R" if tolerance["is_length"] else f"{100 * size:.3g} %"
+            worst = tolerance["is_worst"]
+            kind = f"made to {'within' if worst else 'a standard deviation of'} {number}"
         forms = list(dict.fromkeys(form for form, _, _ in self.options["averaged"]))
         n_pair = len(self.options["averaged"])
         error_models = "their error models" if n_pair > 1 else "one error model"
@@ -151,14 +147,10 @@ class Design(Tabular):
             goals, feasible, recommended (a row, or None), best, objective, check, limits, shares,
             measure, simulate_next, options.
         """
+        plain = ("feasible", "recommended", "best", "objective", "check", "limits")
         return {
             "goals": [goal.text for goal in self.goals],
-            "feasible": self.feasible,
-            "recommended": self.recommended,
-            "best": self.best,
-            "objective": self.objective,
-            "check": self.check,
-            "limits": self.limits,
+            **{name: getattr(self, name) for name in plain},
             "shares": _rows(self.shares),
             "measure": _rows(self.measure),
             "simulate_next": _rows(self.simulate_next.head(5)),

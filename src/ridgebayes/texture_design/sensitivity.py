@@ -83,11 +83,10 @@ class Sources:
             measurements = uncertain.scores(_N_OUTER, streams(seed + 1))
         else:
             score = draws
-        measured = {
-            name: left * score[name]
-            + math.sqrt(1 - left**2) * np.repeat(measurements[name], _N_INNER, axis=-1)
-            for name in members
-        }
+        share, measured = math.sqrt(1 - left**2), {}
+        for name in members:
+            known = np.repeat(measurements[name], _N_INNER, axis=-1)
+            measured[name] = left * score[name] + share * known
         if uncertain is not None:
             measured = uncertain.at_scores(score | measured, streams(seed))
         return {**draws, **measured}
@@ -95,9 +94,8 @@ class Sources:
     def may_be_measured_in_part(self, members: Sequence[str]) -> bool:
         """Return whether draws of these sources are functions of normal scores."""
         sources = {} if self.scene.uncertain is None else self.scene.uncertain.sources
-        return members == ["tolerance"] or all(
-            name in sources and sources[name].has_quantiles for name in members
-        )
+        drawn = {name for name, source in sources.items() if source.has_quantiles}
+        return drawn.union(["tolerance"]).issuperset(members)
 
     @property
     def groups(self) -> dict[str, list[str]]:
@@ -113,10 +111,10 @@ class Sources:
         if len({loads.fit.form.name for loads, _ in self.loads}) > 1:
             places |= {FORM: FORM}
         places |= {NOISE: NOISE, "score": NOISE}
-        return {
-            group: [name for name, of in places.items() if of == group]
-            for group in dict.fromkeys(places.values())
-        }
+        groups = {group: list[str]() for group in places.values()}
+        for name, group in places.items():
+            groups[group].append(name)
+        return groups
 
     @property
     def measurable(self) -> dict[str, list[str]]:
@@ -244,10 +242,8 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
         )
         se = np.std(residuals, axis=-1) / variance.mean() / math.sqrt(N_DRAW)
         if se.max() < _MOST_SE:
-            rows += [
-                (output, name, first[j], se[0, j], total[j], se[1, j])
-                for j, name in enumerate(groups)
-            ]
+            columns = zip(first, se[0], total, se[1], strict=True)
+            rows += [(output, name, *row) for name, row in zip(groups, columns, strict=True)]
     names = ["of", "source", "first_order", "first_order_se", "total_order", "total_order_se"]
     return pd.DataFrame(rows, columns=names)
 
@@ -281,8 +277,7 @@ def what_to_measure(sources: Sources, seed: int) -> pd.DataFrame:
         low, high = np.quantile(share, _PROB)
         rows.append((name, left, min(max(resolved, 0.0), 1.0), low, high))
     frame = pd.DataFrame(
-        rows,
-        columns=["measure", "spread_left", "resolved", "probability_low", "probability_high"],
+        rows, columns=["measure", "spread_left", "resolved", "probability_low", "probability_high"]
     )
     return frame.sort_values(
         ["spread_left", "resolved"], ascending=[True, False], kind="stable", ignore_index=True

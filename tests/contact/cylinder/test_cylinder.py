@@ -26,12 +26,7 @@ WIDE = Profile(0.06, 0.03)
 
 @functools.cache
 def flat(nu=0.3, *, p_max=0.01, edges=8):
-    return Cylinder(
-        None,
-        p_max=p_max,
-        nu=nu,
-        edges=edges,
-    )
+    return Cylinder(None, p_max=p_max, nu=nu, edges=edges)
 
 
 @functools.cache

@@ -69,10 +69,7 @@ def test_xdmf__is_a_series_in_the_load(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("name", "count", "message"),
-    [
-        ("a.xdmf", 0, "no state"),
-        ("none/a.xdmf", 1, "cannot be written"),
-    ],
+    [("a.xdmf", 0, "no state"), ("none/a.xdmf", 1, "cannot be written")],
 )
 def test_write_fields__says_what_it_cannot_write(name, count, message, tmp_path):
     with pytest.raises(InputError, match=message):

@@ -7,10 +7,7 @@ import pytest
 
 from ridgebayes.contact.cylinder.mesh import disk_mesh
 
-PARTS = [
-    pytest.param({}, id="quarter"),
-    pytest.param({"both_sides": True}, id="lower half"),
-]
+PARTS = [pytest.param({}, id="quarter"), pytest.param({"both_sides": True}, id="lower half")]
 
 
 def even(width):
@@ -70,23 +67,14 @@ def test_mesh__interior_edges_have_two_elements_and_the_others_lie_on_the_bounda
     assert np.logical_or.reduce(lies).all()
     # Each straight side is covered, once: rounding of a sum of lengths.
     lengths = np.linalg.norm(found.points[outer[:, 0]] - found.points[outer[:, 1]], axis=1)
-    wanted = [
-        0.0 if "both_sides" in part else 1.0,
-        2.0 if "both_sides" in part else 1.0,
-    ]
+    wanted = [0.0 if "both_sides" in part else 1.0, 2.0 if "both_sides" in part else 1.0]
     assert [lengths[on].sum() for on in lies[:2]] == pytest.approx(wanted, abs=1e-13)
     rim = np.sort(found.rim[:, [0, 2]], axis=1)
     assert {*map(tuple, rim)} == {*map(tuple, outer[lies[2], :2])}
     assert len(rim) == lies[2].sum()
 
 
-@pytest.mark.parametrize(
-    ("part", "area"),
-    [
-        ({}, math.pi / 4),
-        ({"both_sides": True}, math.pi / 2),
-    ],
-)
+@pytest.mark.parametrize(("part", "area"), [({}, math.pi / 4), ({"both_sides": True}, math.pi / 2)])
 def test_area__is_the_disks_to_fourth_order(part, area):
     errors = [
         area - area_of(disk_mesh(even(math.pi / 12 / n), refine=n, **part)) for n in (1, 2, 4)

@@ -177,11 +177,7 @@ class Cylinder:
         return state
 
     def transitions(
-        self,
-        p_max: float,
-        *,
-        most_failures: int = MOST_FAILURES,
-        after: Transition | None = None,
+        self, p_max: float, *, most_failures: int = MOST_FAILURES, after: Transition | None = None
     ) -> Iterator[Transition]:
         """Yield the transitions up to a load, in order.
 

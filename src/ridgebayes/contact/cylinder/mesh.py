@@ -48,10 +48,7 @@ class DiskMesh:
 
 
 def disk_mesh(
-    size: Callable[[FloatArray], FloatArray],
-    *,
-    refine: int = 1,
-    both_sides: bool = False,
+    size: Callable[[FloatArray], FloatArray], *, refine: int = 1, both_sides: bool = False
 ) -> DiskMesh:
     """Mesh a quarter of a disk, or its lower half.
 

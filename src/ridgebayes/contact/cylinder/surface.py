@@ -136,12 +136,8 @@ def _near(
     apart = (low > highs[:, None]) | (high < lows[:, None])
     block, edge = np.nonzero(~apart.any(axis=-1))
     size = np.diff(np.append(first, len(point)))[block]
-    ray = (
-        np.repeat(first[block], size)
-        + np.arange(size.sum())
-        - np.repeat(np.cumsum(size) - size, size)
-    )
-    return ray, np.repeat(edge, size)
+    before = np.cumsum(size) - size
+    return np.arange(size.sum()) + np.repeat(first[block] - before, size), np.repeat(edge, size)
 
 
 def _rising_roots(values: FloatArray) -> tuple[FloatArray, IntArray]:
