@@ -12,8 +12,7 @@ from scipy.optimize import minimize_scalar
 import ridgebayes as rb
 from ridgebayes import LogNormal
 from ridgebayes.contact import hertz
-from ridgebayes.contact.halfplane import transition_loads
-from ridgebayes.contact.loadtable import HalfPlaneLoads
+from ridgebayes.contact.halfplane import HalfPlaneLoads, transition_loads
 from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.scene.scene import Texture

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL
-from ridgebayes.contact.loadtable import HalfPlaneLoads
 from ridgebayes.contact.logkernel import log_ellipse, self_energies
 from ridgebayes.contact.ridge_row import RidgeRow
 from ridgebayes.contact.rigid_profile import Profile
@@ -25,6 +24,73 @@ from ridgebayes.errors import InputError
 MAX_UNKNOWNS = 7000
 _FIRST_BATCH = 4
 _TOO_FAR = "not converged: estimated relative error {:.1e}"
+
+
+@dataclass(frozen=True)
+class HalfPlaneLoads:
+    """Dimensionless transition loads F_1 ... F_n of one ratio of groove to ridge width.
+
+    Attributes
+    ----------
+    F : ndarray of float, shape (n_transition,), dimensionless
+        p/E (1 - nu^2) (R/pitch)^2 at which Q = 2 + 2k, k = 1 ... n. NaN where nothing was
+        computed; a number with a status other than ``"ok"`` missed the tolerance or a check.
+    status : tuple of str, shape (n_transition,)
+        ``"ok"``, or what failed.
+    rel_error : ndarray of float, shape (n_transition,), dimensionless
+        Estimated relative error of F: change from the solve with an eighth fewer coefficients,
+        plus rounding. NaN where nothing was computed.
+
+    Notes
+    -----
+    All arrays are made read-only: the cache returns the same arrays to every caller.
+    """
+
+    F: FloatArray
+    status: tuple[str, ...]
+    rel_error: FloatArray
+
+    def __post_init__(self) -> None:
+        self.F.flags.writeable = self.rel_error.flags.writeable = False
+
+    def p_over_E(self, pitch_over_R: float, *, nu: float = 0.5) -> FloatArray:
+        """Scale to one texture: p/E = (pitch/R)^2 F_k / (1 - nu^2).
+
+        Parameters
+        ----------
+        pitch_over_R : float, scalar, dimensionless
+            Ridge width plus groove width over the radius of the body.
+        nu : float, scalar, dimensionless
+            Poisson's ratio.
+
+        Returns
+        -------
+        ndarray of float, shape (n_transition,), dimensionless
+            Load per projected area over Young's modulus.
+
+        Examples
+        --------
+        >>> loads = transition_loads(0.012, 0.01, 2)
+        >>> [round(p, 10) for p in loads.p_over_E(0.022).tolist()]
+        [0.0002716017, 0.0010336853]
+        """
+        return pitch_over_R**2 * self.F / (1.0 - nu**2)
+
+    def part(self, part: slice) -> "HalfPlaneLoads":
+        """Return some of the transitions, as views."""
+        return HalfPlaneLoads(self.F[part], self.status[part], self.rel_error[part])
+
+    def joined(self, other: "HalfPlaneLoads") -> "HalfPlaneLoads":
+        """Return these transitions followed by those of another record."""
+        F = np.concatenate((self.F, other.F))
+        rel_error = np.concatenate((self.rel_error, other.rel_error))
+        return HalfPlaneLoads(F, self.status + other.status, rel_error)
+
+    @classmethod
+    def not_computed(cls, n_transitions: int, reason: str) -> "HalfPlaneLoads":
+        """Return a record without a number, saying why."""
+        F, status = np.full(n_transitions, np.nan), f"not computed: {reason}"
+        return cls(F, (status,) * n_transitions, F.copy())
 
 
 def transition_loads(
@@ -203,8 +269,7 @@ def _solve_checked(
             status.append("load does not rise above the one before")
         else:
             status.append("ok")
-    n = np.full(n_transitions, n_coefficients)
-    return HalfPlaneLoads(fine.F, tuple(status), n, rel_error)
+    return HalfPlaneLoads(fine.F, tuple(status), rel_error)
 
 
 @dataclass(frozen=True)

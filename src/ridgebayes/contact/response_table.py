@@ -105,14 +105,11 @@ class ResponseTable:
         self._axes: list[Axis] = []
         if distinct is None:
             choices = [(columns, _axes(seen, columns)) for columns in (_OVER_RIDGE, _OVER_RADIUS)]
-            self._columns, self._axes = min(
-                choices, key=lambda choice: math.prod(x.n for x in choice[1])
-            )
-            if math.prod(axis.n for axis in self._axes) > _MOST_NODES:
-                raise InputError(
-                    "scene: too many values vary at once; expected certain widths and radius where "
-                    "corners are round or floors are touched"
-                )
+            sizes = [math.prod(axis.n for axis in axes) for _, axes in choices]
+            self._columns, self._axes = choices[sizes.index(min(sizes))]
+            if min(sizes) > _MOST_NODES:
+                rule = "certain widths and radius where corners are round or floors are touched"
+                raise InputError(f"scene: too many values vary at once; expected {rule}")
             if self._axes[1].n > 1:
                 self._margin = _CLOSEST_BETWEEN
             mesh = np.meshgrid(*(axis.nodes for axis in self._axes), indexing="ij")
@@ -228,10 +225,8 @@ def _profile(at: FloatArray, *, over_ridge: bool) -> Profile:
     radius = min(scale * math.exp(corner), 0.5 * a)
     b = scale * math.exp(groove) - 2 * radius
     if not b > 0:
-        raise InputError(
-            "scene: too many values vary at once; expected a certain corner_radius where grooves "
-            "may close"
-        )
+        rule = "expected a certain corner_radius where grooves may close"
+        raise InputError(f"scene: too many values vary at once; {rule}")
     return Profile(a, b, math.exp(depth), radius, offset)
 
 
@@ -240,11 +235,9 @@ def _refuse_narrow(profiles: list[Profile]) -> None:
     for profile in profiles:
         needed = coefficients_for(profile, DEFAULT_REL_TOL, 0.5 * profile.a)
         if profile.corner == 0 and needed > _MOST_COEFFICIENTS:
-            raise InputError(
-                f"scene: groove_width: expected sharp grooves that vary to be wider than 0.6 % of "
-                f"ridge_width, got {100 * profile.b / profile.a:.2g} %; truncated(..) keeps draws "
-                "above"
-            )
+            rule = "expected sharp grooves that vary to be wider than 0.6 % of ridge_width"
+            share = f"{100 * profile.b / profile.a:.2g} %; truncated(..) keeps draws above"
+            raise InputError(f"scene: groove_width: {rule}, got {share}")
 
 
 class _Shape:
@@ -324,11 +317,11 @@ def _measured(solution: ContactSolution, Q: int) -> FloatArray:
     """Return the fields of `ContactValues` from its length on, as one array, shape (5 + 4 Q,)."""
     if solution.status != "ok" or solution.Q != Q:
         at = solution.profile
+        shape = f"groove_width {at.b / at.a:.3g}, corner_radius {at.corner / at.a:.3g}"
+        said = f"Q = {solution.Q} for {Q}, {solution.status}"
         raise ComputationError(
-            f"scene: groove_width {at.b / at.a:.3g}, corner_radius {at.corner / at.a:.3g} of "
-            f"ridge_width, offset {at.offset:.3g}: expected a contact that can be solved, got "
-            f"Q = {solution.Q} for {Q}, {solution.status}; a truncated distribution keeps to "
-            "values whose contact can be"
+            f"scene: {shape} of ridge_width, offset {at.offset:.3g}: expected a contact that can "
+            f"be solved, got {said}; a truncated distribution keeps to values whose contact can be"
         )
     first, last = solution.ends
     on_ridges = np.array([segment.ridge is not None for segment in solution.segments])

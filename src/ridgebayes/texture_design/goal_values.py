@@ -19,7 +19,7 @@ from ridgebayes.texture_design.bodies import Bodies
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
 from ridgebayes.texture_design.goals import MOST_COUNT, Case, Goal, Load
 
-N_DRAW = 2**14  # of all that is uncertain, shared out by weight
+N_DRAW = 16_384  # of all that is uncertain, shared out by weight
 _LEAST_DRAWS = 512
 _NEGLIGIBLE = 1e-7
 Corner = tuple[float, float]

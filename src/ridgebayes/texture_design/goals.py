@@ -278,9 +278,8 @@ def _load(text: str, body: Body) -> Load:
         value = p_over_E = float(text.removesuffix("%")) / (100 if is_share else 1)
         unit = "share" if is_share else "p/E"
     except ValueError:
-        if not _WITH_UNIT.fullmatch(text):
-            value = p_over_E = math.nan
-        else:
+        value = p_over_E = math.nan
+        if _WITH_UNIT.fullmatch(text):
             (exact, unit), p_over_E = load_to_si(text), body.p_over_E(text)
             value = float(exact)
     if not 0 < p_over_E <= (1 if is_share else LARGEST_LOAD):

@@ -20,16 +20,11 @@ def lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[T
     if unknown:
         raise InputError(f"sizes: expected a, b and step, got {sorted(unknown)[0]!r}")
     ranges = [CalibratedRange.of(fit) for fit in fits]
-    calibrated = {
-        "a": [calibrated_range.ridge for calibrated_range in ranges],
-        "b": [calibrated_range.groove for calibrated_range in ranges],
-    }
+    calibrated = {"a": [seen.ridge for seen in ranges], "b": [seen.groove for seen in ranges]}
     bounds = {}
-    for name, ranges_of_width in calibrated.items():
-        low, high = sizes.get(name) or (
-            max(calibrated_range[0] for calibrated_range in ranges_of_width) / 1.5,
-            min(calibrated_range[1] for calibrated_range in ranges_of_width) * 1.5,
-        )
+    for name, pairs in calibrated.items():
+        inner = max(low for low, _ in pairs) / 1.5, min(high for _, high in pairs) * 1.5
+        low, high = sizes.get(name) or inner
         if not LEAST_WIDTH <= low <= high <= LARGEST_WIDTH:
             raise InputError(f"{name}: expected bounds 0 < LO <= HI over R, got {low:g}:{high:g}")
         bounds[name] = float(low), float(high)

@@ -298,21 +298,18 @@ def transition_curve(
         ``ok``; where no equilibrium was found there is one more row that says at which load and
         why, and none after it.
     """
-    counts, loads, status = [], [], []
+    rows: list[tuple[int, float, str]] = []
     try:
         for transition in body.transitions(p_max, most_failures=most_failures, after=after):
-            counts.append(transition.Q)
-            loads.append(transition.p_over_E)
-            status.append("ok")
+            rows.append((transition.Q, transition.p_over_E, "ok"))
             if seen is not None:
                 seen(transition)
     except NotConvergedError as failed:
-        step = 2 if body.mirrored else 1
         before = after.Q if after is not None else body.first_count
-        counts.append((counts[-1] if counts else before) + step)
-        loads.append(math.nan)
-        status.append(f"not converged: {failed}")
-    return np.array(counts, dtype=np.int64), np.array(loads), tuple(status)
+        count = (rows[-1][0] if rows else before) + (2 if body.mirrored else 1)
+        rows.append((count, math.nan, f"not converged: {failed}"))
+    counts, loads, status = zip(*rows, strict=True) if rows else ((), (), ())
+    return np.array(counts, dtype=np.int64), np.array(loads), status
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from skfem import ElementQuad2
-from skfem.quadrature import get_quadrature
-from skfem.refdom import RefQuad
 
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.cylinder.contact_problem import State
@@ -17,8 +15,6 @@ from ridgebayes.contact.cylinder.material import jacobian
 from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import replacing
-
-_ORDER = 5  # of the solid's quadrature
 
 
 def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> None:
@@ -136,7 +132,7 @@ def _with_z(plane: FloatArray) -> FloatArray:
 
 def _at_nodes(solid: Solid, values: FloatArray) -> FloatArray:
     """Return averages at nodes of values at quadrature points, (n_element, n_point, ...)."""
-    points, weights = get_quadrature(RefQuad, _ORDER)
+    points, weights = solid.quadrature
     # Weighted least squares leave out what vanishes at two Gauss points a direction, where the
     # gradient of a quadratic is most accurate.
     root = np.sqrt(weights)

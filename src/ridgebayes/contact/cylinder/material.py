@@ -49,44 +49,36 @@ class Material:
 
     def stress(self, F: FloatArray, p: FloatArray) -> FloatArray:
         """Return the first Piola-Kirchhoff stress, shape (..., 2, 2)."""
-        two = (..., None, None)
-        slopes = self._slopes(F)
-        return np.asarray(2.0 * slopes.by_s[two] * F + (slopes.by_J + p)[two] * cofactor(F))
+        by_s, by_J = self._slopes(F)[:2, ..., None, None]
+        return np.asarray(2.0 * by_s * F + (by_J + p[..., None, None]) * cofactor(F))
 
     def stiffness(self, F: FloatArray, p: FloatArray) -> FloatArray:
         """Return dP/dF at fixed p, shape (..., 2, 2, 2, 2)."""
         eye4 = np.einsum("ik,jl->ijkl", np.eye(2), np.eye(2))
-        slopes, cof, four = self._slopes(F), cofactor(F), (..., None, None, None, None)
+        four, cof = (..., None, None, None, None), cofactor(F)
+        by_s, by_J, by_ss, by_sJ, by_JJ = self._slopes(F)[four]
         mixed = np.einsum("...ij,...kl->...ijkl", F, cof)
         mixed = mixed + np.moveaxis(mixed, (-4, -3), (-2, -1))
-        tangent = 2.0 * slopes.by_s[four] * eye4 + 2.0 * slopes.by_sJ[four] * mixed
-        tangent = tangent + 4.0 * slopes.by_ss[four] * np.einsum("...ij,...kl->...ijkl", F, F)
-        tangent = tangent + slopes.by_JJ[four] * np.einsum("...ij,...kl->...ijkl", cof, cof)
+        tangent = 2.0 * by_s * eye4 + 2.0 * by_sJ * mixed
+        tangent = tangent + 4.0 * by_ss * np.einsum("...ij,...kl->...ijkl", F, F)
+        tangent = tangent + by_JJ * np.einsum("...ij,...kl->...ijkl", cof, cof)
         # The cofactor is linear: its derivative is that of unit gradients.
-        return np.asarray(tangent + (slopes.by_J + p)[four] * cofactor(eye4))
+        return np.asarray(tangent + (by_J + p[four]) * cofactor(eye4))
 
-    def _slopes(self, F: FloatArray) -> "_Slopes":
-        """Return the derivatives of the energy without its last part."""
+    def _slopes(self, F: FloatArray) -> FloatArray:
+        """Return derivatives of the energy without its last part, shape (5, ...).
+
+        By s = F:F of the plane F, by J, its determinant, and the second by ss, sJ and JJ.
+        """
         square, J = np.einsum("...ij,...ij->...", F, F), jacobian(F)
         total = np.zeros((5, *J.shape))
         for share, exponent in self.ogden:
             total += 2.0 * self.mu * share / exponent**2 * _ogden_slopes(square, J, exponent)
-        return _Slopes(*total)
-
-
-@dataclass(frozen=True, eq=False)
-class _Slopes:
-    """Derivatives of an energy by s = F:F of the plane F and by J, its determinant."""
-
-    by_s: FloatArray
-    by_J: FloatArray
-    by_ss: FloatArray
-    by_sJ: FloatArray
-    by_JJ: FloatArray
+        return total
 
 
 def _ogden_slopes(square: FloatArray, J: FloatArray, exponent: float) -> FloatArray:
-    """Return the derivatives of J^(-m/3) (l1^m + l2^m + 1), m the exponent, as of `_Slopes`.
+    """Return the derivatives of J^(-m/3) (l1^m + l2^m + 1), m the exponent, as of `_slopes`.
 
     With c = F:F/2J, the sum of both stretches' powers is 2 J^(m/2) T(c), T(cosh t) = cosh(m t/2).
     """

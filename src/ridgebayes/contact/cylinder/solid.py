@@ -74,7 +74,7 @@ class Solid:
         self._grad = np.ascontiguousarray(self._grad)
         # The same as one matrix for each element: node, and point with direction.
         self._flat = self._grad.transpose(0, 2, 1, 3).reshape(len(self.nodes), 9, -1)
-        self._weight = np.asarray(basis.dx)
+        self._weight, self.quadrature = np.asarray(basis.dx), (basis.X, basis.W)
         at = np.asarray(basis.global_coordinates())  # (2, element, point)
         centre = np.average(at, axis=2, weights=np.broadcast_to(self._weight, at.shape))
         extent = np.sqrt(self._weight.sum(axis=1))
