@@ -90,11 +90,10 @@ def cannot_write(path: Path, error: OSError) -> RidgebayesError:
     a.csv: cannot be written: No space left on device; expected a writable folder with room
     """
     why = " ".join((error.strerror or str(error)).split())
+    what = f"{path}: cannot be written: {why}"
     if isinstance(error, FileNotFoundError | NotADirectoryError) or not path.parent.is_dir():
-        return InputError(
-            f"{path}: cannot be written: {why}; expected a file in an existing folder"
-        )
-    return OutputError(f"{path}: cannot be written: {why}; expected a writable folder with room")
+        return InputError(f"{what}; expected a file in an existing folder")
+    return OutputError(f"{what}; expected a writable folder with room")
 
 
 @contextmanager
@@ -133,15 +132,12 @@ def exclusive_lock(path: Path) -> Iterator[None]:
         path.parent.stat()  # filelock would make a folder that is not there
         lock.acquire(blocking=False)
     except Timeout:
-        raise InputError(
-            f"{path}: another process is working on it; use another -o, or wait until it has ended"
-        ) from None
+        hint = "use another -o, or wait until it has ended"
+        raise InputError(f"{path}: another process is working on it; {hint}") from None
     except OSError as error:
         if error.errno not in (errno.ENOLCK, errno.ENOTSUP):  # a file system without locks
-            raise InputError(
-                f"{path}: cannot be written: {error.strerror}; expected a folder that can be "
-                "written to"
-            ) from None
+            what = f"{path}: cannot be written: {error.strerror}"
+            raise InputError(f"{what}; expected a folder that can be written to") from None
     try:
         yield
     finally:

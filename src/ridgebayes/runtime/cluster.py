@@ -41,10 +41,9 @@ def cluster(address: str) -> Iterator["ClusterExecutor"]:
         _reach(address)
         client = distributed.Client(address, timeout=_ANSWER_S, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"--scheduler {address}: no Dask scheduler answers ({error}); "
-            "expected tcp://HOST:PORT of a running scheduler"
-        ) from None
+        rule = "expected tcp://HOST:PORT of a running scheduler"
+        why = f"no Dask scheduler answers ({error})"
+        raise InputError(f"--scheduler {address}: {why}; {rule}") from None
     # A scheduler that ends is one error of the task that waits for it; Dask would log many.
     logs = [logging.getLogger(name) for name in ("distributed.client", "distributed.core")]
     levels = [log.level for log in logs]
@@ -112,17 +111,13 @@ def _pass_on(inner: "Future[Any]", outer: "Future[Any]") -> None:
     else:
         error = inner.exception()
     if isinstance(error, KilledWorker):
-        error = WorkerLostError(
-            f"this task ended {error.allowed_failures + 1} workers of the cluster; "
-            "they may need more memory"
-        )
+        ended = f"this task ended {error.allowed_failures + 1} workers of the cluster"
+        error = WorkerLostError(f"{ended}; they may need more memory")
     # Dask's scheduler reads a task as well, and wraps what it lacks in an error of its own.
     lacking = error if error is None or isinstance(error, ImportError) else error.__cause__
     if isinstance(lacking, ImportError):
-        error = InputError(
-            f"--scheduler: a package is missing on the cluster ({lacking}); expected the "
-            "same ridgebayes on its scheduler and on all its workers"
-        )
+        rule = "expected the same ridgebayes on its scheduler and on all its workers"
+        error = InputError(f"--scheduler: a package is missing on the cluster ({lacking}); {rule}")
     if error is None:
         outer.set_result(inner.result())
     else:

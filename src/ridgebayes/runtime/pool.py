@@ -111,10 +111,8 @@ class WorkerPool(futures.ThreadPoolExecutor):
                 (process,) = worker._processes.values()
                 worker.shutdown()
                 code = process.exitcode
-        raise WorkerLostError(
-            f"{_TRIES} worker processes died on this task, the last with {exit_text(code)}; "
-            "they may need more memory"
-        )
+        died = f"{_TRIES} worker processes died on this task, the last with {exit_text(code)}"
+        raise WorkerLostError(f"{died}; they may need more memory")
 
 
 def start_server(preload: Sequence[str] = ()) -> None:

@@ -93,9 +93,8 @@ def decoded(content: bytes, where: str) -> str:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
-        raise InputError(
-            f"{where}, line {line}: byte {content[error.start]:#04x} is not UTF-8; expected UTF-8"
-        ) from None
+        byte = f"byte {content[error.start]:#04x} is not UTF-8"
+        raise InputError(f"{where}, line {line}: {byte}; expected UTF-8") from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -284,14 +283,12 @@ def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: 
     data.id.chunk_iter(chunks.append)
     for chunk in chunks:
         if chunk.size > _PADDED * size + 1024:
-            raise InputError(
-                f"{where}: a chunk of {chunk.size} packed bytes; expected at most {most}"
-            )
+            packed = f"a chunk of {chunk.size} packed bytes"
+            raise InputError(f"{where}: {packed}; expected at most {most}")
         mask, packed = data.id.read_direct_chunk(chunk.chunk_offset)
         if not mask >> at & 1 and not _fits(packed, most):
-            raise InputError(
-                f"{where}: a chunk of over {most} bytes unpacked; expected what the file states"
-            )
+            unpacked = f"a chunk of over {most} bytes unpacked"
+            raise InputError(f"{where}: {unpacked}; expected what the file states")
 
 
 def _fits(packed: bytes, most: int) -> bool:

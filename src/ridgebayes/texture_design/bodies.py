@@ -137,7 +137,7 @@ class Bodies:
         seed: int,
         draws: Mapping[str, FloatArray] | None = None,
     ) -> "Bodies":
-        """Draw n of them; `given` as of `draw_scene`, with the scores of widths as ``tolerance``.
+        """Draw n of them; `draws` as of `draw_scene`, with the scores of widths as ``tolerance``.
 
         Raises
         ------
@@ -146,8 +146,8 @@ class Bodies:
         """
         widths = [name for name in scene.uncertain_names if name.endswith("_width")]
         if tolerance.size and widths:
-            both = f"tolerance, and {', '.join(widths)} of the scene"
-            raise InputError(f"{both}: expected only one of the two, got both")
+            names = f"tolerance, and {', '.join(widths)} of the scene"
+            raise InputError(f"{names}: expected only one of the two, got both")
         drawn = draw_scene(scene, n, seed, draws)
         nominal = {name: scene.textures[0].shape[name] for name in ("a", "b")}
         score = (draws or {}).get("tolerance")

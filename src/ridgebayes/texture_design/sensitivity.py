@@ -85,8 +85,8 @@ class Sources:
             score = draws
         share, measured = math.sqrt(1 - left**2), {}
         for name in members:
-            known = np.repeat(measurements[name], _N_INNER, axis=-1)
-            measured[name] = left * score[name] + share * known
+            outer = np.repeat(measurements[name], _N_INNER, axis=-1)
+            measured[name] = left * score[name] + share * outer
         if uncertain is not None:
             measured = uncertain.at_scores(score | measured, streams(seed))
         return {**draws, **measured}

@@ -36,8 +36,8 @@ CORNER = 0.4
 SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
 _ARC = 8  # segments of a round corner
 _FIRST_STEP, _LEAST_STEP = 0.1, 1e-3  # of the corner's distance
-# Of the corner's distance: with friction, on which loads depend, first steps are no longer, without
-# it twice as long. Where the rim snaps past sharp corners shorter steps take as many.
+# A share of the corner's distance: with friction, on which loads depend, first steps are no longer,
+# without it twice as long. Where the rim snaps past sharp corners shorter steps take as many.
 _LONG = 0.25
 _FEW, _MANY = 6, 10  # Newton steps, of which fewer let that distance double, and more halve it
 _PASSING = 1e4  # tolerances by which states between transitions may be off: 10^-5 of the load
