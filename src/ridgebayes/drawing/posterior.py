@@ -24,9 +24,7 @@ from ridgebayes.runtime.quiet import import_arviz
 from ridgebayes.runtime.text import short_label
 
 _N_BINS = 40
-_MAX_IQRS_SHOWN = (
-    4  # interquartile ranges around the middle that are shown; outliers would squeeze the rest
-)
+_MAX_IQRS_SHOWN = 4  # interquartile ranges around the middle; outliers would squeeze the rest
 
 
 @styled()

@@ -219,7 +219,7 @@ def rows_by_texture(frame: pd.DataFrame) -> dict[tuple[float, float], pd.DataFra
 
 
 def as_bytes(figure: Figure, kind: str) -> bytes:
-    """Return a figure as a ``png`` (180 dpi), ``svg`` or ``pdf`` file; equal figures give equal bytes."""
+    """Return a figure as a ``png`` (180 dpi), ``svg`` or ``pdf`` file; output is deterministic."""
     file = io.BytesIO()
     with styled():
         lay_out(figure)

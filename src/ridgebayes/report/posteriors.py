@@ -27,7 +27,7 @@ TINY = 1e-4  # values of sigma shown as "<": an error of 0.01 per cent of the lo
 
 
 def coefficients_section(data: ReportData) -> list[Block]:
-    """Return every coefficient with least squares on Q, and published values for the study's sweep."""
+    """Return every coefficient, with least squares on Q, and published values if they apply."""
     n_more = sum(max(len(fit.summary) - MOST_ROWS, 0) for fit in data.comparison.fits.values())
     others = [name for name in data.ranked if name != data.shown]
     blocks: list[Block] = [

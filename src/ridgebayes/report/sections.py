@@ -42,23 +42,19 @@ def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
             continue
         blocks: list[Block] = []
         for section, heading, blocks_of in _PARTS:
-            if section == anchor and (
-                kept := _drop_missing_figures(blocks_of(subject.data), drawn)
-            ):
+            if section == anchor and (kept := _applicable(blocks_of(subject.data), drawn)):
                 blocks += [Heading(heading), *kept] if heading else kept
         if blocks:
             sections.append(Section(title, anchor, blocks))
     return sections
 
 
-def _drop_missing_figures(
-    blocks: Sequence[Block], drawn: Mapping[bool, Container[str]]
-) -> list[Block]:
+def _applicable(blocks: Sequence[Block], drawn: Mapping[bool, Container[str]]) -> list[Block]:
     """Return blocks without figures that do not apply, and without details that become empty."""
     kept: list[Block] = []
     for block in blocks:
         if isinstance(block, Folded):
-            inner = _drop_missing_figures(block.blocks, drawn)
+            inner = _applicable(block.blocks, drawn)
             kept += [replace(block, blocks=inner)] if inner else []
         elif not isinstance(block, Picture) or block.name in drawn[block.of_reference]:
             kept.append(block)

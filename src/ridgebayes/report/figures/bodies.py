@@ -26,21 +26,14 @@ _RIDGE, _RIDGE_LINE = "#B8B8B8", "#555555"
 # Upper end of the colour scale of the von Mises stress, over the mean contact pressure. It is above
 # the stress under a smooth contact and below the stress near sharp corners.
 _MAX_MISES_OVER_MEAN = 0.8
-_SIDE_NODES = [
-    [k, k + 4, (k + 1) % 4] for k in range(4)
-]  # nodes of an element's sides: end, mid, end
-_BOUNDARY_NODES = [
-    node for start, middle, _ in _SIDE_NODES for node in (start, middle)
-]  # eight triangles
-_WIDTH_OVER_CONTACT, _HEIGHT_OVER_WIDTH = (
-    1.2,
-    0.68,
-)  # close-up: half width over the contact's, and height over half width
+# Nodes of an element: end, middle and end of each side, and around its boundary.
+_SIDES = [[k, k + 4, (k + 1) % 4] for k in range(4)]
+_BOUNDARY = [node for start, middle, _ in _SIDES for node in (start, middle)]
+# Close-up: its half width over that of the contact, and its height over its half width.
+_WIDTH_OVER_CONTACT, _HEIGHT_OVER_WIDTH = 1.2, 0.68
 _SHARE_BELOW_BODY = 0.1  # share of the close-up's height below the body
 _ARC = np.linspace(0.0, 0.5 * math.pi, 13)
-_MAX_PRESSURE_OVER_MEAN = (
-    3.0  # top of the axis over the mean contact pressure: peaks at sharp corners are cut
-)
+_MAX_PRESSURE_OVER_MEAN = 3.0  # in the contact; peaks at sharp corners are cut
 
 
 @styled()
@@ -174,11 +167,11 @@ class _Mesh:
             elements = np.concatenate([elements, elements + solid.n_node])
             self.points = np.concatenate([self.points, self.points * [-1.0, 1.0]])
             self._mises = np.tile(self._mises, 2)
-        around = elements[:, _BOUNDARY_NODES]
+        around = elements[:, _BOUNDARY]
         centre = np.broadcast_to(elements[:, 8:], around.shape)
         triangles = np.stack([centre, around, np.roll(around, -1, axis=1)], axis=-1)
         self._triangles = triangles.reshape(-1, 3)
-        sides = elements[:, _SIDE_NODES].reshape(-1, 3)
+        sides = elements[:, _SIDES].reshape(-1, 3)
         self._sides = sides[np.unique(sides[:, 1], return_index=True)[1]]
 
     def draw(self, axes: Axes, width: float) -> None:

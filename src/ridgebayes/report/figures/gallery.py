@@ -213,6 +213,7 @@ def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False)
         Maximum number of parameters shown.
     published : bool, optional
         Whether to mark the study's coefficients, if the form has any.
+
     Returns
     -------
     matplotlib.figure.Figure
