@@ -25,7 +25,7 @@ from ridgebayes.errors import InputError
 MAX_UNKNOWNS = 7000
 _FIRST_BATCH = 4
 _MAX_SOLVES = 5
-_TOO_FAR = "not converged: estimated relative error {:.1e}"
+_NOT_CONVERGED = "not converged: estimated relative error {:.1e}"
 
 
 def transition_loads(
@@ -200,7 +200,7 @@ def _solve_checked(
     status = []
     for k in range(n_transitions):
         if not rel_error[k] <= rel_tol:
-            status.append(_TOO_FAR.format(rel_error[k]))
+            status.append(_NOT_CONVERGED.format(rel_error[k]))
         elif not 0.01 * fine.tail[k] ** 2 <= rel_tol:  # the load errs by under 0.01 tail^2
             status.append(f"not converged: coefficient tail {fine.tail[k]:.1e}")
         elif not fine.smallest_pressure[k] > 0.0:

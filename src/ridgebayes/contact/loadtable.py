@@ -1,4 +1,4 @@
-"""The record of transition loads: numbers, their status, and the checks behind it."""
+"""Record of transition loads with their status and error."""
 
 from dataclasses import dataclass, fields
 from typing import Any
@@ -10,24 +10,24 @@ from ridgebayes._types import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class HalfPlaneLoads:
-    """Dimensionless transition loads F_1 ... F_n of one ratio of groove to ridge width.
+    """Dimensionless transition loads F_1 ... F_n for a ratio of groove to ridge width.
 
     Attributes
     ----------
     F : ndarray of float, shape (n_transition,), dimensionless
-        p/E (1 - nu^2) (R/pitch)^2 at which Q = 2 + 2k, k = 1 ... n. NaN where nothing was
-        computed; a number with a status other than ``"ok"`` missed the tolerance or a check.
+        p/E (1 - nu^2) (R/pitch)^2 at which Q = 2 + 2k, k = 1 ... n. NaN if not computed; a number
+        whose status is not ``"ok"`` violates the tolerance or a check.
     status : tuple of str, shape (n_transition,)
-        ``"ok"``, or what failed.
+        ``"ok"``, or the failed check.
     n_coefficients : ndarray of int, shape (n_transition,), count
-        Chebyshev coefficients per strip; 0 where nothing was solved.
+        Chebyshev coefficients per strip; 0 if not computed.
     rel_error : ndarray of float, shape (n_transition,), dimensionless
-        Estimated relative error of F: change from the solve with an eighth fewer coefficients,
-        plus rounding. NaN where nothing was computed.
+        Estimated relative error of F: change from the solution with an eighth fewer coefficients,
+        plus rounding. NaN if not computed.
 
     Notes
     -----
-    All arrays are made read-only: the cache returns the same arrays to every caller.
+    The arrays are read-only, because the cache returns the same arrays to every caller.
     """
 
     F: FloatArray
@@ -41,7 +41,7 @@ class HalfPlaneLoads:
                 getattr(self, column.name).flags.writeable = False
 
     def p_over_E(self, pitch_over_R: float, *, nu: float = 0.5) -> FloatArray:
-        """Scale to one texture: p/E = (pitch/R)^2 F_k / (1 - nu^2).
+        """Scale the loads to a texture: p/E = (pitch/R)^2 F_k / (1 - nu^2).
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class HalfPlaneLoads:
         return pitch_over_R**2 * self.F / (1.0 - nu**2)
 
     def part(self, part: slice) -> "HalfPlaneLoads":
-        """Return some of the transitions, as views."""
+        """Return a slice of the transitions, as views."""
         parts: list[Any] = [getattr(self, column.name)[part] for column in fields(self)]
         return HalfPlaneLoads(*parts)
 
@@ -79,7 +79,7 @@ class HalfPlaneLoads:
 
     @classmethod
     def not_computed(cls, n_transitions: int, reason: str) -> "HalfPlaneLoads":
-        """Return a record without a number, saying why."""
+        """Return a record without numbers, with a reason."""
         status = (f"not computed: {reason}",) * n_transitions
         F, n = np.full(n_transitions, np.nan), np.zeros(n_transitions, dtype=np.int64)
         return cls(F, status, n, F.copy())
