@@ -55,7 +55,6 @@ def coverage(
         the same priors saves drawing from its posteriors again.
     noises : sequence of str or Noise, optional
         Error models; all if not given.
-        Error models; all if not given.
     probs : sequence of float, optional
         Probabilities of the simulation bands: equal-tailed intervals of the load.
     rng : int or numpy.random.Generator, optional

@@ -9,7 +9,7 @@ from ridgebayes._types import NEO_HOOKEAN, FloatArray, Ogden
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.newton import NotConvergedError
 
-# Share of a contact's segments used to find its end, and last segments left out, covered in part.
+# Share of a contact's segments that determine its end, and number of partly covered last segments.
 _FITTED_SHARE, _SEGMENTS_SKIPPED = 0.4, 3
 _LOADS = Path(__file__).with_name("stiffening_loads.csv")  # largest load of each mesh, and loads
 # The ratio of two materials needs few edges.

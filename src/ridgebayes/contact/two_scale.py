@@ -226,8 +226,8 @@ def relative_error(
     loads = load_factor(0.0) * (1 - np.square(nu)) * half_plane_load(p_over_E, nu, ogden)
     borne = [2 * bearing_half_width(profile, W) for W in loads.ravel().tolist()]
     ridge = np.reshape(borne, loads.shape)
-    # Relative increase of the contact width by ridges, from the compliance between them
-    # (docs/derivations/half-plane.md, "Very many ridges"), and 0.1 for small values.
+    # Increase of the contact width by ridges: half their compliance, in pitches
+    # (docs/derivations/half-plane.md, "Very many ridges"), and a margin of 0.1.
     compliance = -np.log(np.sin(0.5 * math.pi * ridge / pitch))
     further = pitch * (0.1 + 0.5 * compliance)
     by_ridges = 1.0 - (width / (width + further)) ** 2

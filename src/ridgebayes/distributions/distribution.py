@@ -76,7 +76,7 @@ class Distribution(ABC):
 
     @abstractmethod
     def value_at(self, u: FloatArray | float) -> FloatArray:
-        """Return the values with given normal scores, the quantile function of the normal CDF.
+        """Return the values with given normal scores.
 
         Parameters
         ----------

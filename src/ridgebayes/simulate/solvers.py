@@ -128,7 +128,6 @@ def transition_curves(
     dict
         Columns of the contact table as values of JSON: a number or text if all rows are equal,
         else a list.
-        have the same, else a list.
 
     Raises
     ------

@@ -34,7 +34,7 @@ TRANSITION, COUNT = "transition", "count"
 CALIBRATION, HELD_OUT = "calibration", "held-out"
 OK = "ok"
 _MAX_COLUMNS_LISTED, _MAX_LENGTH = 50, 80  # in messages; characters of each name
-LARGEST_Q = 2**53  # largest Q that a float represents exactly
+LARGEST_Q = 2**53  # integers up to it are exact as floats
 
 # Within these limits the load of any countable Q is a float of full precision.
 LEAST_WIDTH, LARGEST_WIDTH, LARGEST_LOAD = 1e-50, 1e50, 1e300

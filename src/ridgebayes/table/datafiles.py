@@ -53,7 +53,6 @@ def paper_sweep() -> ContactTable:
     ------
     InputError
         If the file is not shipped.
-        If the file was not shipped.
 
     Examples
     --------

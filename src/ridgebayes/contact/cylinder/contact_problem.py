@@ -124,7 +124,6 @@ class ContactProblem:
             Segments to ignore, whose gaps are set to infinity.
         ahead : float, optional, over R
             Distance over which rays look for the body.
-            Distance over which rays look for the body.
         """
         rim = self.rim(state)
         rays = self.faces.rays(np.concatenate([rim[:, 0], rim[-1:, 2]]), state.rise)

@@ -37,7 +37,7 @@ CORNER = 0.4
 SEGMENT = 1.25  # edges: length of other segments; shorter ones are not resolved by the edges
 _ARC_SEGMENTS = 8  # segments of a round corner
 _FIRST_SHARE, _MIN_SHARE = 0.1, 1e-3  # step as a share of the corner's distance
-_MAX_FIRST, _MAX_FIRST_FRICTION = 0.5, 0.25  # first share; with friction loads depend on the path
+_MAX_FIRST, _MAX_FIRST_FRICTION = 0.5, 0.25  # largest; with friction loads depend on the path
 # Fewer Newton steps than these double the share, more than the last halve it if it is long.
 _FEW_STEPS, _FEW_FRICTION, _MANY_STEPS = 8, 6, 10
 _LONG_SHARE = 0.25  # where the rim snaps past sharp corners, short steps need as many Newton steps
