@@ -88,10 +88,10 @@ def percent_errors(
         a_over_R, b_over_R, Q, role, p_over_E, percent. A positive error means that the form
         overestimates the load. The power law has no row for a texture without K.
     """
-    wanted = shown_textures(comparison) if textures is None else textures
+    selected = shown_textures(comparison) if textures is None else textures
     frame = predicted_rows(comparison.table)
     blocks = []
-    for a, b in wanted:
+    for a, b in selected:
         rows = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)].sort_values("Q")
         q, p, nu = (rows[name].to_numpy() for name in ("Q", "p_over_E", "nu"))
         for name, fit in comparison.fits.items():

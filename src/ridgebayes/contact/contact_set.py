@@ -62,8 +62,8 @@ class ContactSet:
         """Guess a new contact at the segment's point nearest to the centre."""
         low, high = segment.flat
         at = min(max(0.0, low), high)
-        wanted = max(W / max(abs(at), math.sqrt(W)), 1e-6 * at)
-        width = 0.5 * min(segment.stop - segment.start, wanted)
+        guess = max(W / max(abs(at), math.sqrt(W)), 1e-6 * at)
+        width = 0.5 * min(segment.stop - segment.start, guess)
         if low < 0 < high:
             return self._within(segment, -width, width)
         into = width if segment.corner else 0.0  # at a sharp corner contact begins

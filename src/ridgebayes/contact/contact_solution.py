@@ -225,10 +225,10 @@ def bearing_half_width(profile: Profile, W: float) -> float:
     """
     corner, pitch = profile.corner, profile.pitch
     flat = corner + 0.5 * profile.b  # distance from a groove's middle
-    wanted = 1.2 * 0.5 * math.pi * math.sqrt(2 * W) * corner / flat
-    tau = wanted + 1.0
+    pressure = 1.2 * 0.5 * math.pi * math.sqrt(2 * W) * corner / flat
+    tau = pressure + 1.0
     for _ in range(6):  # Newton steps, all from above
-        tau -= (tau - math.tanh(tau) - wanted) / math.tanh(tau) ** 2
+        tau -= (tau - math.tanh(tau) - pressure) / math.tanh(tau) ** 2
     free = pitch / math.pi * math.asin(math.sin(math.pi * flat / pitch) / math.cosh(tau))
     return min(0.5 * profile.a, 0.5 * pitch - free)
 

@@ -180,15 +180,15 @@ def load_of(half_plane: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKE
     >>> round(float(load_of(half_plane_load(0.2))), 12)
     0.2
     """
-    wanted, nu = np.broadcast_arrays(np.asarray(half_plane, float), np.asarray(nu, float))
+    loads, nu = np.broadcast_arrays(np.asarray(half_plane, float), np.asarray(nu, float))
     by_material, reach = _body(nu, ogden)
-    within = wanted <= half_plane_load(reach, nu, ogden)
-    p = np.where(within, wanted, np.nan)
+    within = loads <= half_plane_load(reach, nu, ogden)
+    p = np.where(within, loads, np.nan)
     for _ in range(_NEWTON_STEPS):
         root = np.sqrt(p)
         ratio, slope = _polynomial(root, nu, by_material)
         # d(p r^2)/dp = r^2 + r sqrt(p) dr/dsqrt(p)
-        p = np.minimum(p + (wanted - p * ratio**2) / (ratio * (ratio + root * slope)), reach)
+        p = np.minimum(p + (loads - p * ratio**2) / (ratio * (ratio + root * slope)), reach)
     return p
 
 

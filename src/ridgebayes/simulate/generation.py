@@ -135,11 +135,11 @@ def generate(
         raise InputError(f"solver = {solver!r}: must be one of {', '.join(solvers.SOLVERS)}")
     if accuracy not in LOAD_PRESETS:
         raise InputError(f"accuracy: expected one of {', '.join(LOAD_PRESETS)}, got {accuracy!r}")
-    scene, wanted = as_scene(scene), LOAD_PRESETS[accuracy]
+    scene, preset = as_scene(scene), LOAD_PRESETS[accuracy]
     if pressed is not None and (executor is not None or journal is not None):
         raise InputError("pressed: cannot be combined with executor or journal")
     if rel_tol is None:
-        rel_tol = min(wanted.load_error, scene.relative or wanted.load_error)
+        rel_tol = min(preset.load_error, scene.relative or preset.load_error)
     if solver in ("hertz", "cylinder-linear"):
         refused = [
             f"scene: textures[{number}]: {name}: is not simulated by {solver!r}"
@@ -149,7 +149,7 @@ def generate(
         if refused:
             raise InputError("\n".join(refused))
     beyond_reach(scene, solver)
-    tasks = _tasks(scene.at_medians(), solver, rel_tol, wanted.meshes)
+    tasks = _tasks(scene.at_medians(), solver, rel_tol, preset.meshes)
     solve = functools.partial(_solved, pressed=pressed) if pressed is not None else _solved
     results = _results_of(tasks, solve, executor, journal, progress)
     if problems := [text for text in results if isinstance(text, str)]:

@@ -250,9 +250,9 @@ def _two_scale(curve: Json, profile: Profile, ogden: Ogden) -> Json:
 def friction_refused(scene: Scene, planned: Plan, solver: str) -> str:
     """Return a message if friction must not be neglected, or an empty text if it may be."""
     friction = next((effect for effect in planned.effects if effect.name == "friction"), None)
-    wanted = max(scene.relative or 0.0, FINITE_ELEMENT_ERROR if solver == "auto" else 0.0)
+    limit = max(scene.relative or 0.0, FINITE_ELEMENT_ERROR if solver == "auto" else 0.0)
     by_elements = (planned.solver if solver == "auto" else solver) == "cylinder-fe"
-    if friction is None or by_elements or friction.estimate <= wanted:
+    if friction is None or by_elements or friction.estimate <= limit:
         return ""
     return (
         f"friction = {scene.friction!r}: changes loads by up to {friction.estimate:.2g}, "

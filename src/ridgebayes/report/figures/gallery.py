@@ -164,8 +164,8 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     for name in data.ranked:
         fit = comparison.fits[name]
         recipes[f"corner-{name}"] = partial(corner_of, fit, published=data.is_paper_sweep)
-    wanted = recipes if data.preset.extras else _QUICK_FIGURES
-    return {name: recipe for name, recipe in recipes.items() if recipe and name in wanted}
+    selected = recipes if data.preset.extras else _QUICK_FIGURES
+    return {name: recipe for name, recipe in recipes.items() if recipe and name in selected}
 
 
 def _bands(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
