@@ -19,7 +19,7 @@ COLUMNS = ["parameter", "prior", "likelihood", "diagnosis"]
 THRESHOLD = 0.05  # sensitivity of a normal distribution whose mean moves by about 0.1 sd
 CONFLICT = "prior-data conflict"
 STRONG_PRIOR = "strong prior or weak likelihood"
-_STEP = 0.01  # alpha is 1.01 and 1/1.01
+_ALPHA_STEP = 0.01  # alpha is 1.01 and 1/1.01
 
 
 def power_scaling(fit: Posterior) -> pd.DataFrame:
@@ -80,7 +80,7 @@ def sensitivities(draws: FloatArray, log_component: FloatArray) -> FloatArray:
         Cumulative Jensen-Shannon distance over abs(log2 alpha), averaged over alpha = 1.01, 1/1.01.
     """
     total = np.zeros(draws.shape[1])
-    for alpha in (1 + _STEP, 1 / (1 + _STEP)):
+    for alpha in (1 + _ALPHA_STEP, 1 / (1 + _ALPHA_STEP)):
         log_weight, _ = pareto_smoothed((alpha - 1) * log_component)
         weight = np.exp(log_weight)
         # The distance is not symmetric in the sign of x: the larger value is used.

@@ -18,7 +18,7 @@ from ridgebayes.inference.target import ModelTarget
 from ridgebayes.runtime.randomness import stream
 
 OUTER = 0.01  # tail probability of a prior beyond which a posterior mean is remarkable
-_MAX_PARAMETERS = 20  # above it a repeat takes more than some seconds
+_MAX_PARAMETERS = 20  # of a posterior that is repeated in seconds
 
 
 @dataclass(frozen=True)

@@ -222,7 +222,7 @@ class Cylinder:
             count = self.first_count + (2 * high if self.mirrored else high - low)
             load = self.p_over_E(state)
             yield Transition(corner.ridge, count, load, state)
-            # Loads grow faster than the square of the corners' distance: as the square for a smooth
+            # Loads grow at least as the square of the corners' distance: as the square for a smooth
             # body, faster with grooves, and still 1 % faster at finite strain and p/E = 0.06.
             corners = self._ahead(profile, low, high)
             further = min(abs(next_corner.centre[0]) for next_corner in corners)

@@ -18,7 +18,7 @@ from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import replacing
 
-_QUADRATURE_ORDER = 5  # of the solid's quadrature
+_QUADRATURE_ORDER = 5  # as in `Solid`
 
 
 def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> None:

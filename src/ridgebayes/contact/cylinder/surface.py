@@ -251,7 +251,7 @@ def distance(rim: FloatArray, point: FloatArray) -> tuple[float, int, FloatArray
     first = slopes(s[i]) @ at[i]
     out = np.array([first[1], -first[0]]) / np.hypot(*first)
     away = -x[i]
-    # At a kink between edges the nearest point is the node, and the direction is not a normal.
+    # At a kink between edges the nearest point is the node; the direction is between normals.
     size_of = np.hypot(*away)
     if s[i] in (0.0, 1.0) and size_of > 0:
         out = away / size_of * (-1.0 if away @ out < 0 else 1.0)
