@@ -19,7 +19,7 @@ BUDGETS = {
     "runtime": 774,
     "distributions": 496,  # with those of SciPy
     "drawing": 986,
-    "contact": 3_168,  # reads the loads of stiffening from a file
+    "contact": 3_170,  # reads the loads of stiffening from a file
     "table": 643,  # with the check for plain CSV that import uses too: pandas reads it faster
     "scene": 1_300,  # with loads as they are typed, which were in commands and texture_design
     "simulate": 497,

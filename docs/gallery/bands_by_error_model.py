@@ -1,10 +1,10 @@
 """How much does the error model change?
 =====================================
 
-Bands on each load of a texture that was not fitted. With independent rows (iid) all bands are
-equally wide, and that of Q = 4 just misses. A form's error at a given count repeats from texture
-to texture. The error model texture+step learns this error from the other textures: its bands are a
-quarter as wide, and contain the loads.
+The figure shows bands on each load of a texture that was not fitted. With independent rows (iid)
+all bands are equally wide, and the band of Q = 4 just misses the load. At a given count the error
+of a form is similar on all textures. The error model texture+step learns this error from the fitted
+textures: its bands are a quarter as wide, and contain the loads.
 
 .. image:: images/sphx_glr_bands_by_error_model_001.png
    :alt: How much does the error model change?

@@ -1,8 +1,8 @@
 """Where does each form get loads wrong?
 =====================================
 
-Loads of three forms, fitted to the same rows, relative to those of the half-plane equation. A
-form's error is not noise: it depends on Q and on the texture, and repeats exactly.
+The figure shows loads of three forms, fitted to the same rows, relative to loads of the half-plane
+equation. The error of a form is not noise: it depends only on Q and on the texture.
 
 .. image:: images/sphx_glr_errors_of_the_forms_001.png
    :alt: Where does each form get loads wrong?

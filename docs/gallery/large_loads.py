@@ -1,9 +1,9 @@
 """When does small strain stop being enough?
 =========================================
 
-Loads of the half-plane equation, relative to those of a body under large deformation, such as a
-fingertip. `--solver auto` and `ridgebayes plan` choose by this difference and the accuracy asked
-for.
+The figure shows loads of the half-plane equation, relative to loads of a body under large
+deformation, such as a fingertip. `--solver auto` and `ridgebayes plan` choose by this difference
+and the required accuracy.
 
 .. image:: images/sphx_glr_large_loads_001.png
    :alt: When does small strain stop being enough?

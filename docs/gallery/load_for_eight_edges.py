@@ -2,7 +2,7 @@
 ============================================================
 
 Loads measured on a test rig scatter. Here the loads of four textures have 8 % of simulated noise.
-The fit infers that scatter from the rows, and answers with a probability for each load.
+The fit infers the scatter from the rows, and answers with a probability for each load.
 
 .. image:: images/sphx_glr_load_for_eight_edges_001.png
    :alt: At which load are eight edges reached, and how sure is that?

@@ -2,8 +2,8 @@
 =================================================
 
 The load at which a body reaches its next ridge is proportional to its modulus. The half-plane form
-has one coefficient c, which scales loads by 1/c². With a guess of E the table's ratios p/E are off
-by guess over truth, and E is the guess over c².
+has one coefficient c, which scales loads by 1/c². With a guess of E the ratios p/E of the table are
+the true ratios times truth over guess, so the true E is the guess over c².
 
 Here the body is a finite-element cylinder of 60 kPa, whose loads scatter by 3 %. The guess is 45
 kPa. The prior of c is wide, since the guess may be far off.

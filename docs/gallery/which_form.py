@@ -2,8 +2,8 @@
 ================================================
 
 ln BF compares how well two forms, with their priors, predict the rows. It depends on the error
-model: each point assumes one. The rows contradict error models below −10 in the right panel, and
-these carry no weight.
+model: each point assumes one error model. The rows contradict error models below −10 in the right
+panel, and these carry no weight.
 
 .. image:: images/sphx_glr_which_form_001.png
    :alt: Which form do the loads support, and how firmly?

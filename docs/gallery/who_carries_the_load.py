@@ -1,8 +1,8 @@
 """Which ridges carry the load?
 ============================
 
-How the load is shared among the ridges on one side, counted from the middle. A ridge that was just
-reached carries nothing yet: the count rises before the new pair matters.
+The figure shows the shares of the ridges on one side, counted from the middle. A ridge that was
+just reached carries no load yet: the count rises before the new pair carries load.
 
 .. image:: images/sphx_glr_who_carries_the_load_001.png
    :alt: Which ridges carry the load?

@@ -12,7 +12,7 @@ from jax.scipy.special import ndtr, ndtri
 from numpyro.infer import MCMC, NUTS
 from scipy import stats
 
-BASES = {  # of truncated ones
+BASES = {  # base of a truncated prior
     "normal": lambda t: stats.norm(t["mean"], t["sd"]),
     "log-normal": lambda t: stats.lognorm(t["log_sd"], scale=t["median"]),
     "half-normal": lambda t: stats.halfnorm(scale=t["sd"]),

@@ -7,7 +7,7 @@ import numpy as np
 import stan
 from scipy import stats
 
-BASES = {  # of truncated ones
+BASES = {  # base of a truncated prior
     "normal": lambda t: stats.norm(t["mean"], t["sd"]),
     "log-normal": lambda t: stats.lognorm(t["log_sd"], scale=t["median"]),
     "half-normal": lambda t: stats.halfnorm(scale=t["sd"]),

@@ -1,6 +1,6 @@
-"""ridgebayes: how many ridges a soft body touches, how sure that is, and which model to believe.
+"""ridgebayes: count the ridges that a soft body touches, with uncertainty and model comparison.
 
-The whole pipeline, from the embedded sweep to a band on Q and a Bayes factor:
+The pipeline, from a generated sweep to a band on Q:
 
 >>> import ridgebayes as rb
 >>> table = rb.generate(rb.Scene.paper())
@@ -9,7 +9,7 @@ The whole pipeline, from the embedded sweep to a band on Q and a Bayes factor:
 >>> int(q.median()), [int(bound) for bound in q.interval(0.9)]
 (8, [8, 8])
 
-Names load on first use: `import ridgebayes` itself costs next to nothing.
+Names are imported on first use, so `import ridgebayes` is fast.
 """
 
 from importlib import import_module
@@ -85,7 +85,7 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
+if TYPE_CHECKING:  # "as" marks a name as re-exported for type checkers
     from ridgebayes._types import __version__ as __version__
     from ridgebayes.checks.cost import cost as cost
     from ridgebayes.checks.coverage import coverage as coverage

@@ -1,4 +1,4 @@
-"""Array aliases for signatures, the version, ln(2 pi), and how records show themselves."""
+"""Array aliases for signatures, the version, ln(2 pi), and the base class of tabular records."""
 
 import math
 from abc import ABC, abstractmethod
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:  # heavy
+if TYPE_CHECKING:  # slow to import
     import pandas as pd
 
 __version__ = "0.1.0"
@@ -19,7 +19,7 @@ IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 Rng: TypeAlias = np.random.Generator | int
 Json: TypeAlias = dict[str, Any]
-# Terms of a body: shares of its shear modulus, exponents (`contact.cylinder.material.Material`).
+# Terms (share of the shear modulus, exponent) of `contact.cylinder.material.Material`.
 Ogden: TypeAlias = tuple[tuple[float, float], ...]
 NEO_HOOKEAN: Ogden = ((1.0, 2.0),)
 
@@ -27,14 +27,14 @@ _ROWS_SHOWN = 20
 
 
 class Tabular(ABC):
-    """A record that is shown as a table: in a notebook its first rows, below its short form."""
+    """Base class of records shown in a notebook as a table of their first rows."""
 
     @abstractmethod
     def to_dataframe(self) -> "pd.DataFrame":
         """Return the record as a table."""
 
     def _first_rows(self, n: int) -> "pd.DataFrame":
-        """Return at most the first `n` rows; for records whose rows cost time."""
+        """Return at most the first `n` rows; overridden if computing rows is slow."""
         return self.to_dataframe().head(n)
 
     def _repr_html_(self) -> str:

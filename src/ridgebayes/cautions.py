@@ -1,4 +1,4 @@
-"""Cautions that a fit or a comparison prints beside its answer."""
+"""Cautions that a fit or comparison prints with its result."""
 
 import warnings
 from collections.abc import Collection, Mapping
@@ -25,13 +25,13 @@ _ONE_SERIES = (
     "cannot be told from what sets textures apart, and bands are for a new series. If all rows "
     "come from one rig or solver, give them one series label."
 )
-_CONFLICT = 4.0  # prior sds from a prior's centre at which loads contradict it
-# A groove ten times as wide as its ridge lowers the load of Q = 4 to 0.4 of a smooth body's; a unit
-# that is not the one expected changes loads by ten or a thousand.
-_OTHER_UNITS = 5.0
-_MOST_LOAD = 0.5  # p/E to which two scales reach, the furthest of all solvers
+_MAX_PRIOR_SDS = 4.0  # distance from a prior's centre above which loads contradict it
+# A groove ten times as wide as its ridge reduces the load of Q = 4 to 0.4 of a smooth body's; wrong
+# units change loads by a factor of ten or a thousand.
+_MAX_LOAD_OVER_SMOOTH = 5.0
+_MAX_LOAD = 0.5  # p/E; limit of the two-scale solver, the highest of all solvers
 _CHECK = "Check that widths are over R and loads are p/E"
-_98_PERCENT = 2.326  # prior sds on either side
+_98_PERCENT = 2.326  # sds; half-width of a 98 % interval of a normal
 
 
 def cautions(
@@ -40,18 +40,18 @@ def cautions(
     selected: Noise,
     posteriors: Mapping[str, Posterior],
 ) -> dict[str, tuple[str, ...]]:
-    """Return sentences on the table, the error model, and priors that the loads contradict.
+    """Return sentences on the table, the error model, and priors contradicted by the loads.
 
     Parameters
     ----------
     table : ContactTable
-        Table that was fitted.
+        Fitted table.
     noises : collection of str
-        Error models that were weighed.
+        Names of the error models that were compared.
     selected : Noise
-        Error model under which parameters are shown.
+        Error model whose parameters are shown.
     posteriors : mapping of str to Posterior
-        By form: posteriors whose priors are compared with the loads.
+        Posteriors whose priors are compared with the loads, by form.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def cautions(
     if selected.caution and len(noises) == 1:
         sentences.append(_OF_NOISE.get(selected.caution, selected.caution))
     times = _times_smooth(table)
-    if not 1 / _OTHER_UNITS <= times <= _OTHER_UNITS:
+    if not 1 / _MAX_LOAD_OVER_SMOOTH <= times <= _MAX_LOAD_OVER_SMOOTH:
         sentences.append(
             f"The loads are {times:.2g} times those that make a smooth body touch as far (Hertz, "
             f"median of the rows). {_CHECK}."
@@ -81,16 +81,16 @@ def cautions(
 
 
 def warn_of(sentences: Collection[str]) -> None:
-    """Warn of cautions at the line that called a public function."""
+    """Warn of each caution at the line that called a public function."""
     for sentence in sentences:
         warnings.warn(sentence, CautionWarning, stacklevel=3)
 
 
 def _beyond_any_body(table: ContactTable) -> list[str]:
-    """Say how many rows a soft cylinder cannot have; nothing where it can have all."""
+    """Return sentences on rows that are impossible for a soft cylinder."""
     rows = table.calibration.frame
     a, b, Q = rows["a_over_R"], rows["b_over_R"], rows["Q"]
-    reach = b / 2 + (Q / 2 - 1) * (a + b)  # of the last proximal edge, from the axis
+    reach = b / 2 + (Q / 2 - 1) * (a + b)  # distance of the last proximal edge from the axis
     sentences = []
     if n := int((reach > 1).sum()):
         worst = rows.iloc[int(reach.argmax())]
@@ -99,18 +99,18 @@ def _beyond_any_body(table: ContactTable) -> list[str]:
             f"{worst['a_over_R']:g}, b/R = {worst['b_over_R']:g} ends {reach.max():.2g} R from the "
             f"axis. {_CHECK}."
         )
-    if n := int((rows["p_over_E"] > _MOST_LOAD).sum()):
+    if n := int((rows["p_over_E"] > _MAX_LOAD).sum()):
         sentences.append(
-            f"{count(n, 'row')} with p/E above {_MOST_LOAD:g}, up to {rows['p_over_E'].max():.3g}: "
+            f"{count(n, 'row')} with p/E above {_MAX_LOAD:g}, up to {rows['p_over_E'].max():.3g}: "
             f"no model here holds there. {_CHECK}."
         )
     return sentences
 
 
 def _times_smooth(table: ContactTable) -> float:
-    """Return the median ratio of a table's loads to Hertz' for a smooth body; 1 without loads."""
+    """Return the median ratio of a table's loads to Hertz's for a smooth body; 1 without loads."""
     rows = table.calibration.frame
-    rows = rows[(rows["kind"] == "transition") & (rows["Q"] >= 4)]  # two ridges touch at no load
+    rows = rows[(rows["kind"] == "transition") & (rows["Q"] >= 4)]  # Q = 2 is reached at no load
     if not len(rows):
         return 1.0
     Q, a, b, nu = (rows[name].to_numpy() for name in ("Q", "a_over_R", "b_over_R", "nu"))
@@ -118,11 +118,11 @@ def _times_smooth(table: ContactTable) -> float:
 
 
 def _contradicted(fit: Posterior) -> list[str]:
-    """Say which coefficient lies far outside its prior; nothing where none does."""
+    """Return a sentence on the coefficient farthest outside its prior, if there is one."""
     means, priors = fit.summary.set_index("parameter")["mean"], fit.model.priors
     scores = {name: float(priors[name].score(means[name])) for name in fit.form.parameter_names}
     worst = max(scores, key=lambda name: abs(scores[name]))
-    if not abs(scores[worst]) > _CONFLICT:
+    if not abs(scores[worst]) > _MAX_PRIOR_SDS:
         return []
     low, high = (float(priors[worst].value_at(score)) for score in (-_98_PERCENT, _98_PERCENT))
     return [

@@ -1,8 +1,8 @@
-"""The few kinds of failure, so that a caller can tell a wrong input from a failed computation."""
+"""Exceptions of the package, which separate invalid input from failed computations."""
 
 
 class RidgebayesError(Exception):
-    """Base of every error this package raises on purpose.
+    """Base class of the package's exceptions.
 
     Examples
     --------
@@ -16,7 +16,7 @@ class RidgebayesError(Exception):
 
 
 class InputError(RidgebayesError, ValueError):
-    """The input breaks a rule; the message names place, value and rule. Exit code 2.
+    """Invalid input; the message names the place, the value and the rule. Exit code 2.
 
     Examples
     --------
@@ -28,7 +28,7 @@ class InputError(RidgebayesError, ValueError):
 
 
 class ComputationError(RidgebayesError, RuntimeError):
-    """The input is valid, but the computation failed or did not converge. Exit code 1.
+    """Computation that failed or did not converge for valid input. Exit code 1.
 
     Examples
     --------
@@ -39,18 +39,18 @@ class ComputationError(RidgebayesError, RuntimeError):
 
 
 class OutputError(RidgebayesError, OSError):
-    """Results cannot be written: a full disk, a missing folder. Commands exit 1.
+    """Results cannot be written, for instance on a full disk. Exit code 1.
 
-    Not a `ComputationError`: a failed form leaves the others, a full disk ends the run.
+    This is not a `ComputationError`: a failed form leaves the others, a full disk ends the run.
     """
 
 
 class WorkerLostError(ComputationError):
-    """Every worker process that was given a task died on it; the message names the task."""
+    """Every worker process that was given a task died; the message names the task."""
 
 
 class CautionWarning(UserWarning):
-    """An answer that the table, an error model or a prior makes doubtful; the message says why.
+    """A doubtful result because of the table, an error model or a prior; the message says why.
 
     Examples
     --------

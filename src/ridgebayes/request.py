@@ -1,4 +1,4 @@
-"""The request for a calibration or comparison, checked and in one record."""
+"""Validated request for a calibration or comparison."""
 
 import math
 import os
@@ -34,14 +34,14 @@ PriorsLike: TypeAlias = Priors | str | os.PathLike[str]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Request:
-    """Rows and forms to fit, how accurately, where it is computed, and what is kept.
+    """Rows, forms and options of a calibration or comparison.
 
     Parameters
     ----------
     table : ContactTable
-        Rows of role calibration and status ok are fitted.
+        Table whose rows of role calibration and status ok are fitted.
     data : Observations
-        These rows.
+        The fitted rows.
     forms : sequence of Form
         Forms to fit.
     noises : sequence of Noise
@@ -49,24 +49,24 @@ class Request:
     priors : mapping of str to mapping of str to Distribution
         Replacements for default priors, by form or ``noise``, and parameter.
     prior_odds : mapping of str to float
-        Prior odds by form; forms that are not named have 1.
+        Prior odds by form; the default is 1.
     accuracy : Preset
         Target errors of draws and evidences.
     seed : int
         Seed of all draws.
     settings : SampleSettings, optional
-        Lengths and thresholds of walks, in place of those of `accuracy`.
+        Lengths and thresholds of walks, instead of those of `accuracy`.
     executor : concurrent.futures.Executor, optional
-        Runs the fits; one after the other in this process if not given.
+        Executor of the fits, which run in turn in this process if not given.
     progress : callable, optional
-        Called with a line of text now and then.
+        Called with a line of text from time to time.
     stage : callable, optional
-        Called with a stage's name, returns a context manager around it.
+        Called with the name of a stage; returns a context manager for it.
     checkpoints : Path, optional
-        Folder in which the chains are kept as they grow.
+        Folder in which growing chains are saved.
     scores : bool, optional
-        Whether leave-one-out scores and prior sensitivity are computed, which take far longer than
-        the rest where textures are very many.
+        Whether to compute leave-one-out scores and prior sensitivity, which dominate the run time
+        with many textures.
     """
 
     table: ContactTable
@@ -97,12 +97,12 @@ class Request:
         rng: Rng = 0,
         settings: SampleSettings | None = None,
     ) -> "Request":
-        """Read and check what a caller gives; parameters are those of `compare`.
+        """Validate the arguments of a caller; see `compare` for the parameters.
 
         Raises
         ------
         InputError
-            As `compare`.
+            See `compare`.
         """
         rows = read_table(table)
         if isinstance(forms, Form | str) or not isinstance(forms, Iterable):
@@ -118,7 +118,7 @@ class Request:
         preset = Preset.named(accuracy) if isinstance(accuracy, str) else accuracy
         data = Observations.from_table(rows)  # refuses rows that cannot be fitted
         noises = error_models_for(noise, data.n_series)
-        if not preset.extras and len(noises) > 1:  # a quick run
+        if not preset.extras and len(noises) > 1:  # quick runs use normal errors only
             noises = [candidate for candidate in noises if candidate.tail == "normal"]
         return cls(
             table=rows,
@@ -134,7 +134,7 @@ class Request:
 
     @property
     def walked(self) -> Sequence[Form]:
-        """Forms that are walked unless they are negligible."""
+        """Forms that are sampled by a walk unless they are negligible."""
         return self.forms if self.settings or self.accuracy.walks else ()
 
     def weigh(self) -> WeighedPairs:
@@ -152,7 +152,7 @@ class Request:
 
 
 def _checked_odds(prior_odds: Mapping[str, float], forms: Sequence[str]) -> dict[str, float]:
-    """Return prior odds of forms, or raise InputError that names the form, the value, the rule."""
+    """Return the prior odds of forms; invalid odds raise InputError."""
     for name, odds in prior_odds.items():
         if name not in forms:
             raise InputError(

@@ -1,4 +1,4 @@
-"""The face of the library: `calibrate` makes a `Fit`, a posterior with its predictions."""
+"""Calibration: `calibrate` returns a `Fit`, a posterior with its predictions."""
 
 import os
 from collections.abc import Mapping
@@ -30,15 +30,15 @@ from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.predict import Predictive
 from ridgebayes.request import PriorsLike, Request, TableLike
 
-if TYPE_CHECKING:  # heavy
+if TYPE_CHECKING:  # slow to import
     from matplotlib.axes import Axes
 
-_MOST_SHOWN = 500  # transitions in a plot
+_MAX_ROWS_SHOWN = 500  # in a plot
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit(Posterior, Predictive, Tabular):
-    """The posterior of one form, with its predictions and its file.
+    """Posterior of a form, with its predictions and its file.
 
     If several error models have weight, it holds a posterior for each, and predictions are
     averaged over them. Draws, diagnostics and files are those of the selected error model.
@@ -48,25 +48,25 @@ class Fit(Posterior, Predictive, Tabular):
     model : Model
         Sampled model: data, form, error model, priors.
     chains : Chains
-        Draws: normal scores of the parameters, then of the offsets that rows share.
+        Draws: normal scores of the parameters, then of the offsets shared by rows.
     summary : pandas.DataFrame
         One row per parameter: mean, sd, interval, effective sample sizes, R-hat.
     convergence_failures : tuple of str
-        Rules of convergence that were not met; empty if it converged.
+        Violated convergence criteria; empty if the fit converged.
     seed : int
         Seed of the run.
     sampler : str, optional
         Sampler of the draws: ``importance`` or ``emcee``.
     evidence : LogEvidence, optional
-        Evidence by the same draws; a fit read from a file has none.
+        Evidence from the same draws; a fit read from a file has none.
     log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
-        Log-likelihood of each row at `draws`, where scores needed it.
+        Log-likelihood of each row at `draws`, if computed for scores.
     cautions : tuple of str, optional
-        Reasons to doubt the answer, a sentence each: units, copies, independence, priors.
+        Sentences with reasons to doubt the result: units, copies, independence, priors.
     error_model_weights : dict of str to float, optional
-        Posterior probability of each error model that predictions are averaged over.
+        Posterior probability of each error model over which predictions are averaged.
     others : dict of str to Posterior, optional
-        Posteriors under those of them that are not selected.
+        Posteriors under the other error models.
 
     Examples
     --------
@@ -110,9 +110,9 @@ class Fit(Posterior, Predictive, Tabular):
         posterior : Posterior
             Posterior, sampled or read from a file.
         weights : mapping of str to float, optional
-            Probability of each error model to average over; of this one alone if not given.
+            Probabilities of the error models to average over; only this error model if not given.
         posteriors : mapping of str to Posterior, optional
-            Posteriors under them; that of `posterior`'s error model is not looked at.
+            Posteriors under these error models; that of the selected error model is ignored.
 
         Returns
         -------
@@ -129,13 +129,13 @@ class Fit(Posterior, Predictive, Tabular):
 
     @property
     def posteriors(self) -> dict[str, Posterior]:
-        """The posterior under each error model that has one, beginning with the selected one."""
+        """Posterior under each error model that has one, the selected error model first."""
         drawn = {name: other for name, other in self.others.items() if other.noise.name == name}
         return {self.noise.name: self, **drawn}
 
     @property
     def averaged(self) -> list[tuple[Posterior, float]]:
-        """The posteriors that predictions are averaged over, with their weights."""
+        """Posteriors over which predictions are averaged, with their weights."""
         parts: dict[int, tuple[Posterior, float]] = {}
         for name, weight in self.error_model_weights.items():
             posterior = self.others.get(name, self)
@@ -152,7 +152,7 @@ class Fit(Posterior, Predictive, Tabular):
         Returns
         -------
         pandas.DataFrame
-            A copy of `summary`: a row a parameter, columns parameter, mean, sd, eti_lower,
+            A copy of `summary`: one row per parameter, columns parameter, mean, sd, eti_lower,
             eti_upper, prob, ess_bulk, ess_tail, r_hat, mcse_mean.
         """
         return self.summary.copy()
@@ -163,12 +163,12 @@ class Fit(Posterior, Predictive, Tabular):
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure's if not given.
+            Axes to draw on; those of a new figure if not given.
 
         Returns
         -------
         matplotlib.axes.Axes
-            The axes drawn on. At most the first 500 rows are shown, of brackets their middles.
+            Axes drawn on. At most the first 500 rows are shown; brackets are shown at their middle.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class Fit(Posterior, Predictive, Tabular):
             If all rows are counts.
         """
         data = self.model.data
-        shown = np.flatnonzero(~data.is_count)[:_MOST_SHOWN]
+        shown = np.flatnonzero(~data.is_count)[:_MAX_ROWS_SHOWN]
         if not len(shown):
             raise InputError(
                 f"{self.form.name}: expected a row with a load to plot, got only counts"
@@ -189,66 +189,66 @@ class Fit(Posterior, Predictive, Tabular):
         return drawing.records.draw_errors(frame, self.form.name, ax)
 
     def to_arviz(self) -> Any:
-        """Return the thinned draws in arviz's container.
+        """Return the thinned draws as an ArviZ object.
 
         Returns
         -------
         arviz.InferenceData or xarray.DataTree
-            InferenceData of arviz 0.x, DataTree of 1.x: posterior (chain = ensemble, draw),
+            InferenceData of ArviZ 0.x, DataTree of 1.x: posterior (chain = ensemble, draw),
             sample_stats, observed_data, constant_data, log_likelihood, log_prior, prior,
-            prior_predictive, posterior_predictive. The last three hold 500 draws; groups that
-            would be very large are left out.
+            prior_predictive, posterior_predictive. The last three hold 500 draws; very large
+            groups are left out.
 
         Raises
         ------
         InputError
-            If the environment's SOURCE_DATE_EPOCH, the date that data are given, is no number.
+            If the environment variable SOURCE_DATE_EPOCH, used as the date, is not a number.
 
         Notes
         -----
-        Where rows share offsets, log_likelihood holds each row's density given the others, for
-        leave-one-out scores. Its sum is not the likelihood of all rows: that is
-        log_likelihood_joint of sample_stats. Where offsets were drawn (Student errors, brackets,
-        counts), log_likelihood is given these, and there is no other.
+        If rows share offsets, log_likelihood holds each row's density given the other rows, for
+        leave-one-out scores. Its sum is not the joint likelihood, which is log_likelihood_joint of
+        sample_stats. If offsets were drawn (Student errors, brackets, counts), log_likelihood is
+        conditional on them, and the joint likelihood is not included.
         """
         return arviz_object(all_groups(self))
 
     def to_mixture(self, n_component: int | None = None) -> PosteriorMixture:
         """Return the posterior of the selected error model as a Gaussian mixture.
 
-        For use as a prior elsewhere: it writes JSON that PyMC, NumPyro and Stan can use, see
-        docs/reuse.md.
+        The mixture can serve as a prior elsewhere: it can be written as JSON for PyMC, NumPyro and
+        Stan, see docs/reuse.md.
 
         Parameters
         ----------
         n_component : int, optional
-            Components, 1 to 8; chosen by the density of draws that were left out if not given.
+            Number of components, 1 to 8; chosen by the density of left-out draws if not given.
 
         Returns
         -------
         PosteriorMixture
-            With its distance from the draws, and the range that was calibrated.
+            Mixture with its distance from the draws, and the calibrated range.
 
         Raises
         ------
         InputError
-            If there are more than 40 parameters, or `n_component` is out of its range.
+            If there are more than 40 parameters, or `n_component` is out of range.
         """
         return fit_mixture(self, CalibratedRange.of(self).to_dict(), n_component)
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
-        """Write what `to_arviz` returns, so that the fit can be read again, and arviz opens it.
+        """Write the result of `to_arviz`, which this class and ArviZ can read.
 
         Parameters
         ----------
         path : path
-            File to write, whole or not at all; one that is there is replaced.
+            File to write atomically; an existing file is overwritten.
         """
         write_netcdf(self, path)
 
     @classmethod
     def from_netcdf(cls, path: str | os.PathLike[str]) -> "Fit":
-        """Read what `to_netcdf` wrote.
+        """Read a fit written by `to_netcdf`.
 
         Parameters
         ----------
@@ -258,7 +258,7 @@ class Fit(Posterior, Predictive, Tabular):
         Returns
         -------
         Fit
-            The fit; its chains are the thinned ones.
+            Fit with thinned chains.
 
         Raises
         ------
@@ -268,7 +268,7 @@ class Fit(Posterior, Predictive, Tabular):
         return cls.of(read_netcdf(path))
 
 
-def calibrate(  # noqa: PLR0913  (each names a part of the question, and has a default)
+def calibrate(  # noqa: PLR0913  (each parameter is part of the question, and has a default)
     table: TableLike,
     form: Form | str,
     *,
@@ -285,39 +285,39 @@ def calibrate(  # noqa: PLR0913  (each names a part of the question, and has a d
     Parameters
     ----------
     table : ContactTable, path or pandas.DataFrame
-        Rows of role calibration and status ok are fitted.
+        Table whose rows of role calibration and status ok are fitted.
     form : Form or str
         Contact form, or its name.
     noise : str or Noise, optional
-        Error model; ``auto`` weighs all that suit the table and averages predictions over them.
+        Error model; ``auto`` weights all suitable error models and averages predictions over them.
     priors : mapping of str to mapping of str to prior, or path, optional
-        Replacements for default priors, as of `compare`: by form name, or ``noise``, and parameter
-        name, such as ``{"hybrid": {"c2": "normal(0, 0.05)"}, "noise": {"sigma": ...}}``. A path is
-        of a file of priors.
+        Replacements for default priors, as for `compare`: by form name, or ``noise``, and parameter
+        name, such as ``{"hybrid": {"c2": "normal(0, 0.05)"}, "noise": {"sigma": ...}}``, or the
+        path of a file of priors.
     rng : int or numpy.random.Generator, optional
         Seed; the same seed gives the same draws.
     settings : SampleSettings, optional
-        Lengths and thresholds of a walk by emcee. If given, the selected error model's draws are
-        those of the walk; if not, of importance sampling.
+        Lengths and thresholds of a walk by emcee. If given, the selected error model is sampled by
+        the walk, otherwise by importance sampling.
     accuracy : str or Preset, optional
         Target errors of draws and evidences: ``quick``, ``standard`` or ``reference``.
     progress : callable, optional
-        Called with a line of text now and then.
+        Called with a line of text from time to time.
     checkpoint : Path, optional
-        HDF5 file in which chains are saved as they grow. If it exists, sampling continues from
+        HDF5 file in which growing chains are saved. If it exists, sampling continues from
         it, with the same result as without interruption.
 
     Returns
     -------
     Fit
-        Draws, diagnostics, and which rules were not met if it did not converge. Failure to
-        converge is recorded, not raised.
+        Fit with draws, diagnostics, and violated convergence criteria. Failure to converge is
+        recorded, not raised.
 
     Raises
     ------
     InputError
-        If no row can be fitted, the form would be fitted to rows that its own equation made, or
-        `checkpoint` holds chains of something else.
+        If no row can be fitted, the form would be fitted to rows computed from its equation, or
+        `checkpoint` holds chains of another model.
     ComputationError
         If the posterior has no interior mode.
 
@@ -329,7 +329,7 @@ def calibrate(  # noqa: PLR0913  (each names a part of the question, and has a d
     Notes
     -----
     *Cost.* A tenth of a CPU second for an error model of exact rows with normal errors, one or two
-    for others; some seconds if all error models are weighed.
+    for others; some seconds if all error models are weighted.
 
     Examples
     --------
@@ -378,13 +378,13 @@ def calibrate(  # noqa: PLR0913  (each names a part of the question, and has a d
 def chain_checkpoint(
     path: Path | None, table_digest: str, model: Model, seed: int, settings: SampleSettings | None
 ) -> Checkpoint | None:
-    """Tie a chain file to all that decides what the chains are."""
+    """Return the checkpoint of a chain file, tied to everything that determines the chains."""
     if path is None:
         return None
     fingerprint = {
         "package version": __version__,
         "table": table_digest,
-        # A form of the user's own may hold numbers of its own.
+        # A user's form may contain additional numbers.
         "form": model.form.name if type(model.form) in FORMS.values() else repr(model.form),
         "error model": repr(model.noise),
         "priors": priors_to_json(model.priors),

@@ -75,8 +75,8 @@ def enormous_factor(folder):
     "Two modes 1,000 sds apart, of a user's own form",
     why="Every start and every method finds the same mode. Draws agree, evidences agree, and all "
     "miss half the evidence.",
-    expected="The sum over both modes is ln 2 above each: the evidence, to four standard errors. "
-    "Half of the draws are in each (five standard errors).",
+    expected="ln Z is ln 2 above ln Z of one mode, to four standard errors. Half of the draws are "
+    "in each mode (five standard errors).",
 )
 def two_modes_far_apart():
     frame = made(rb.Modified(), [1.4], error=0.03)
@@ -143,7 +143,7 @@ def bridge_of_frozen_draws():
 
 @hard_case(
     "A bridge limited to one step",
-    why="An iteration that was stopped early returns a number that looks like any other.",
+    why="An iteration that is stopped early returns a number without a warning.",
     expected="No value, and a status that says that the iteration did not settle.",
 )
 def bridge_stopped():
@@ -221,7 +221,7 @@ def rows_without_power():
 
 @hard_case(
     "A posterior 1e-12 as wide as its prior",
-    why="A rule whose points cover the prior never meets the posterior.",
+    why="A quadrature rule over the prior has no point within the posterior.",
     expected="ln Z by the normal density of the rows (conjugate, known errors), to four standard "
     "errors. Mean and sd of c to five standard errors of the draws.",
 )
@@ -259,7 +259,7 @@ def posterior_far_narrower_than_prior():
 @hard_case(
     "A form whose evidence failed with every method",
     why="One NaN in a softmax makes every probability NaN.",
-    expected="The probabilities of the others sum to 1. The failed form has none.",
+    expected="The probabilities of the other forms sum to 1. The failed form has no probability.",
 )
 def failed_evidence_among_others():
     failed = LogEvidence("bridge", math.nan, math.nan, "halves disagree")

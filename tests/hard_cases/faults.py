@@ -156,7 +156,7 @@ def resumed(folder: Path, stages: list[str]) -> str:
         assert done.code == 0, (stage, done.err)
         assert run_contents(here / "out") == expected, stage
         assert {path.name for path in here.iterdir()} == {"few.csv", "out"}, stage
-    return f"{len(stages)} kills: {len(expected)} files the same bytes after each"
+    return f"{len(stages)} kills: {len(expected)} files have the same bytes after each"
 
 
 SLOW = """
@@ -423,7 +423,7 @@ Checkpoint.save = saving
     done = compared(here, before=gone)
     done.refused(1, f"{here}/out: the working folder {here}/.out.partial was removed")
     assert {path.name for path in here.iterdir()} == {"few.csv"}
-    return "exit 1, its folder is gone"
+    return "exit 1; no folder left"
 
 
 HELD = """
@@ -474,7 +474,7 @@ def two_at_once(folder):
         assert done.code == 0, done.err
         assert not (here / f".{name}.lock").exists()
     assert {path.name for path in here.iterdir()} == {"few.csv", "out", "t.csv"}
-    return "refused 6 times; after SIGKILL the next one ends well"
+    return "refused 6 times; after SIGKILL the next run succeeds"
 
 
 # --- damaged files --------------------------------------------------------------------------------
@@ -539,7 +539,7 @@ def damaged_chain(folder):
     assert compared(here, options="resume=True").code == 0
     assert run_contents(here / "out") == undisturbed()
     assert same < 40
-    return f"{len(damaged)} damaged files: refused, or the same walk; none another one"
+    return f"{len(damaged)} damaged files: refused, or the same chain; none gave another chain"
 
 
 @hard_case(
@@ -588,4 +588,4 @@ def damaged_run(folder):
     ran(folder, "predict", "run", *bands).refused(2, "run.json: form '../../x'; expected one of")
     ran(folder, "report", "run").refused(2, "run.json: form '../../x'; expected one of")
     assert same < n / 3
-    return f"{n} damaged files: {n - same} refused, {same} of no consequence"
+    return f"{n} damaged files: {n - same} refused, {same} without effect"

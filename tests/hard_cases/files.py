@@ -172,7 +172,7 @@ FORBIDDEN |= {"pd.read_pickle", "pd.eval"}
 
 
 @hard_case(
-    "Source code and run folder have no way to execute what a file says",
+    "Neither the source code nor a run folder can execute the content of a file",
     why="One `yaml.load`, `eval` or `allow_pickle=True` is enough, and is easily added without "
     "notice.",
     expected="No call of eval, exec, os.system or yaml.load, and none with allow_pickle: np.load "
@@ -266,7 +266,7 @@ def leading_out(folder):
         seen.append(
             refused(lambda run=run: rb.read_run(run), rb.InputError, "run.json: form", "expected")
         )
-    return f"{len(seen)} ways out refused"
+    return f"{len(seen)} paths refused"
 
 
 # --- what is shown --------------------------------------------------------------------------------
@@ -394,7 +394,7 @@ def hostile_markdown():
         elif token.type == "table_open":
             widths.append(set())
     assert all(len(one) == 1 for one in widths)
-    return f"{len(widths)} tables; {len(images)} images and {len(folds) // 2} folds of its own"
+    return f"{len(widths)} tables; {len(images)} images and {len(folds) // 2} folds of the report"
 
 
 @hard_case(

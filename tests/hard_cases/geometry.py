@@ -61,7 +61,7 @@ def line_contacts(k: int, a: float) -> float:
 @hard_case(
     "Ridges far narrower than grooves: a/b from 1e-6 down to 1e-60",
     why="The ridges act like line forces, and their compliance grows as ln(1/a). There is no "
-    "finite limit. A mesh of fixed size solves the problem of another ridge.",
+    "finite limit. A mesh of fixed size solves for a wider ridge.",
     expected="The loads of line forces, from a separate linear system with ln|x| influence and a "
     "capacity of a/4 each. They agree to O(a/b), and to 1e-12 at least.",
 )
@@ -95,7 +95,7 @@ def narrow_grooves_are_hertz_and_a_little():
         left.append((half_plane_loads(ratio, 4).F / first - 1) * ratio**2)
     np.testing.assert_allclose(left, np.broadcast_to(left[-1], (3, 4)), rtol=0.03)
     assert np.all(np.abs(left) < 0.4)
-    return f"(b/a)^2 times {', '.join(f'{x:.2f}' for x in left[-1])} is left of F_1 to F_4"
+    return f"remainder over (b/a)^2: {', '.join(f'{x:.2f}' for x in left[-1])} for F_1 to F_4"
 
 
 @hard_case(
@@ -151,7 +151,7 @@ def no_ridges_and_no_grooves():
     for form in PRINTED:
         near = [float(form.load(8, 0.02, b)) for b in (1e-12, 1e-30)]
         assert near[0] == pytest.approx(near[1], rel=1e-9)
-    return f"refused at 4 places, a table by: {seen}"
+    return f"refused in 4 places; message for a table: {seen}"
 
 
 @hard_case(
@@ -181,7 +181,7 @@ def widths_beyond_floats():
         for a, b in solvable:
             assert form.count(form.load(10, a, b, theta), a, b, theta) == 10
     words = refused(lambda: rb.Hybrid().load(10, 1e-200, 1e-200), rb.InputError)
-    return f"8 widths in 6 calls of 5 forms refused, as {words!r}; 1e-50 and 1e50 exact"
+    return f"8 widths in 6 calls of 5 forms refused, such as {words!r}; 1e-50 and 1e50 exact"
 
 
 @hard_case(
@@ -205,7 +205,7 @@ def coefficients_run_away():
             )
         assert form.load(4, 0.022, 0.02, 1e-200 * one) == math.inf
         assert form.count(0.01, 0.022, 0.02, 1e-200 * one) == 2
-    return "5 forms: refused, NaN, infinite as expected; a warning by none"
+    return "5 forms: refused, NaN, infinite as expected; no warning"
 
 
 @hard_case(
@@ -346,7 +346,7 @@ def transitions_hit_exactly():
             single = [int(form.count(at, 0.022, 0.02, one, nu)) for one in draws]
             assert many.tolist() == single
             assert many[5] == 12
-    return f"{n:,} transitions of 5 forms exact; draws at once as one by one"
+    return f"{n:,} transitions of 5 forms exact; draws in one call equal single calls"
 
 
 @hard_case(
@@ -469,7 +469,7 @@ def very_different_textures_in_one_call():
         assert loads.tolist() == alone
         assert form.load(Q[order], a[order], b[order], theta).tolist() == loads[order].tolist()
         assert form.count(loads, a, b, theta).tolist() == Q.tolist()
-    return f"loads from {loads.min():.1e} to {loads.max():.1e}, each as alone"
+    return f"loads from {loads.min():.1e} to {loads.max():.1e}, each equal to its own call"
 
 
 @hard_case(
@@ -535,7 +535,7 @@ def corners_of_any_radius():
         rb.InputError,
         "half the ridge width",
     )
-    return f"tiny as sharp; half a ridge: {ratio:.2f} times the first load; {words}"
+    return f"tiny corners: as sharp; half a ridge: {ratio:.2f} times the first load; {words}"
 
 
 @hard_case(
@@ -558,7 +558,7 @@ def floors_of_any_depth():
     smooth = hertz.half_width(np.array([0.004, 0.02]))
     np.testing.assert_allclose(found[1e-9]["half_width_over_R"], smooth, rtol=0.01)
     share = found[1e-9]["contact_fraction"].min()
-    return f"10^300 as none; at 1e-9 {share:.0%} of Hertz's width is in contact"
+    return f"10^300: loads without a floor; 1e-9: {share:.0%} of Hertz's width is in contact"
 
 
 @hard_case(

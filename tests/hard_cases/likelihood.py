@@ -140,7 +140,7 @@ def tiny_misfit():
     "Rows without any misfit, errors unknown",
     why="The likelihood has a pole at sigma = 0. A search or a sampler returns the point where it "
     "happened to stop, and the evidence is that of rounding errors.",
-    expected="Refused with a message: of few rows and of many, of one coefficient and of fifty.",
+    expected="Refused with a message, for few and many rows, for one and fifty coefficients.",
 )
 def perfect_rows():
     few, many = (made(rb.Modified(), [1.4], textures=some) for some in (THREE, FIFTY))
@@ -177,7 +177,7 @@ def perfect_rows_of_known_error():
     "narrow ridge that extends beyond any grid; 1e-3 of ln Z lies outside.",
     expected="Log evidence with log c integrated in closed form and sigma by a sum over 20,000 "
     "points: four standard errors. "
-    "Draws have the moments of that mixture of normals to 5 % of an sd (Monte Carlo).",
+    "Draws have the moments of this mixture of normals to 5 % of an sd (Monte Carlo).",
 )
 def one_row():
     frame = made(rb.Modified(), [1.4], error=0.01)[:1]
@@ -290,7 +290,7 @@ def repeats_that_disagree():
 
 
 @hard_case(
-    "Brackets of zero width, without a lower end, and disjoint ones of one transition",
+    "Brackets of zero width, brackets without a lower end, disjoint brackets of one transition",
     why="A width of 0 gives log 0. A lower end of 0 gives -inf - -inf. Two disjoint brackets have "
     "probability 0 if they are intersected instead of treated as two errors.",
     expected="Zero width: the density of an exact row. No lower end: the log of the normal "

@@ -1,7 +1,7 @@
-"""Writes docs/hard-cases.md: each case, what must come out and what did.
+"""Write docs/hard-cases.md: each case, its expected and its actual result.
 
-``python -m tests.hard_cases.page`` from the repository's root runs every case; a case that fails
-stops it, so the page never shows one.
+``python -m tests.hard_cases.page`` from the repository's root runs every case, and stops at the
+first that fails.
 """
 
 import html
@@ -21,7 +21,7 @@ HEAD = """# Edge cases
 {n_case} inputs chosen to break a calibration package. Each input is answered correctly, or
 refused with a message. The column *seen* has the results of {date}
 (Python {python}, NumPy {numpy}). `make hard-cases` runs all cases of
-`tests/hard_cases` and writes this page.
+`tests/hard_cases` and writes this page. "1.01 for 1.02" is a result and its exact value.
 """
 COLUMNS = "| case | why it is hard | expected | seen |\n|---|---|---|---|"
 

@@ -58,7 +58,7 @@ def load_of_zero():
         load = fitted(name).predict_load(0.022, 0.02, 4)
         assert [float(load.cdf(p)) for p in (-1.0, 0.0, 1e-300)] == [0.0, 0.0, 0.0]
     refused(lambda: load.cdf(math.nan), rb.InputError, "p_over_E: expected numbers, got nan")
-    return "probability 1 of Q = 2 by 4 forms"
+    return "Q = 2 with probability 1, for 4 forms"
 
 
 @hard_case(
@@ -84,12 +84,12 @@ def loads_beyond_counts():
 
 
 @hard_case(
-    "Half of the posterior draws have no positive rate at a new texture",
+    "Some posterior draws have no positive rate at a new texture",
     why="A negative rate is squared and gives a load that looks right. An infinite load makes "
     "averages and quantiles NaN.",
-    expected="P(Q >= 4) is the average over single draws, with 0 for those without a positive "
-    "rate (rounding). Quantiles above the share that reaches Q are infinite. Those below solve "
-    "the distribution to 1e-8.",
+    expected="P(Q >= 4) is the average over single draws, with 0 for draws without a positive "
+    "rate (rounding). Quantiles above the share that reaches Q are infinite. Quantiles below it "
+    "solve the distribution to 1e-8.",
 )
 def rates_below_zero():
     a, b = 1e-5, 0.05
@@ -172,7 +172,7 @@ def one_draw():
         np.testing.assert_allclose(load.quantile(prob), expected, rtol=1e-8)
     curve = fit.predict_load(0.022, 0.02, Q, kind="curve")
     np.testing.assert_allclose(curve.quantile(0.3), loads, rtol=1e-14)
-    return f"{len(Q)} loads exact; quantiles from 1e-9 to 1 - 1e-9 as of a log-normal"
+    return f"{len(Q)} loads exact; quantiles from 1e-9 to 1 - 1e-9 equal a log-normal's"
 
 
 @hard_case(
@@ -278,7 +278,7 @@ def intervals_at_their_ends():
     found = stats.norm.logcdf((x - log_load) / sigma)
     log_mean = found.max() + math.log(np.exp(found - found.max()).mean())
     assert log_mean == pytest.approx(-300 * math.log(10), abs=1e-4)
-    return f"refused as given; log10 P at the quantile of 1e-300: {log_mean / math.log(10):.4f}"
+    return f"refused as expected; log10 P at the quantile of 1e-300: {log_mean / math.log(10):.4f}"
 
 
 @hard_case(
@@ -296,4 +296,4 @@ def nothing_asked():
     for bad in ([0, 0], [1, -1], [1, math.nan], [1, math.inf]):
         refused(lambda w=bad: mix_q([one, one], w), rb.InputError, "weights:")
         refused(lambda w=bad: mix_loads([two, two], w), rb.InputError, "weights:")
-    return "empty as asked; 4 pairs of weights refused"
+    return "empty as expected; 4 pairs of weights refused"

@@ -114,7 +114,7 @@ def undefined_rates():
 
 @hard_case(
     "An exception raised by a user's own form",
-    why="A search that catches every ValueError as its own blames the data.",
+    why="A search that catches every ValueError would blame the data.",
     expected="The user's exception, unchanged.",
 )
 def exception_in_a_form():
@@ -122,7 +122,7 @@ def exception_in_a_form():
 
 
 @hard_case(
-    "A form whose gradient is zero, or half of the true one",
+    "A form whose gradient is zero, or half of the true gradient",
     why="The search ends where the wrong gradient vanishes. A convergence test with the same "
     "gradient agrees with it.",
     expected="Refused, with the change of log rate that the gradient predicts and the true change.",
@@ -169,7 +169,7 @@ def too_short():
         assert any("steps are not 50 tau" in line for line in fit.convergence_failures)
         assert np.isfinite(fit.draws).all()
     n_missing = len(fit.convergence_failures)
-    return f"{len(wrong)} settings refused; 5 steps: {n_missing} things are missing"
+    return f"{len(wrong)} settings refused; 5 steps: {n_missing} criteria failed"
 
 
 @hard_case(
@@ -194,7 +194,7 @@ def stuck_apart():
     assert any(line.startswith("x: ") for line in convergence_failures)
     shares = (chains.u[..., 0] > 0).mean(axis=(1, 2))
     assert shares.std() > 0.01
-    return f"{len(convergence_failures)} things are missing, among them tau or R-hat of x"
+    return f"{len(convergence_failures)} criteria failed, among them tau or R-hat of x"
 
 
 @hard_case(
@@ -215,7 +215,7 @@ def strongly_correlated():
     assert abs(x.std() - 1) < 0.03
     assert abs(y.std() - 1) < 0.03
     assert abs(across / truth - 1) < 0.03
-    return f"across {across:.1e} for {truth:.1e}"
+    return f"sd across the ridge {across:.1e} for {truth:.1e}"
 
 
 @hard_case(

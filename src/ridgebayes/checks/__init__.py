@@ -1,7 +1,7 @@
-"""Checks of fits: coverage, cross-validation, predictive checks, power scaling, plans, cost.
+"""Checks of fits: coverage, cross-validation, predictive checks, power scaling and cost.
 
-Each refits, replicates or measures, and returns a frame or a small record. The room knows fits,
-comparisons and scenes; it neither draws nor writes.
+Each check takes fits, comparisons or tables and returns a data frame or a small record. Figures
+and files are made elsewhere.
 
 >>> import ridgebayes as rb
 >>> from ridgebayes.checks.predictive_checks import posterior_checks

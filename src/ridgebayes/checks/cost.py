@@ -1,4 +1,4 @@
-"""Error and run time of each accuracy: posteriors, their evidences, and loads."""
+"""Error and run time of each accuracy preset for posteriors, evidences and loads."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -27,7 +27,7 @@ from ridgebayes.simulate.solvers import ELEMENTS_SE
 from ridgebayes.table.table import ContactTable
 
 COST_COLUMNS = ("task", "method", "preset", "target_error", "error", "cpu_s", "status")
-_N_LOAD = 3  # transitions that are compared: finite elements take seconds for each
+_N_TRANSITIONS = 3  # transitions compared: finite elements take seconds for each
 _Row = tuple[str, str, str, float, float, float, str]
 _T = TypeVar("_T")
 
@@ -47,7 +47,7 @@ def cost(
     Parameters
     ----------
     table : ContactTable
-        Its calibration rows are fitted with independent errors.
+        Table whose calibration rows are fitted with independent errors.
     form : Form, optional
         Contact form; Hybrid if not given.
     texture : (float, float), optional
@@ -55,22 +55,22 @@ def cost(
     elements : bool, optional
         Whether loads are also computed by finite elements, which takes a minute.
     repeats : int, optional
-        Timed runs of each preset; the median time counts.
+        Number of timed runs of each preset; the median time is returned.
     rng : int or numpy.random.Generator, optional
         Seed.
     executor : concurrent.futures.Executor, optional
-        Executor of the presets; one after another if not given. Parallel runs distort timings.
+        Executor of the presets, which run in turn if not given. Parallel runs distort timings.
 
     Returns
     -------
     pandas.DataFrame
-        Columns task, method, preset, target_error, error, cpu_s, status. Errors of a ``posterior``
-        are the largest of a mean, sd, 5 or 95 % quantile, in posterior sds, of as many draws as a
-        fit keeps; of an ``evidence`` in ln Z; of ``loads`` the largest relative one of the first
-        three transitions. Posteriors and
-        evidences are compared with some hundred thousand draws, half-plane loads with 24
-        coefficients a strip, finite elements with the finest mesh, whose own error is NaN.
-        `status`: ``ok``, or why there is no number.
+        Columns task, method, preset, target_error, error, cpu_s, status. The error of a
+        ``posterior`` is the largest error of a mean, sd, 5 or 95 % quantile in posterior sds, for
+        the number of draws kept by a fit. The error of an ``evidence`` is in ln Z. The error of
+        ``loads`` is the largest relative error of the first three transitions. The references are
+        some hundred thousand draws for posteriors and evidences, 24 coefficients a strip for
+        half-plane loads, and the finest mesh, whose own error is NaN. `status` is ``ok`` or the
+        reason of a failure.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def cost(
     try:
         exact = importance_sample(ModelTarget(model, seed), REFERENCE.effort.doubled, seed + 1)
         best = _moments(model, exact), exact.evidence.value
-    except ComputationError:  # the presets fail likewise, and say why
+    except ComputationError:  # the presets fail too, and report the reason
         best = np.array(np.nan), np.nan
     tasks = {
         "posterior": partial(_posterior, model, *best, repeats, seed),
@@ -99,7 +99,7 @@ def cost(
 
 
 def _measured(setting: tuple[str, str, Callable[[str], Iterator[_Row]]]) -> list[_Row]:
-    """Return the rows of a preset; the reason where it fails."""
+    """Return the rows of a preset, or a row with the reason of a failure."""
     task, preset, work = setting
     try:
         return list(work(preset))
@@ -110,13 +110,13 @@ def _measured(setting: tuple[str, str, Callable[[str], Iterator[_Row]]]) -> list
 def _posterior(
     model: Model, exact: FloatArray, log_evidence: float, repeats: int, seed: int, name: str
 ) -> Iterator[_Row]:
-    """Draw a posterior, and compare with many more draws."""
+    """Draw a posterior, and compare it with one of many more draws."""
     preset, method = PRESETS[name], "importance sampling"
     target = ModelTarget(model, seed)
 
     def draws() -> Drawn:
         drawn = importance_sample(target, preset.effort, seed)
-        return at_least(drawn, target, preset.n_kept, preset.effort, seed + 2)  # as fits have them
+        return at_least(drawn, target, preset.n_kept, preset.effort, seed + 2)  # as in a fit
 
     drawn, cpu_s = _timed(draws, repeats)
     error = float((np.abs(_moments(model, drawn) - exact) / exact[1]).max())
@@ -132,25 +132,25 @@ def _moments(model: Model, drawn: Drawn) -> FloatArray:
 
 
 def _half_plane(texture: Texture, repeats: int, name: str) -> Iterator[_Row]:
-    """Solve for loads by the half-plane equation, without the loads kept from earlier calls."""
+    """Compute loads by the half-plane equation, without cached loads of earlier calls."""
     (a, b), target = texture, LOAD_PRESETS[name].load_error
 
     def loads() -> FloatArray:
         halfplane.forget_loads()
-        return halfplane.transition_loads(a, b, _N_LOAD, rel_tol=target).F
+        return halfplane.transition_loads(a, b, _N_TRANSITIONS, rel_tol=target).F
 
     F, cpu_s = _timed(loads, repeats)
-    error = float(np.abs(F / halfplane.solve_strips(2 * b / a, _N_LOAD, 24).F - 1).max())
+    error = float(np.abs(F / halfplane.solve_strips(2 * b / a, _N_TRANSITIONS, 24).F - 1).max())
     yield "loads", "half-plane", name, target, error, cpu_s, "ok"
 
 
 def _elements(texture: Texture, p_max: float, name: str) -> Iterator[_Row]:
-    """Solve for loads by finite elements, and compare with the finest mesh."""
+    """Compute loads by finite elements, and compare them with the finest mesh."""
     from ridgebayes.contact.cylinder.cylinder import Cylinder, transition_curve
     from ridgebayes.contact.rigid_profile import Profile
 
     a, b = texture
-    half_plane = halfplane.transition_loads(a, b, _N_LOAD).p_over_E(a + b, nu=0.5)
+    half_plane = halfplane.transition_loads(a, b, _N_TRANSITIONS).p_over_E(a + b, nu=0.5)
     p_max = min(p_max, 1.02 * float(half_plane[-1]))
 
     def loads(edges: int) -> FloatArray:

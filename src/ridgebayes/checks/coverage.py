@@ -1,4 +1,4 @@
-"""How often bands contain what they claim to contain, on textures that were not fitted."""
+"""Coverage of the bands: how often they contain transitions of textures that were not fitted."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
@@ -24,7 +24,7 @@ from ridgebayes.table.table import ContactTable
 PROBS = (0.5, 0.8, 0.9, 0.95, 0.99)
 COVERAGE_COLUMNS = ["form", "noise", "prob", "n", "covered", "share", "share_se", "mean_width"]
 COVERAGE_COLUMNS += ["share_extrapolated", "n_texture", "n_unconverged", "n_failed", "failed"]
-# Result of a fold: its predicted rows and whether its fit converged, or why it failed.
+# Result of a fold: its predicted rows and whether its fit converged, or the reason of a failure.
 _Result = tuple[pd.DataFrame, bool] | str
 _ROW_COLUMNS = ("prob", "texture", "covered", "width", "extrapolation")
 _NO_ROWS = pd.DataFrame(columns=list(_ROW_COLUMNS), dtype=float)
@@ -48,40 +48,40 @@ def coverage(
     Parameters
     ----------
     table : ContactTable
-        Rows of role calibration and status ok are used; those that give the load itself are
-        predicted.
+        Table whose rows of role calibration and status ok are used. Rows that give the load
+        exactly are predicted.
     forms : sequence of Form or Fit, optional
-        Classic, power law, Modified and Hybrid if not given. A fit to all rows under the same
-        priors saves drawing from its posteriors again.
+        Contact forms; Classic, power law, Modified and Hybrid if not given. A fit to all rows under
+        the same priors saves drawing from its posteriors again.
     noises : sequence of str or Noise, optional
         Error models; all if not given.
     probs : sequence of float, optional
         Probabilities of the simulation bands: equal-tailed intervals of the load.
     rng : int or numpy.random.Generator, optional
-        Seed; each fold has a stream of its own name.
+        Seed; each fold has its own random stream.
     executor : concurrent.futures.Executor, optional
-        Executor of the folds; one after another if not given. The result is the same.
+        Executor of the folds, which run in turn if not given. The result is the same.
     progress : callable, optional
-        Called with the name of each form and error model, returns a context manager around it.
+        Called with the name of each form and error model; returns a context manager for its folds.
     priors : mapping of str to mapping of str to Distribution, optional
-        Replacements for default priors: by form name, or ``noise``, and parameter name.
+        Replacements for default priors, by form name or ``noise``, and parameter name.
 
     Returns
     -------
     pandas.DataFrame
         Columns form, noise, prob, n (rows predicted), covered, share, share_se, mean_width,
         share_extrapolated, n_texture, n_unconverged, n_failed, failed; one row per form, error
-        model and probability. `share_se` takes whole textures as independent; it is 0 where all
-        or no rows are covered, which does not mean that the share is known. `mean_width` is of
-        the interval of log(p/E): 0.1 is some 10 % in load. `failed` names the textures whose fit
-        failed and says why; their rows are not counted. Fits that did not converge are. Empty
-        where no row gives the load itself.
+        model and probability. `share_se` treats textures as independent units; it is 0 if all or
+        no rows are covered, although the share is uncertain. `mean_width` is the mean width of
+        the interval of log(p/E): 0.1 is some 10 % in load. `failed` gives the textures whose fit
+        failed and the reason; their rows are not counted. Rows of fits that did not converge are
+        counted. The frame is empty if no row gives the load exactly.
 
     Raises
     ------
     InputError
-        If no row can be fitted, there is one texture only, or a form would be fitted to rows that
-        its own equation made.
+        If no row can be fitted, there is only one texture, or a form would be fitted to rows
+        computed from its equation.
 
     Notes
     -----
@@ -97,7 +97,7 @@ def coverage(
     for form in forms:
         refuse_circular(table, form.form if isinstance(form, Fit) else form)
     data, seed = Observations.from_table(table), seed_of(rng)
-    if not data.is_exact.any():  # brackets and counts do not tell the load that a band would hold
+    if not data.is_exact.any():  # a bracket or count has no load that a band could contain
         return pd.DataFrame(columns=COVERAGE_COLUMNS)
     every = [as_noise(noise) for noise in (Noise.every() if noises is None else noises)]
     pairs, work = [(form, noise) for form in forms for noise in every], partial(_predicted, probs)
@@ -112,7 +112,7 @@ def coverage(
 
 
 def _predicted(probs: Sequence[float], fold: Fold) -> _Result:
-    """Predict a fold from the others; the reason where that fails."""
+    """Predict the rows of a fold from the other rows, or return the reason of a failure."""
     try:
         fit = fold.left_out().posterior(fold.seed)
     except ComputationError as error:
@@ -122,14 +122,14 @@ def _predicted(probs: Sequence[float], fold: Fold) -> _Result:
 
 
 def covered_rows(fit: Posterior, data: Observations, probs: Sequence[float]) -> pd.DataFrame:
-    """Return prob, texture, covered, width and extrapolation, a row of each observation and prob.
+    """Return prob, texture, covered, width and extrapolation for each observation and prob.
 
     Parameters
     ----------
     fit : Posterior
-        Posterior without the rows.
+        Posterior fitted without the rows.
     data : Observations
-        Rows that give the load itself; there may be none.
+        Rows that give the load exactly; may be empty.
     probs : sequence of float
         Probabilities of the bands.
     """
@@ -147,12 +147,12 @@ def covered_rows(fit: Posterior, data: Observations, probs: Sequence[float]) -> 
 def count_covered(
     form: str, noise: str, probs: Sequence[float], results: Sequence[tuple[str, _Result]]
 ) -> list[dict[str, object]]:
-    """Return a row of `COVERAGE_COLUMNS` for each probability, over the folds that did not fail."""
+    """Return the row of `COVERAGE_COLUMNS` for each probability, over the successful folds."""
     failed = [f"{name}: {result}" for name, result in results if isinstance(result, str)]
     sound = [result for _, result in results if not isinstance(result, str)]
     n_unconverged = sum(not converged for _, converged in sound)
     frames = dict(enumerate(frame for frame, _ in sound if len(frame)))
-    # Textures of several folds are others, whatever their number within one.
+    # The number of a texture is unique only within a fold.
     every = pd.concat(frames, names=["fold"]) if frames else _NO_ROWS.rename_axis("fold")
     rows = []
     for prob in probs:

@@ -1,8 +1,8 @@
-"""Least squares on Q, the calibration of the study, to stand beside the posterior.
+"""Least squares on Q, the calibration of the study, for comparison with the posterior.
 
 Every closed form has Q' = Q'_0 + s * slope with the coefficients linear in the slope, so ordinary
-least squares on Q has one minimum. It weighs a row by its count, not by its relative load error,
-which is why its coefficients differ from the posterior's.
+least squares on Q has one minimum. It weights rows by their count and not by their relative load
+error, so its coefficients differ from the posterior's.
 """
 
 from dataclasses import dataclass
@@ -23,13 +23,14 @@ class LeastSquares:
     Parameters
     ----------
     form : str
-        Name.
+        Name of the form.
     coefficients, standard_errors : dict of str to float
-        By parameter; errors as if the residuals were independent, NaN without spare rows.
+        Values by parameter. The errors assume independent residuals, and are NaN if there are only
+        as many rows as coefficients.
     r_squared : float
         R^2 on Q.
     n_row : int
-        Rows.
+        Number of rows.
     """
 
     form: str
@@ -42,14 +43,14 @@ class LeastSquares:
 def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     """Fit a form's coefficients to the calibration rows of a table by least squares on Q.
 
-    min over theta of sum_i (Q'(p_i; theta) - Q_i)^2.
+    The coefficients minimise sum_i (Q'(p_i; theta) - Q_i)^2.
 
     Parameters
     ----------
     form : Form
-        With published coefficients to start from: not the power law.
+        Form with published coefficients as initial values; the power law has none.
     table : ContactTable
-        Transitions of role calibration and status ok are used.
+        Table whose transitions of role calibration and status ok are used.
 
     Returns
     -------
@@ -61,11 +62,11 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     InputError
         If the form has no published coefficients, or there are fewer rows than coefficients.
     ComputationError
-        If the rows lead to coefficients at which the rate of a texture is not positive.
+        If the search reaches coefficients for which the rate of a texture is not positive.
 
     References
     ----------
-    doi:10.1016/j.ijssolstr.2019.06.026, section 3.2: how its coefficients were found.
+    doi:10.1016/j.ijssolstr.2019.06.026, section 3.2: calibration of the coefficients.
 
     Examples
     --------
@@ -93,7 +94,7 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
             )
         return value
 
-    # In units of the published coefficients c1 and c2 differ by little, not by a factor of 85.
+    # Scaled by the published values, c1 and c2 are of similar size instead of a factor 85 apart.
     solution = least_squares(residual, np.ones(len(start)), xtol=1e-14, ftol=1e-14, gtol=1e-14)
     theta = solution.x * start
     spare = len(q) - len(start)
@@ -113,7 +114,7 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
 
 
 def r_squared(observed: FloatArray, predicted: FloatArray) -> float:
-    """Return 1 - (residual sum of squares)/(total sum of squares); NaN where nothing varies.
+    """Return 1 - (residual sum of squares)/(total sum of squares); NaN for constant values.
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""Rows left out in turn: their posterior given the rest, and the scores of its predictions.
+"""Cross-validation: posteriors without some rows, and scores of the predictions of these rows.
 
-Folds of very many textures, counts or rows leave out a tenth each, drawn at random.
+With many textures, counts or rows, each fold leaves out a random tenth of them.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -34,29 +34,29 @@ from ridgebayes.table.table import ContactTable
 
 LEFT_OUT_COLUMNS = ["form", "noise", "leave", "n_fold", "log_score", "log_score_se", "mean_crps"]
 LEFT_OUT_COLUMNS += ["stacking_weight", "failed"]
-# Each takes a posterior for every form: above, ten folds of many tell as much.
-_MOST_FOLDS = dict.fromkeys(("texture", "step", "series"), 24) | {"row": 50}
-_N_GROUP = 10
-# Draws behind a CRPS, whose standard error is about 1 % of a predictive sd; of very many rows,
-# whose mean is looked at, fewer.
-_LEAST_DRAWS, _MOST_LOADS = N_KEPT // 10, 2**22
+# Each fold costs a posterior for every form. Above these numbers ten folds of a tenth each suffice.
+_MAX_FOLDS = dict.fromkeys(("texture", "step", "series"), 24) | {"row": 50}
+_N_GROUPS = 10
+# Draws behind a CRPS, whose standard error is about 1 % of a predictive sd. With many rows fewer
+# draws suffice, because only the mean over rows is reported.
+_MIN_DRAWS, _MAX_DRAWS_TIMES_ROWS = N_KEPT // 10, 2**22
 _T = TypeVar("_T")
 
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """Rows to predict from the others; holds all that a process of its own needs.
+    """Left-out rows and the information needed to predict them in a separate process.
 
     Parameters
     ----------
     name : str
-        The texture's label, ``Q = 8``, the series' label, ``row 3``; or ``group 2 of 10``.
+        Label of the texture or series, ``Q = 8``, ``row 3``, or ``group 2 of 10``.
     left : ndarray of bool, shape (n_obs,)
-        The rows left out.
+        Mask of the left-out rows.
     all_rows : AllRows
-        The posterior given all rows.
+        Posterior given all rows.
     seed : int
-        Seed of this fold alone.
+        Seed of this fold.
     """
 
     name: str
@@ -66,22 +66,22 @@ class Fold:
 
     @property
     def full_name(self) -> str:
-        """Name with form and error model, for errors."""
+        """Name with form and error model, for error messages."""
         model = self.all_rows.model
         return f"{model.form.name}, {model.noise.name}, fold {self.name}"
 
     @property
     def rows(self) -> Observations:
-        """The rows left out."""
+        """Left-out rows."""
         return self.all_rows.model.data.take(self.left)
 
     def left_out(self) -> LeftOut:
-        """Return the posterior given the rows that stay, and the score of the others.
+        """Return the posterior given the remaining rows, and the score of the left-out rows.
 
         Raises
         ------
         ComputationError
-            If no row stays, or no draw given the rest has a positive density.
+            If no row remains, or no draw of the posterior has a positive density.
         """
         return self.all_rows.without(self.left, self.seed)
 
@@ -96,38 +96,38 @@ def folds_of(
     effort: Effort = STANDARD.effort,
     priors: ResolvedPriors | None = None,
 ) -> list[Fold]:
-    """Return one fold per texture, count Q, series or row, or ten of a tenth where there are many.
+    """Return a fold for each texture, count Q, series or row, or ten folds if there are many.
 
-    Above 24 textures, counts or series, or 50 rows.
+    Ten folds of a tenth each are used above 24 textures, counts or series, or 50 rows.
 
     Parameters
     ----------
     data : Observations
         All rows.
     form : Form or Fit
-        Contact form; or its fit to all rows under the same priors, so that these need no draws.
+        Contact form, or its fit to all rows under the same priors, whose draws are used again.
     noise : Noise
         Error model.
     leave : str, optional
         ``texture``, ``step``, ``series`` or ``row``.
     seed : int, optional
-        Seed; a fold's own depends on this, the form, the error model and the fold's name alone.
+        Seed; a fold's seed depends only on this, the form, the error model and the fold's name.
     effort : Effort, optional
-        Draws of posteriors.
+        Number of draws of posteriors.
     priors : mapping of str to mapping of str to Distribution, optional
-        Replacements for default priors: by form name, or ``noise``, and parameter name.
+        Replacements for default priors, by form name or ``noise``, and parameter name.
 
     Raises
     ------
     InputError
-        If `leave` is none of the four, or there would be one fold only.
+        If `leave` is unknown, or there would be only one fold.
     """
-    if leave not in _MOST_FOLDS:
-        raise InputError(f"leave: expected one of {', '.join(_MOST_FOLDS)}, got {leave!r}")
+    if leave not in _MAX_FOLDS:
+        raise InputError(f"leave: expected one of {', '.join(_MAX_FOLDS)}, got {leave!r}")
     codes, names = _codes(data, leave)
-    if len(names) > _MOST_FOLDS[leave]:
-        dealt = stream(seed, f"groups of {leave}").permutation(len(names)) % _N_GROUP
-        codes, names = dealt[codes], [f"group {i + 1} of {_N_GROUP}" for i in range(_N_GROUP)]
+    if len(names) > _MAX_FOLDS[leave]:
+        dealt = stream(seed, f"groups of {leave}").permutation(len(names)) % _N_GROUPS
+        codes, names = dealt[codes], [f"group {i + 1} of {_N_GROUPS}" for i in range(_N_GROUPS)]
     if len(names) < 2:
         raise InputError(
             f"leave: expected at least two values of {leave} to leave one out, got one"
@@ -162,15 +162,15 @@ def of_folds(
     Parameters
     ----------
     work : callable
-        Returns the result of a fold; a function of a module, for processes.
+        Function that returns the result of a fold; for processes, a function of a module.
     data : Observations
         All rows.
     pairs : sequence of (Form or Fit, Noise)
-        Pairs that are fitted.
+        Pairs to fit.
     executor : concurrent.futures.Executor, optional
-        Executor of posteriors and folds; one after another if not given.
+        Executor of posteriors and folds, which run in turn if not given.
     **options
-        As for `folds_of`.
+        Arguments of `folds_of`.
     """
     fold_pair = partial(_folds_of_pair, data, options)
     groups = list(map_ordered(fold_pair, pairs, executor, name=lambda pair: pair[1].name))
@@ -197,47 +197,47 @@ def left_out_scores(
     effort: Effort = STANDARD.effort,
     priors: ResolvedPriors | None = None,
 ) -> pd.DataFrame:
-    """Score each form on textures, and on steps, that it is not fitted to.
+    """Score the predictions of each form for left-out textures and steps.
 
     Parameters
     ----------
     table : ContactTable
-        Rows of role calibration and status ok are used.
+        Table whose rows of role calibration and status ok are used.
     forms : sequence of Form or Fit
-        Contact forms; or their fits to all rows under the same priors, whose draws serve then.
+        Contact forms, or their fits to all rows under the same priors, whose draws are used again.
     noise : str or Noise, optional
-        Error model of all.
+        Error model of all fits.
     leaves : sequence of str, optional
         Kinds of rows to leave out in turn: ``texture``, ``step`` (all rows of a count Q),
-        ``series`` or ``row``. A kind has no scores where the table has a single fold of it.
+        ``series`` or ``row``. A kind with a single fold has no scores.
     rng : int or numpy.random.Generator, optional
-        Seed; each fold has a stream of its own name.
+        Seed; each fold has its own random stream.
     executor : concurrent.futures.Executor, optional
-        Executor of the folds; one after another if not given. The result is the same.
+        Executor of the folds, which run in turn if not given. The result is the same.
     effort : Effort, optional
-        Draws of each posterior.
+        Number of draws of each posterior.
     priors : mapping of str to mapping of str to Distribution, optional
-        Replacements for default priors: by form name, or ``noise``, and parameter name.
+        Replacements for default priors, by form name or ``noise``, and parameter name.
 
     Returns
     -------
     pandas.DataFrame
-        Columns form, noise, leave, n_fold, log_score (sum over the folds of the joint predictive
-        density of a fold's rows), log_score_se (folds are the independent units), mean_crps (of
+        Columns form, noise, leave, n_fold, log_score (sum over folds of the joint log predictive
+        density of a fold's rows), log_score_se (with folds as independent units), mean_crps (of
         log(p/E), over exact rows: 0.03 is 3 % in load), stacking_weight, failed (folds that could
-        not be computed, and why: such a form has no scores).
+        not be computed and the reason; such a form has no scores).
 
     Raises
     ------
     InputError
-        If no row can be fitted, a leave is none of the four, or a form would be fitted to rows
-        that its own equation made.
+        If no row can be fitted, an element of `leaves` is unknown, or a form would be fitted to
+        rows computed from its equation.
 
     Notes
     -----
-    *Accuracy.* Nothing is approximated but by Monte Carlo; see `inference.left_out`.
-    *Cost.* Some hundredths of a CPU second per fold by weights, up to a second per fold that is
-    drawn again.
+    *Accuracy.* Monte Carlo is the only approximation; see `inference.left_out`.
+    *Cost.* Some hundredths of a CPU second for a fold computed by weights, up to a second for a
+    fold that is drawn again.
 
     Examples
     --------
@@ -253,7 +253,7 @@ def left_out_scores(
     data, noise, seed = Observations.from_table(table), as_noise(noise), seed_of(rng)
     rows = []
     for leave in leaves:
-        if leave in _MOST_FOLDS and len(_codes(data, leave)[1]) < 2:
+        if leave in _MAX_FOLDS and len(_codes(data, leave)[1]) < 2:
             continue
         how = {"leave": leave, "seed": seed, "effort": effort, "priors": priors}
         pairs = [(form, noise) for form in forms]
@@ -278,7 +278,7 @@ def left_out_scores(
 
 
 def _score(fold: Fold) -> tuple[float, FloatArray, str]:
-    """Return a fold's log score and the CRPS of its exact rows; the reason where there is none."""
+    """Return a fold's log score, the CRPS of its exact rows, and the reason of a failure."""
     try:
         rest = fold.left_out()
     except ComputationError as error:
@@ -288,33 +288,33 @@ def _score(fold: Fold) -> tuple[float, FloatArray, str]:
 
 
 def row_loads(fit: Posterior, data: Observations) -> LoadDistribution:
-    """Return the distribution of each row's load as it would be observed, reduced to nu = 0.5.
+    """Return the predictive distribution of each row's observed load, reduced to nu = 0.5.
 
     Parameters
     ----------
     fit : Posterior
         Posterior.
     data : Observations
-        Rows; those of calibrated textures and counts keep the offsets that were learned.
+        Rows. Rows of calibrated textures and counts share their inferred offsets.
 
     Returns
     -------
     LoadDistribution
-        Shape (n_obs,). The row's known relative error is part of it.
+        Shape (n_obs,), including the known relative error of each row.
     """
     a, b = data.a_over_R[data.texture], data.b_over_R[data.texture]
     return predict_load(fit, a, b, data.Q.astype(float)).widened(data.rel_se)
 
 
 def row_crps(fit: Posterior, data: Observations, rng: np.random.Generator) -> FloatArray:
-    """Return the CRPS of log(p/E) of the rows that give the load itself.
+    """Return the CRPS of log(p/E) of the rows that give the load exactly.
 
     Parameters
     ----------
     fit : Posterior
         Posterior.
     data : Observations
-        Rows that were not fitted; each is predicted by itself.
+        Rows that were not fitted; each is predicted separately.
     rng : numpy.random.Generator
         Generator of the draws.
 
@@ -325,22 +325,22 @@ def row_crps(fit: Posterior, data: Observations, rng: np.random.Generator) -> Fl
     exact = data.take(data.is_exact)
     if not len(exact):
         return np.zeros(0)
-    n = int(np.clip(_MOST_LOADS // len(exact), _LEAST_DRAWS, N_KEPT))
+    n = int(np.clip(_MAX_DRAWS_TIMES_ROWS // len(exact), _MIN_DRAWS, N_KEPT))
     return crps_of_draws(np.log(row_loads(fit, exact).rvs(n, rng)), exact.log_load)
 
 
 def clustered_se(total: FloatArray, n: FloatArray) -> float:
-    """Return the standard error of a sum over rows of which only whole folds are independent.
+    """Return the standard error of a sum over rows if only folds are independent.
 
     Parameters
     ----------
     total, n : ndarray of float, shape (n_fold,)
-        Sum and number of the rows of each fold. A fold's rows stray from the mean row together.
+        Sum over the rows of each fold, and their number.
 
     Returns
     -------
     float
-        NaN for a single fold.
+        Standard error; NaN for a single fold.
 
     Examples
     --------
@@ -349,12 +349,12 @@ def clustered_se(total: FloatArray, n: FloatArray) -> float:
     """
     if len(total) < 2:
         return np.nan
-    astray = total - n * (total.sum() / n.sum())
-    return float(np.sqrt(len(total) / (len(total) - 1) * (astray**2).sum()))
+    deviation = total - n * (total.sum() / n.sum())
+    return float(np.sqrt(len(total) / (len(total) - 1) * (deviation**2).sum()))
 
 
 def crps_of_draws(draws: FloatArray, observed: FloatArray) -> FloatArray:
-    """Return the continuous ranked probability score of each observation, without bias.
+    """Return an unbiased estimate of the continuous ranked probability score of each observation.
 
     Parameters
     ----------
@@ -366,11 +366,11 @@ def crps_of_draws(draws: FloatArray, observed: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray of float, shape (n,)
-        Mean distance to the draws less half the mean distance between two of them; 0 is best.
+        Mean distance to the draws minus half the mean distance between two draws; 0 is best.
 
     Notes
     -----
-    *Cost.* A sort of the draws.
+    *Cost.* Sorting of the draws.
 
     References
     ----------
@@ -389,7 +389,7 @@ def crps_of_draws(draws: FloatArray, observed: FloatArray) -> FloatArray:
 
 
 def _codes(data: Observations, leave: str) -> tuple[IntArray, list[str]]:
-    """Return the fold of each row, and the folds' names."""
+    """Return the fold of each row, and the names of the folds."""
     if leave == "texture":
         return data.texture, list(data.labels) or [f"a{a!r}_b{b!r}" for a, b in data.textures]
     if leave == "series":

@@ -1,4 +1,4 @@
-"""Forms beside the table: held-out loads, errors in per cent, slopes K, texture by texture."""
+"""Forms compared with the table: held-out loads, load errors in per cent and slopes K."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,12 +12,12 @@ from ridgebayes.contact.scaling import Texture
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE
 
-_SHOWN = 3  # textures, a panel each in a row
+_MAX_TEXTURES_SHOWN = 3  # one panel for each in a row
 _PROB = 0.9
 
 
 def held_out_loads(comparison: Comparison) -> pd.DataFrame:
-    """Return the predicted load of each held-out transition, and whether the observed one fits.
+    """Return the predicted load of each held-out transition, and whether its band has the observed.
 
     Parameters
     ----------
@@ -27,12 +27,13 @@ def held_out_loads(comparison: Comparison) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        As `comparison.bands.loads_table`, simulation bands of held-out rows only, with columns
-        ``inside``, and ``prior_alone`` where the power law has no K for the texture. Empty if no
-        transition was held out, or no form has a probability.
+        Table of `comparison.bands.loads_table` with the simulation bands of held-out rows. Column
+        ``inside`` says whether the band contains the observed load; ``prior_alone`` marks
+        predictions of the power law for textures without K. The frame is empty if no transition is
+        held out, or no form has a probability.
     """
     held_out = comparison.table.held_out
-    # Without a usable evidence there are no weights to average the forms with.
+    # Without a usable evidence there are no weights for the average of the forms.
     if not comparison.probabilities or predicted_rows(held_out).empty:
         return pd.DataFrame()
     loads = loads_table(replace(comparison, table=held_out), kinds=("simulation",))
@@ -45,59 +46,59 @@ def held_out_loads(comparison: Comparison) -> pd.DataFrame:
 
 
 def shown_textures(comparison: Comparison) -> tuple[Texture, ...]:
-    """Return the textures whose percent errors are worth a panel.
+    """Return the textures whose load errors are shown.
 
     Parameters
     ----------
     comparison : Comparison
-        With its table.
+        Comparison with its table.
 
     Returns
     -------
     tuple of (float, float)
-        All if there are at most three; else those of the narrowest and the widest grooves for
-        their ridges, and one held out or between.
+        All textures if there are at most three. Otherwise those of the smallest and the largest
+        ratio b/a, and a held-out or intermediate texture.
     """
     ok = predicted_rows(comparison.table)
     present = list(dict.fromkeys(zip(ok["a_over_R"], ok["b_over_R"], strict=True)))
-    if len(present) <= _SHOWN:
+    if len(present) <= _MAX_TEXTURES_SHOWN:
         return tuple(present)
     ordered = sorted(present, key=lambda texture: texture[1] / texture[0])
     held_out = [t for t in comparison.table.held_out.textures if t in present]
     middle = ordered[len(ordered) // 2]
-    return tuple(dict.fromkeys([ordered[0], ordered[-1], *held_out, middle]))[:_SHOWN]
+    return tuple(dict.fromkeys([ordered[0], ordered[-1], *held_out, middle]))[:_MAX_TEXTURES_SHOWN]
 
 
 def percent_errors(
     comparison: Comparison, textures: Sequence[Texture] | None = None
 ) -> pd.DataFrame:
-    """Return 100 (p_form/p_data - 1) of each form at each transition of some textures.
+    """Return 100 (p_form/p_data - 1) of each form at each transition of the given textures.
 
     Parameters
     ----------
     comparison : Comparison
         Fits and their table.
     textures : sequence of (float, float), optional
-        `shown_textures` if not given.
+        Textures; `shown_textures` if not given.
 
     Returns
     -------
     pandas.DataFrame
-        Columns form, coefficients (calibrated: posterior means; published: those of the study),
-        a_over_R, b_over_R, Q, role, p_over_E, percent. Positive: the form asks for too much load.
-        The power law has no row where a texture has no K.
+        Columns form, coefficients (``calibrated``: posterior means, or ``published`` in the study),
+        a_over_R, b_over_R, Q, role, p_over_E, percent. A positive error means that the form
+        overestimates the load. The power law has no row for a texture without K.
     """
-    wanted = shown_textures(comparison) if textures is None else textures
+    selected = shown_textures(comparison) if textures is None else textures
     frame = predicted_rows(comparison.table)
     blocks = []
-    for a, b in wanted:
+    for a, b in selected:
         rows = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)].sort_values("Q")
         q, p, nu = (rows[name].to_numpy() for name in ("Q", "p_over_E", "nu"))
         for name, fit in comparison.fits.items():
             if isinstance(fit.form, PowerLaw) and (a, b) not in fit.form.textures:
                 continue
             means = fit.summary["mean"].to_numpy()[: fit.model.n_coefficient]
-            # A file gives back 15 digits: equal figures need fewer.
+            # Results read from a file have 15 digits: rounding to 12 gives equal figures.
             sets = {"calibrated": np.array([float(f"{mean:.12g}") for mean in means])}
             if fit.form.published is not None:
                 sets["published"] = np.array(fit.form.published)
@@ -111,7 +112,7 @@ def percent_errors(
 
 
 def slopes_table(comparison: Comparison) -> pd.DataFrame:
-    """Return K = dQ'/ds of each calibrated texture by each closed form.
+    """Return K = dQ'/ds of each calibrated texture under each closed form.
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ def slopes_table(comparison: Comparison) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Columns form, a_over_R, b_over_R, pitch, K, K_lower, K_upper, prob. The half-plane form has
-        no one slope and no row. Empty unless K was fitted to several textures: there is no trend.
+        no row because its slope varies. The frame is empty unless K was fitted to several textures.
     """
     rows, power_law = [], comparison.fits.get("power-law")
     has_trend = power_law is not None and len(power_law.model.data.textures) > 1

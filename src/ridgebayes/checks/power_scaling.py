@@ -1,8 +1,8 @@
-r"""How far each posterior depends on its prior and on its rows: both raised to powers near one.
+r"""Sensitivity of a posterior to its prior and its likelihood, by power scaling.
 
-With the prior's or the likelihood's power alpha in place of 1, the posterior's draws get weights
-``density^(alpha - 1)``. How far a parameter's distribution moves, per doubling of alpha, is its
-sensitivity. No model is fitted again.
+The prior or the likelihood is raised to a power alpha near 1, by giving the posterior's draws the
+weights ``density^(alpha - 1)``. The sensitivity of a parameter is the distance that its
+distribution moves per doubling of alpha. No model is fitted again.
 """
 
 import math
@@ -16,10 +16,10 @@ from ridgebayes.inference.pareto_smoothing import pareto_smoothed
 from ridgebayes.inference.posterior import Posterior
 
 COLUMNS = ["parameter", "prior", "likelihood", "diagnosis"]
-THRESHOLD = 0.05  # sensitivity that counts; that of a normal's mean moved by 0.1 sd or so
+THRESHOLD = 0.05  # sensitivity of a normal distribution whose mean moves by about 0.1 sd
 CONFLICT = "prior-data conflict"
 STRONG_PRIOR = "strong prior or weak likelihood"
-_STEP = 0.01  # alpha is 1.01 and 1/1.01
+_ALPHA_STEP = 0.01  # alpha is 1.01 and 1/1.01
 
 
 def power_scaling(fit: Posterior) -> pd.DataFrame:
@@ -33,15 +33,16 @@ def power_scaling(fit: Posterior) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Columns parameter, prior, likelihood, diagnosis: ``prior-data conflict`` where both are
-        0.05 or more, ``strong prior or weak likelihood`` where the prior alone is, else empty.
+        Columns parameter, prior, likelihood, diagnosis. The diagnosis is ``prior-data conflict``
+        if both sensitivities are 0.05 or more, ``strong prior or weak likelihood`` if only that to
+        the prior is, else empty.
 
     Notes
     -----
-    Prior densities are those of the parameters themselves: a half-normal scale with its density to
-    the power alpha is one with a standard deviation smaller by sqrt(alpha). Shared offsets and log
-    K are integrated out of the likelihood, by an unbiased estimate where there is no closed form.
-    The diagnoses are prompts to look, not verdicts: an informative prior that is meant also shows.
+    Prior densities are those of the parameters. A half-normal density to the power alpha is
+    half-normal with a standard deviation smaller by sqrt(alpha). Shared offsets and log K are
+    integrated out of the likelihood, with an unbiased estimate if there is no closed form. The
+    diagnoses ask for a closer look: an informative prior that is intended causes them too.
 
     References
     ----------
@@ -64,48 +65,48 @@ def power_scaling(fit: Posterior) -> pd.DataFrame:
 
 
 def sensitivities(draws: FloatArray, log_component: FloatArray) -> FloatArray:
-    """Return how far distributions move per doubling of a component's power, near power 1.
+    """Return how far distributions move per doubling of the power of a density, near power 1.
 
     Parameters
     ----------
     draws : ndarray of float, shape (n_draw, n_parameter), any unit
         Draws.
     log_component : ndarray of float, shape (n_draw,)
-        Log density of the component at them: of a prior, or of the rows.
+        Log density of the prior or of the rows at the draws.
 
     Returns
     -------
     ndarray of float, shape (n_parameter,), dimensionless
-        Cumulative Jensen-Shannon distance over abs(log2 alpha), mean of alpha = 1.01 and 1/1.01.
+        Cumulative Jensen-Shannon distance over abs(log2 alpha), averaged over alpha = 1.01, 1/1.01.
     """
     total = np.zeros(draws.shape[1])
-    for alpha in (1 + _STEP, 1 / (1 + _STEP)):
+    for alpha in (1 + _ALPHA_STEP, 1 / (1 + _ALPHA_STEP)):
         log_weight, _ = pareto_smoothed((alpha - 1) * log_component)
         weight = np.exp(log_weight)
-        # The distance is not symmetric: the larger of those of x and of -x counts.
+        # The distance is not symmetric in the sign of x: the larger value is used.
         moved = [max(cumulative_distance(sign * x, weight) for sign in (1, -1)) for x in draws.T]
         total += np.array(moved) / abs(math.log2(alpha))
     return total / 2
 
 
 def cumulative_distance(x: FloatArray, weight: FloatArray) -> float:
-    r"""Return the cumulative Jensen-Shannon distance of draws from the same draws weighted.
+    r"""Return the cumulative Jensen-Shannon distance between draws and the same draws weighted.
 
     Parameters
     ----------
     x : ndarray of float, shape (n,), any unit
         Draws.
     weight : ndarray of float, shape (n,), dimensionless
-        Weights, sum 1.
+        Weights, with sum 1.
 
     Returns
     -------
     float
-        From 0 to 1.
+        Distance, between 0 and 1.
 
     Notes
     -----
-    With distribution functions P and Q and M their mean it is the root of
+    With distribution functions P and Q and their mean M, the distance is the square root of
 
     .. math:: \int (P \log_2 \tfrac{P}{M} + Q \log_2 \tfrac{Q}{M}) dx \big/ \int (P + Q) dx,
 
@@ -122,7 +123,7 @@ def cumulative_distance(x: FloatArray, weight: FloatArray) -> float:
     total = float(width @ (p + q))
     if not total > 0:  # all draws are equal
         return 0.0
-    # P/M = 1 + (P - Q)/(P + Q): where P and Q are alike, their logarithms would cancel.
+    # P/M = 1 + (P - Q)/(P + Q) avoids cancellation in the logarithm when P is close to Q.
     ahead = (p - q) / (p + q)
     change = p * np.log1p(ahead) + special.xlog1py(q, -ahead)  # the first q may round to 0
     return math.sqrt(max(float(width @ change) / math.log(2) / total, 0.0))

@@ -1,8 +1,8 @@
-"""Would the fitted model make rows like these? Replicated data against the observed ones.
+"""Predictive checks: test quantities of observed rows and of rows replicated by the model.
 
-Residuals are of log loads from the form's own curve. The checks look at the ways in which
-residuals of contact loads are known to go wrong: a far row, a drift with the count, textures or
-steps that are off as a whole, neighbours along a curve that err alike.
+Residuals are log loads minus the curve of the form. The quantities detect common failures: an
+outlier, a drift with the count, textures or steps that deviate as a whole, and correlated
+neighbours along a curve.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ QUANTITIES = {
 }
 CHECK_COLUMNS = ["quantity", "observed", "lower", "upper", "prob", "p_value", "two_sided"]
 BAND_COLUMNS = ["texture", "a_over_R", "b_over_R", "Q", "lower", "median", "upper", "prob"]
-_MOST, _LEAST = 10_000_000, 200  # draws times rows that are held at a time; draws
+_MAX_DRAWS_TIMES_ROWS, _MIN_DRAWS = 10_000_000, 200  # the product limits memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +38,9 @@ class PredictiveChecks:
     Parameters
     ----------
     names : tuple of str
-        The quantities, of `QUANTITIES`.
+        Names of the quantities, keys of `QUANTITIES`.
     observed, replicated : ndarray of float, shape (n_draw, n_quantity)
-        Values at each posterior draw; both depend on it, since residuals do.
+        Values at each posterior draw. The observed values vary because residuals depend on it.
     """
 
     names: tuple[str, ...]
@@ -49,7 +49,7 @@ class PredictiveChecks:
 
     @property
     def p_values(self) -> dict[str, float]:
-        """Probability that a replicate's quantity is above the observed one, ties by halves."""
+        """Probability that a replicated quantity exceeds the observed one; ties count half."""
         above = (self.replicated > self.observed) + 0.5 * (self.replicated == self.observed)
         return dict(zip(self.names, above.mean(axis=0).tolist(), strict=True))
 
@@ -59,13 +59,13 @@ class PredictiveChecks:
         Parameters
         ----------
         prob : float, optional
-            Probability of the equal-tailed interval of replicates.
+            Probability of the equal-tailed interval of replicated quantities.
 
         Returns
         -------
         pandas.DataFrame
-            Columns quantity, observed (mean over the draws), lower, upper (of replicates), prob,
-            p_value, two_sided: twice the smaller of p_value and its complement.
+            Columns quantity, observed (mean over the draws), lower, upper (of the replicates),
+            prob, p_value, two_sided: twice the smaller of p_value and its complement.
         """
         ends = np.quantile(self.replicated, [0.5 - prob / 2, 0.5 + prob / 2], axis=0)
         p = np.array(list(self.p_values.values()))
@@ -74,7 +74,7 @@ class PredictiveChecks:
 
 
 def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> PredictiveChecks:
-    """Compare the rows with rows replicated under the posterior.
+    """Compare the rows with rows replicated from the posterior predictive distribution.
 
     Parameters
     ----------
@@ -83,13 +83,13 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
     rng : int or numpy.random.Generator, optional
         Seed.
     n_draw : int, optional
-        Posterior draws, one replicate each; at most those that the fit keeps, and of more than
-        5,000 rows as many fewer as keep draws times rows to ten million.
+        Number of posterior draws, with a replicate for each; at most the number kept by the fit.
+        Above 5,000 rows it is reduced so that draws times rows is ten million.
 
     Returns
     -------
     PredictiveChecks
-        Quantities that the rows allow: a spread needs two textures or steps, a correlation
+        Quantities that the rows allow: a spread needs two textures or steps, a correlation needs
         neighbours along Q.
 
     Raises
@@ -99,10 +99,9 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
 
     Notes
     -----
-    A replicate has new shared offsets from their prior: what repeats within textures or steps has
-    to be of the size that the error model says, not be known beforehand. Rows serve twice, for the
-    fit and for the check, so that p-values crowd about one half; those near 0 or 1 mean all the
-    more.
+    A replicate draws new shared offsets from their prior. The check thus asks whether deviations
+    within textures or steps have the size given by the error model. The rows are used for the fit
+    and the check, so p-values concentrate near one half, and values near 0 or 1 are strong signs.
 
     References
     ----------
@@ -113,8 +112,8 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
     if not exact.any():
         raise InputError("fit: no row gives its load exactly; expected at least one")
     seed = seed_of(rng)
-    # Evenly over the ensembles, whichever number is asked for.
-    n = min(n_draw, len(fit.draws), max(_MOST // len(model.data), _LEAST))
+    # The draws are spread evenly over the chains.
+    n = min(n_draw, len(fit.draws), max(_MAX_DRAWS_TIMES_ROWS // len(model.data), _MIN_DRAWS))
     places = np.linspace(0, len(fit.draws) - 1, n).astype(int)
     theta = fit.draws[places]
     curve = form_log_loads(model, theta)[:, exact]
@@ -130,7 +129,7 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
 def prior_bands(
     model: Model, *, rng: Rng = 0, n_draw: int = 4_000, prob: float = 0.9
 ) -> pd.DataFrame:
-    """Return what the priors alone say of the log load at every texture and count of the rows.
+    """Return prior predictive bands of the log load at every texture and count of the rows.
 
     Parameters
     ----------
@@ -139,23 +138,23 @@ def prior_bands(
     rng : int or numpy.random.Generator, optional
         Seed.
     n_draw : int, optional
-        Draws from the prior; fewer of more than 2,500 rows, likewise.
+        Number of draws from the prior; reduced above 2,500 rows as in `posterior_checks`.
     prob : float, optional
         Probability of the equal-tailed interval.
 
     Returns
     -------
     pandas.DataFrame
-        A row for each texture and count: columns texture (label), a_over_R, b_over_R, Q, lower,
-        median, upper (of the log load), prob. Known errors of rows are not in them.
+        One row for each texture and count: columns texture (label), a_over_R, b_over_R, Q, lower,
+        median, upper (of the log load), prob. The bands exclude known errors of rows.
 
     Raises
     ------
     ComputationError
-        If hardly any prior draw has positive rates.
+        If almost no prior draw has positive rates.
     """
     data, seed = model.data, seed_of(rng)
-    n = min(n_draw, max(_MOST // len(data), _LEAST))
+    n = min(n_draw, max(_MAX_DRAWS_TIMES_ROWS // len(data), _MIN_DRAWS))
     theta = prior_draws(model, stream(seed, "prior"), n)
     loads = simulate_log_loads(model, theta, stream(seed, "rows"))[0]
     ends = np.quantile(loads, [0.5 - prob / 2, 0.5, 0.5 + prob / 2], axis=0)
@@ -170,7 +169,7 @@ def prior_bands(
 
 
 def _quantities(data: Observations, residual: FloatArray) -> dict[str, FloatArray]:
-    """Return the test quantities of residuals (n_draw, n_obs) at the places of some rows."""
+    """Return the test quantities of residuals (n_draw, n_obs) of some rows."""
     values = {"largest residual": np.abs(residual).max(axis=-1)}
     x = np.log(data.Q / 2 - 1)
     x = x - x.mean()
@@ -180,7 +179,7 @@ def _quantities(data: Observations, residual: FloatArray) -> dict[str, FloatArra
         means = _mean_matrix(code)
         if means.shape[0] > 1:
             values[name] = (means @ residual.T).std(axis=0, ddof=1)
-    # Cells are sorted by texture and then by Q: neighbours follow each other.
+    # Cells are sorted by texture and then by Q, so neighbours along Q are adjacent.
     cells, code = np.unique(np.stack([data.texture, data.Q]), axis=1, return_inverse=True)
     near = np.flatnonzero(np.diff(cells[0]) == 0)
     if len(near) > 1:
@@ -192,7 +191,7 @@ def _quantities(data: Observations, residual: FloatArray) -> dict[str, FloatArra
 
 
 def _mean_matrix(code: IntArray) -> sparse.csr_array:
-    """Return the matrix that takes rows to the mean of each code, in sorted order of the codes."""
+    """Return the matrix that averages rows by code, in sorted order of the codes."""
     _, group, n = np.unique(code, return_inverse=True, return_counts=True)
     group = group.reshape(-1)
     return sparse.csr_array((1 / n[group], (group, np.arange(len(group)))))

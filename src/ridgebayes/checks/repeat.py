@@ -1,7 +1,7 @@
-"""A posterior checked twice: drawn again with twice the draws, and held against its priors.
+"""Two checks of a posterior: a repeat with twice the draws, and a comparison with its priors.
 
-Both are asked for by reporting checklists: Depaoli and van de Schoot (2017),
-doi:10.1037/met0000065, points 3 and 6; Kruschke (2021), doi:10.1038/s41562-021-01177-7, step 6.
+Reporting checklists ask for both: Depaoli and van de Schoot (2017), doi:10.1037/met0000065,
+points 3 and 6; Kruschke (2021), doi:10.1038/s41562-021-01177-7, step 6.
 """
 
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ from ridgebayes.inference.presets import STANDARD
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.runtime.randomness import stream
 
-OUTER = 0.01  # share of a prior on either side beyond which a posterior mean is out of place
-_MOST_PARAMETERS = 20
+OUTER = 0.01  # tail probability of a prior beyond which a posterior mean is remarkable
+_MAX_PARAMETERS = 20  # of a posterior that is repeated in seconds
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Repeat:
     Parameters
     ----------
     n_draw : int
-        Draws of the repeat.
+        Number of draws of the repeat.
     parameter : str
-        The parameter whose mean moved most.
+        Parameter whose mean moved most.
     moved : float
-        By how much, in posterior standard deviations.
+        Distance moved, in posterior standard deviations.
     failed : str
-        Why there is no repeat to rely on; empty if there is one.
+        Reason why the repeat failed or is unreliable; empty if it is reliable.
     """
 
     n_draw: int
@@ -44,7 +44,7 @@ class Repeat:
 
 
 def repeat_posterior(posterior: Posterior) -> Repeat:
-    """Draw from a posterior again, with a new search for modes and twice its kept draws.
+    """Draw from a posterior again, with a new search for modes and twice the number of draws.
 
     Parameters
     ----------
@@ -54,11 +54,11 @@ def repeat_posterior(posterior: Posterior) -> Repeat:
     Returns
     -------
     Repeat
-        Largest move of a mean. `failed` says what is wrong, such as too heavy a tail of weights.
+        Largest move of a mean. `failed` states a problem, such as a heavy tail of the weights.
 
     Notes
     -----
-    *Cost.* One density a draw, and the search.
+    *Cost.* One evaluation of the density for each draw, and the search for modes.
     """
     model, n_draw = posterior.model, 2 * len(posterior.draws)
     seed = int(stream(posterior.seed, "repeat").integers(2**63))
@@ -77,23 +77,23 @@ def repeat_posterior(posterior: Posterior) -> Repeat:
 
 
 def is_cheap(posterior: Posterior) -> bool:
-    """Return whether a repeat takes seconds: few parameters, densities that are no estimates."""
+    """Return whether a repeat takes seconds: few parameters and a density in closed form."""
     target = ModelTarget(posterior.model)
-    return target.is_exact and posterior.model.n_parameter <= _MOST_PARAMETERS
+    return target.is_exact and posterior.model.n_parameter <= _MAX_PARAMETERS
 
 
 def against_priors(posterior: Posterior) -> pd.DataFrame:
-    """Return where in its prior each posterior mean lies.
+    """Return the position of each posterior mean in its prior.
 
     Parameters
     ----------
     posterior : Posterior
-        With the priors of its model.
+        Posterior with the priors of its model.
 
     Returns
     -------
     pandas.DataFrame
-        Columns parameter, prior_median, mean, prior_below: the share of the prior below the mean.
+        Columns parameter, prior_median, mean, and prior_below: the prior probability below `mean`.
     """
     rows = []
     for row in posterior.summary.to_dict("records"):

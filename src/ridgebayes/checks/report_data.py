@@ -1,4 +1,4 @@
-"""All that a report shows: computed here once, before a figure is drawn or a page is written."""
+"""Results shown in a report, computed before any figure or page is made."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,24 +25,24 @@ from ridgebayes.inference.presets import Preset
 from ridgebayes.results import Fit
 from ridgebayes.table.datafiles import paper_sweep
 
-_N_LOAD = 300  # of one panel's band: steps as sharp as a pixel
-_BEYOND = 1.6  # how far beyond a texture's own highest load its panel goes
+_N_LOADS = 300  # loads in the band of a panel, about one for each pixel
+_PANEL_END_OVER_MAX_LOAD = 1.6  # largest load of a panel over that of its texture
 
 
 @dataclass(frozen=True)
 class Consequence:
-    """Effect of the choice of a form on predictions at fitted textures, up to their loads.
+    """Effect of the choice of a form on predictions for fitted textures, up to their largest loads.
 
     Parameters
     ----------
     n_texture : int
-        Textures looked at.
+        Number of textures compared.
     over : str
-        The next form; empty where there is none.
+        Second form; empty if there is none.
     apart : int
-        Largest difference of the two forms' medians of Q.
+        Largest difference between the median Q of the two forms.
     width : int
-        Largest width of the shown form's band on Q.
+        Largest width of the band on Q of the shown form.
     """
 
     n_texture: int
@@ -53,60 +53,60 @@ class Consequence:
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """A comparison with all that its report shows beside it.
+    """A comparison and the results that its report shows with it.
 
     Parameters
     ----------
     comparison : Comparison
         Comparison to report.
     preset : Preset
-        The accuracy that was asked for.
+        Accuracy preset of the run.
     best : str or None
-        The most probable form; None where no evidence could be used.
+        Most probable form; None if no evidence is usable.
     shown : str
-        The form whose bands and checks are shown: the best one, or the first fitted.
+        Form whose bands and checks are shown: the best, or the first fitted.
     ranked : tuple of str
         Fitted forms, most probable first.
     verdict : Verdict or None
-        The graded verdict; None where only one form has an evidence.
+        Graded verdict; None if fewer than two forms have an evidence.
     problems : tuple of str
         Fits that failed or did not converge.
     cautions : tuple of str
         Cautions about the results.
     factors, sensitivity : pandas.DataFrame
-        ln Bayes factors of each form against the best, by method and by prior scale.
+        ln Bayes factors of each form against the best, by method and by scale of a prior.
     predicting : Predicting or None
-        Whether form or smooth offset predicts textures left out.
+        Whether the form or the smooth offset predicts left-out textures better.
     error_models : pandas.DataFrame
         Mean evidence of each error model.
     transitions : pandas.DataFrame
-        Rows of the table with status ok that are transitions.
+        Transitions of the table with status ok.
     bands : pandas.DataFrame
-        Bands on Q of the shown form, texture by texture.
+        Bands on Q of the shown form, by texture.
     consequence : Consequence
         Effect of the choice of a form on these bands.
     held_out : pandas.DataFrame
-        Held-out loads beside their bands, see `held_out_loads`.
+        Held-out loads with their bands, see `held_out_loads`.
     textures : tuple of (float, float)
         Textures of the percent errors, a/R and b/R.
     percent_errors, slopes : pandas.DataFrame
-        See `ridgebayes.checks.load_errors`; slopes are empty where there is no trend to show.
+        See `ridgebayes.checks.load_errors`; slopes are empty for a single texture.
     least_squares : dict of str to LeastSquares
-        Coefficients by least squares on Q, of forms that have them.
+        Coefficients by least squares on Q, if the form allows them.
     checks : PredictiveChecks or None
-        Posterior predictive checks of the shown form; None where no row gives its load exactly.
+        Posterior predictive checks of the shown form; None if no row gives its load exactly.
     prior_bands : pandas.DataFrame
         Prior predictive loads of the shown form; empty in a quick run.
     power_scaling : pandas.DataFrame
         Sensitivity of each parameter of the shown form to prior and likelihood.
     repeat : Repeat or None
-        The shown fit drawn again; None in a quick run, and where that would take long.
+        Repeat of the shown fit; None in a quick run or if it would take long.
     against_priors : pandas.DataFrame
-        Where the shown fit's means lie in their priors.
+        Positions of the shown fit's means in their priors.
     own_texture : OwnTexture
-        Quantiles from which the page predicts textures that were not fitted.
+        Quantiles from which the page predicts new textures.
     is_paper_sweep : bool
-        Whether the rows are those of the embedded sweep, which published coefficients belong to.
+        Whether the rows are the embedded sweep, to which published coefficients belong.
     """
 
     comparison: Comparison
@@ -139,22 +139,22 @@ class ReportData:
 
     @property
     def fit(self) -> Fit:
-        """The fit of the shown form."""
+        """Fit of the shown form."""
         return self.comparison.fits[self.shown]
 
 
 def report_data(comparison: Comparison) -> ReportData:
-    """Compute all that the report of a comparison shows.
+    """Compute the results shown in the report of a comparison.
 
     Parameters
     ----------
     comparison : Comparison
-        As computed, or read back from a run folder: the numbers are the same.
+        Comparison as computed, or read from a run folder, which gives the same numbers.
 
     Returns
     -------
     ReportData
-        The comparison and what goes beside it.
+        The comparison with these results.
 
     Notes
     -----
@@ -175,7 +175,7 @@ def report_data(comparison: Comparison) -> ReportData:
     seen = frame[frame["status"] == "ok"]
     textures = load_errors.shown_textures(comparison)
     verdict = comparison.verdict
-    # With prior odds the form that is shown may be the second by evidence.
+    # With prior odds the shown form may have the second highest evidence.
     compared = () if verdict is None else (verdict.over, verdict.form)
     over = next((name for name in compared if name != shown), "")
     bands = _panel_bands(comparison, [shown, *([over] if over else [])], seen, textures)
@@ -217,16 +217,16 @@ def consequence_of(bands: pd.DataFrame, shown: str, over: str, seen: pd.DataFram
     Parameters
     ----------
     bands : pandas.DataFrame
-        Columns of bands.csv, both forms at equal textures and loads.
+        Columns of bands.csv, with both forms at the same textures and loads.
     shown, over : str
-        The forms; `over` may be empty.
+        Names of the forms; `over` may be empty.
     seen : pandas.DataFrame
-        Rows fitted.
+        Fitted rows.
 
     Returns
     -------
     Consequence
-        Over the textures of `seen`.
+        Comparison over the textures of `seen`.
     """
     key = ["a_over_R", "b_over_R"]
     largest = seen.groupby(key)["p_over_E"].max().rename("largest").reset_index()
@@ -241,9 +241,8 @@ def consequence_of(bands: pd.DataFrame, shown: str, over: str, seen: pd.DataFram
 def _panel_bands(
     comparison: Comparison, forms: list[str], seen: pd.DataFrame, first: Sequence[Texture]
 ) -> pd.DataFrame:
-    """Return the bands of some forms at loads that suit each texture's panel, counts alone too."""
-    # One figure holds so many panels, of which those shown first are: textures beyond are in the
-    # run folder's bands.csv.
+    """Return the bands of some forms at loads that span the panel of each texture."""
+    # A figure holds at most `MOST_TEXTURES` panels; bands.csv in the run folder has all textures.
     every = comparison.table.textures
     kept = list(dict.fromkeys([*first, *every]))[:MOST_TEXTURES]
     textures = [texture for texture in every if texture in kept]
@@ -251,7 +250,7 @@ def _panel_bands(
     for a, b in textures:
         rows = seen[(seen["a_over_R"] == a) & (seen["b_over_R"] == b)]
         top = float((rows if len(rows) else seen)["p_over_E"].max())
-        loads.append((np.linspace(0.0, np.sqrt(_BEYOND * top), _N_LOAD) ** 2)[1:])
+        loads.append((np.linspace(0.0, np.sqrt(_PANEL_END_OVER_MAX_LOAD * top), _N_LOADS) ** 2)[1:])
     return bands_table(comparison, textures=textures, forms=forms, loads=np.array(loads))
 
 
@@ -260,7 +259,7 @@ def _least_squares(comparison: Comparison) -> dict[str, LeastSquares]:
     for name, fit in comparison.fits.items():
         try:
             squares[name] = fit_by_least_squares(fit.form, comparison.table)
-        # A form with a coefficient per texture, too few rows, or rows that no coefficients suit.
+        # The form has a coefficient per texture, too few rows, or rows that it cannot fit.
         except (InputError, ComputationError):
             continue
     return squares

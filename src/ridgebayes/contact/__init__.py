@@ -1,4 +1,4 @@
-"""Contact mechanics: arrays and numbers in, arrays and a status out; no scenes, no tables.
+"""Contact mechanics on arrays and numbers, with a status for each solution.
 
 `halfplane` has the transition loads of sharp, centred ridges, `contact_solution` a body on any
 profile under any load, `reaching` the loads that reach further ridges, `cylinder` the whole body by

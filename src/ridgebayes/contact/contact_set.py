@@ -1,7 +1,7 @@
-"""Which parts of the rigid side are in contact: ends take steps, segments come and go.
+"""Active set of the contact: ends of contact move, and segments enter and leave.
 
-All ends take Newton steps at once; segments that the surface would penetrate are added, contacts
-that shrink to nothing are dropped. Equations are those of `docs/derivations/contact.md`.
+All ends take Newton steps at once. Segments that the surface would penetrate are added, and
+contacts that shrink to nothing are removed. Equations refer to `docs/derivations/contact.md`.
 """
 
 import math
@@ -13,21 +13,21 @@ from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.contact.intervals import Intervals, PressureSolution
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
-SHRINK = 0.1  # a contact keeps at least this share of its width in one step
-TENSION = 0.1  # times the root of the tolerance, of the mean pressure: free ends err by as much
-BEGUN, _ROUNDING = 1e-6, 1e-9  # of the load
-_STEP = 1e-13  # of a contact's width: shorter steps are rounding
-N_LOOK, _LOOKS = 17, 8  # places on a segment; each look is at an eighth of the one before
-_NOTHING = 1e-11  # of a segment's width: narrower is no contact
+SHRINK = 0.1  # least share of its width that a contact keeps in one step
+TENSION = 0.1  # tension allowed at free ends, over the mean pressure and the root of the tolerance
+BEGUN, _ROUNDING_SHARE = 1e-6, 1e-9  # shares of the load
+_MIN_STEP = 1e-13  # over a contact's width; shorter steps are rounding errors
+N_PLACES, _N_REFINEMENTS = 17, 8  # on a segment; each refinement divides the spacing by eight
+_MIN_WIDTH = 1e-11  # of a contact, over its segment's width
 
 
 class ContactSet:
-    """Which segments are in contact, from where to where, and which ends are stuck at a corner."""
+    """Segments in contact, with the ends of contact on each."""
 
     def __init__(self, profile: Profile, segments: Sequence[RigidSegment], rel_tol: float) -> None:
         self._profile, self._segments, self._tol = profile, list(segments), rel_tol
         self._ends: dict[RigidSegment, tuple[float, float]] = {}
-        self._made: dict[RigidSegment, tuple[float, ...]] = {}  # last steps of its ends, outward
+        self._last_steps: dict[RigidSegment, tuple[float, ...]] = {}  # of both ends, outward
 
     @property
     def touched(self) -> list[RigidSegment]:
@@ -40,9 +40,9 @@ class ContactSet:
     def begin(
         self, W: float, start: Mapping[RigidSegment, tuple[float, float]], spared: float
     ) -> None:
-        """Begin with the ends of a solution nearby, or with what Hertz's contact covers.
+        """Start with the ends of a similar solution, or with the part of ridges in Hertz's contact.
 
-        That is without a width `spared` at both sides of each ridge, which round corners leave.
+        A width `spared` on both sides of each ridge is left out of it, for round corners.
         """
         hertz = math.sqrt(2 * W)
         tops = [segment for segment in self._segments if segment.ridge is not None]
@@ -53,20 +53,20 @@ class ContactSet:
                 if low < high:
                     self._ends[segment] = self._within(segment, low, high)
         if not self._ends:
-            # The nearest corners: as wide as a body's slope there takes the load.
+            # The nearest corner, with the width for which the body's slope there carries the load.
             tops = tops or self._segments
             near = min(tops, key=lambda segment: min(abs(segment.start), abs(segment.stop)))
-            self._ends[near] = self._first(near, W)
+            self._ends[near] = self._initial_contact(near, W)
 
-    def _first(self, segment: RigidSegment, W: float) -> tuple[float, float]:
-        """Guess a new contact: at the segment's nearest point to the centre."""
+    def _initial_contact(self, segment: RigidSegment, W: float) -> tuple[float, float]:
+        """Guess a new contact at the segment's point nearest to the centre."""
         low, high = segment.flat
         at = min(max(0.0, low), high)
-        wanted = max(W / max(abs(at), math.sqrt(W)), 1e-6 * at)
-        width = 0.5 * min(segment.stop - segment.start, wanted)
+        guess = max(W / max(abs(at), math.sqrt(W)), 1e-6 * at)
+        width = 0.5 * min(segment.stop - segment.start, guess)
         if low < 0 < high:
             return self._within(segment, -width, width)
-        into = width if segment.corner else 0.0  # a sharp corner is where contact begins
+        into = width if segment.corner else 0.0  # at a sharp corner contact begins
         if at == low:
             return self._within(segment, low - into, low + width)
         return self._within(segment, high - width, high + into)
@@ -79,12 +79,12 @@ class ContactSet:
         return low, high
 
     def move(self, pressing: PressureSolution) -> bool:
-        """Move free ends by Newton's step, drop what shrinks to nothing; whether any did."""
+        """Move free ends by Newton steps, and remove vanishing contacts; return if any changed."""
         touched = self.touched
         ends = np.array([self._ends[segment] for segment in touched]).T
         moved = self._stepped(pressing, touched, ends)
         for segment, (low, high) in zip(touched, moved.T.tolist(), strict=True):
-            if high - low <= _NOTHING * (segment.stop - segment.start) and len(self._ends) > 1:
+            if high - low <= _MIN_WIDTH * (segment.stop - segment.start) and len(self._ends) > 1:
                 del self._ends[segment]
                 continue
             if self._profile.mirrored and segment.start < 0 < segment.stop:
@@ -93,16 +93,13 @@ class ContactSet:
         return len(self._ends) < len(touched) or not np.array_equal(moved, ends)
 
     def forget_steps(self) -> None:
-        """Let ends step back as far as they like: the load rises on."""
-        self._made.clear()
+        """Remove the limits on the next steps, which follow from the last ones."""
+        self._last_steps.clear()
 
     def _stepped(
         self, pressing: PressureSolution, touched: list[RigidSegment], ends: FloatArray
     ) -> FloatArray:
-        """Return the places of ends after their steps, (2, n).
-
-        Equations of docs/derivations/contact.md.
-        """
+        """Return ends after their steps, (2, n); equations of docs/derivations/contact.md."""
         sign = np.array([[-1.0], [1.0]])
         limits = np.array([(segment.start, segment.stop) for segment in touched]).T
         layer = sign * (ends - np.array([segment.flat for segment in touched]).T)
@@ -112,25 +109,25 @@ class ContactSet:
         step = end_steps(strength, np.nan_to_num(pressing.outward, nan=0.0), width, stuck)
         near = np.abs(step) <= self._near_enough(width, math.pi * mean / pressing.load, layer)
         stays = np.where(stuck, strength >= -self._tol * mean, near)  # (5), (10)
-        last = np.array([self._made.get(segment, (0.0, 0.0)) for segment in touched]).T
+        last = np.array([self._last_steps.get(segment, (0.0, 0.0)) for segment in touched]).T
         most = np.where(step * last < 0, 0.5 * np.abs(last), np.inf)  # (9a)
         step = np.clip(step, -most, most)
         made = np.where(stays, last, np.minimum(step, room))
-        self._made |= zip(touched, map(tuple, made.T.tolist()), strict=True)
+        self._last_steps |= zip(touched, map(tuple, made.T.tolist()), strict=True)
         return np.where(stays, ends, np.where(step >= room, limits, ends + sign * step))
 
     def _near_enough(self, width: FloatArray, share: FloatArray, layer: FloatArray) -> FloatArray:
-        """Return the step below which an end is found, eq. (10), by its share of the load."""
-        bears = share > max(_ROUNDING, 0.01 * self._tol)
+        """Return the step below which an end has converged, eq. (10), by its share of the load."""
+        bears = share > max(_ROUNDING_SHARE, 0.01 * self._tol)
         by_share = self._tol * width * np.maximum(1.0, BEGUN / np.where(bears, share, 1.0))
-        # Beyond a kink pressure falls to zero within it.
+        # Beyond a kink the pressure falls to zero within the layer.
         by_layer = 0.3 * TENSION * math.sqrt(self._tol) * layer
         near = np.where((layer > 0) & (layer < width), by_layer, np.inf)
         near = np.minimum(near, np.where(bears, by_share, np.inf))
-        return np.maximum(near, _STEP * width)
+        return np.maximum(near, _MIN_STEP * width)
 
     def add_penetrated(self, pressing: PressureSolution) -> bool:
-        """Begin a contact on every segment that the surface penetrates; whether there was any."""
+        """Add a contact on every segment that the surface penetrates; return if there is any."""
         before = len(self._ends)
         scale = max(self._tol * pressing.load, 1e-15)
         others = [segment for segment in self._segments if segment not in self._ends]
@@ -142,12 +139,12 @@ class ContactSet:
             return False
         x, gaps, _ = nearest_gaps(pressing, others)
         for segment, at, gap in zip(others, x.tolist(), gaps.tolist(), strict=True):
-            # On a sloping surface a contact that is too narrow to be kept penetrates by this much.
+            # On a sloping surface a contact of less than the minimum width penetrates this deep.
             start, stop = segment.start, segment.stop
-            if gap >= -max(scale, 100 * _NOTHING * (stop - start) * max(-start, stop)):
+            if gap >= -max(scale, 100 * _MIN_WIDTH * (stop - start) * max(-start, stop)):
                 continue
             if segment.ridge is not None and segment.corner == 0:
-                self._ends[segment] = self._first(segment, pressing.load)
+                self._ends[segment] = self._initial_contact(segment, pressing.load)
             else:
                 half = math.sqrt(-segment.corner * gap) or 0.02 * (stop - start)
                 self._ends[segment] = self._within(segment, at - half, at + half)
@@ -157,12 +154,12 @@ class ContactSet:
 def end_steps(
     strength: FloatArray, newton: FloatArray, width: FloatArray, stuck: BoolArray
 ) -> FloatArray:
-    """Return Newton's steps of left and right ends, outward, (2, n), kept to a contact's size.
+    """Return Newton steps of left and right ends, outward, (2, n), limited by a contact's size.
 
-    Strengths are those of the edge singularity: negative is tension. Equations (7) to (9) of
+    A negative strength of the edge singularity is tension. Equations (7) to (9) of
     docs/derivations/contact.md.
     """
-    # Half of it where both ends move in: else they could pass each other.
+    # Half of the width if both ends can move inward, because they could pass each other.
     most = (1 - SHRINK) * width * np.where(stuck.sum(axis=0) == 1, 1.0, 0.5)
     step = np.where((strength > 0) & (newton <= 0), width, newton)  # no zero of pressure ahead
     step = np.where((strength < 0) & (newton >= 0), -most, step)
@@ -170,22 +167,22 @@ def end_steps(
 
 
 def nearest_gaps(
-    pressing: PressureSolution, segments: Sequence[RigidSegment], looks: int = _LOOKS
+    pressing: PressureSolution, segments: Sequence[RigidSegment], looks: int = _N_REFINEMENTS
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return where the gap to each of some segments that are not touched is least, and the gap.
+    """Return the places where the gaps to untouched segments are smallest, and these gaps.
 
-    The last is by how much less it may be between the places that were looked at.
+    The third array is the possible decrease of each gap between the evaluated places.
     """
     rows = np.arange(len(segments))
     start, stop = np.array([(s.start, s.stop) for s in segments]).T
-    x = np.linspace(start, stop, N_LOOK, axis=1)
-    # Where no pressure acts the surface is convex, as ridges are: one minimum.
+    x = np.linspace(start, stop, N_PLACES, axis=1)
+    # Outside of contact the surface is convex, as ridges are, so there is a single minimum.
     for _ in range(looks):
         heights = [segment.height(at) for segment, at in zip(segments, x, strict=True)]
         gap = pressing.surface(x) + heights
         lowest = np.argmin(gap, axis=1)
         nearest, least = x[rows, lowest], gap[rows, lowest]
-        i = np.clip(lowest, 1, N_LOOK - 2)
+        i = np.clip(lowest, 1, N_PLACES - 2)
         slack = np.ptp(gap[rows, [i - 1, i, i + 1]], axis=0)
-        x = np.linspace(x[rows, i - 1], x[rows, i + 1], N_LOOK, axis=1)
+        x = np.linspace(x[rows, i - 1], x[rows, i + 1], N_PLACES, axis=1)
     return nearest, least, slack

@@ -1,7 +1,7 @@
-"""A parabola pressed on ridges by any load: where it touches, and what follows from that.
+"""A parabola pressed on ridges by a load: its contact, and quantities computed from it.
 
-Contact covers part of each segment: up to a sharp corner, where the pressure is singular, or to an
-end that is found from zero pressure, see `contact_set`.
+Contact covers part of each segment. It ends at a sharp corner, where the pressure is singular, or
+at a free end, where the pressure is zero; see `contact_set`.
 """
 
 import math
@@ -17,8 +17,8 @@ from ridgebayes.contact.intervals import Intervals, PressureSolution, solve_pres
 from ridgebayes.contact.rigid_profile import Kinks, Profile, RigidSegment, falls
 from ridgebayes.errors import InputError
 
-_MAX_ITERATIONS = 200  # ends take steps in turn, more of them where few coefficients are used
-MOST_UNKNOWNS, _MOST_COEFFICIENTS = 4_000, 400
+_MAX_ITERATIONS = 200  # steps of the ends; few coefficients need many
+MOST_UNKNOWNS, _MAX_COEFFICIENTS = 4_000, 400
 DEFAULT_REL_TOL = 1e-8  # of loads and of contact ends
 
 
@@ -29,18 +29,18 @@ def load_factor(nu: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ContactSolution:
-    """A body pressed on ridges.
+    """Solution for a body pressed on ridges.
 
     Parameters
     ----------
     profile : Profile
-        The rigid side.
+        Rigid profile.
     segments : tuple of RigidSegment
-        Those in contact, from left to right; of a mirrored profile the right half.
+        Segments in contact, from left to right; for a mirrored profile, of the right half.
     pressing : PressureSolution
-        Pressures on them.
+        Pressures on the segments.
     status : str
-        ``ok``, or which condition does not hold.
+        ``ok``, or the condition that is violated.
     """
 
     profile: Profile
@@ -50,7 +50,7 @@ class ContactSolution:
 
     @property
     def W(self) -> float:
-        """The load: integral of pressure times 2/(pi E*), over R; p/E is pi/4 W/(1 - nu^2)."""
+        """Load: integral of pressure times 2/(pi E*), over R; p/E is pi/4 W/(1 - nu^2)."""
         return self.pressing.load
 
     @property
@@ -62,13 +62,13 @@ class ContactSolution:
 
     @property
     def Q(self) -> int:
-        """Ridges in contact: each at its proximal corner, one below the centre with any part."""
+        """Number of ridges in contact, each from its proximal corner; any part of one below."""
         touched = [segment.ridge is not None for segment in self.segments]
         return int(np.sum(self.pressing.intervals.weight[touched]))
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Outermost ends of contact, left and right; NaN where nothing was solved."""
+        """Outermost ends of contact, left and right; NaN without a solution."""
         intervals = self.pressing.intervals
         if not self.segments:
             return math.nan, math.nan
@@ -83,28 +83,28 @@ class ContactSolution:
 
     @property
     def approach(self) -> float:
-        """By which the body has come down on the ridges' tops, over R.
+        """Downward movement of the body relative to the ridges' tops, over R.
 
-        Relative to its surface at a distance R from the centre: a half-plane has no depth at which
-        it would rest, so that some distance has to be named.
+        It is measured at the body's surface at a distance R from the centre, because the
+        displacement of a half-plane has no limit far away.
         """
         return self.pressing.approach
 
     def nearest_gaps(self, segments: Sequence[RigidSegment]) -> tuple[FloatArray, FloatArray]:
-        """Return where the gap to each of some segments that are not touched is least, and the gap.
+        """Return the places where the gaps to untouched segments are smallest, and these gaps.
 
         Shape (n_segment,), over R.
         """
         return nearest_gaps(self.pressing, segments)[:2]
 
     def rise_to_touch(self, segments: Sequence[RigidSegment]) -> float:
-        """Return by how much more load the first of some segments is touched: Newton's step."""
+        """Return the rise of the load until the first of some segments is touched (Newton step)."""
         x, gap = self.nearest_gaps(segments)
         return float((-gap / self.pressing.surface_by_load(x)).min())
 
     @cached_property
     def penetrations(self) -> dict[int, float]:
-        """How deep the surface hangs into each groove between touched ridges, by ridge."""
+        """Depth of the surface in each groove between touched ridges, by ridge number."""
         numbers = [segment.ridge for segment in self.segments if segment.ridge is not None]
         first = min(numbers, default=0)
         first = -1 if self.profile.mirrored and first >= 0 else first
@@ -125,30 +125,30 @@ def solve_contact(
     ridges: range | None = None,
     ahead: Sequence[RigidSegment] = (),
 ) -> ContactSolution:
-    """Press a parabola on ridges by a load, or up to the load that reaches another ridge.
+    """Press a parabola on ridges by a load, or up to the load at which it reaches another ridge.
 
     Parameters
     ----------
     profile : Profile
-        The rigid side.
+        Rigid profile.
     W : float
-        Load: 4 (1 - nu^2)/pi times p/E. Where there are ridges ahead, the smallest load.
+        Load: 4 (1 - nu^2)/pi times p/E. With `ahead`, the smallest load.
     rel_tol : float, optional
         Tolerance of the ends, over their interval's width, of tension and of penetration.
     n_coefficients : int, optional
-        Per interval; by the profile and the tolerance if not given.
+        Number per interval; determined by the profile and the tolerance if not given.
     start : ContactSolution, optional
-        A solution at a load nearby, to begin with.
+        Solution at a similar load, as the initial guess.
     ridges : range, optional
-        Numbers of the only ridges there are: what happens up to the load that reaches the next.
+        Numbers of the ridges to include, for the behaviour until the next ridge is reached.
     ahead : sequence of RigidSegment, optional
-        Ridges beside those: the load is sought at which the gap over the first of them vanishes.
+        Ridges outside this range. The load at which the first of them is touched is sought.
 
     Returns
     -------
     ContactSolution
-        Its status says which of the conditions (no tension, no penetration, ends at zero pressure,
-        coefficients decayed, forces in balance) does not hold, if any.
+        Solution whose status gives the first violated condition, if any: no tension, no
+        penetration, ends at zero pressure, decayed coefficients, balance of forces.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def solve_contact(
     m = n_coefficients or coefficients_for(profile, rel_tol, half_width)
     hertz = math.sqrt(2 * W)
     if ridges is None and (first := hertz / profile.pitch) * m > 2 * MOST_UNKNOWNS:
-        # Ridges under Hertz's contact alone are too many: not even listed, there may be millions.
+        # Too many ridges under Hertz's contact are not even listed, as there may be millions.
         return too_many(profile, first * m)
     within = profile.segments(1.3 * hertz + 3 * profile.pitch)
     if ridges is not None:
@@ -183,7 +183,7 @@ def solve_contact(
             return replace(solution, status="not converged: singular equations")
         solution = replace(solution, segments=tuple(state.touched), pressing=pressing)
         moves = state.move(pressing)
-        # Ends at zero pressure do not change the gap to first order: load and ends step at once.
+        # Free ends do not affect the gap to first order, so load and ends are updated together.
         rise = max(solution.rise_to_touch(ahead), least - W) if ahead else 0.0
         if abs(rise) > 1e-3 * rel_tol * W:
             if rise * step >= 0:
@@ -193,14 +193,14 @@ def solve_contact(
             step = 0.0
         if moves or state.add_penetrated(pressing):
             continue
-        if _resolved(pressing, rel_tol) or m >= _MOST_COEFFICIENTS:
-            return replace(solution, status=_checked(pressing, W, rel_tol))
-        m = math.ceil(1.5 * m)  # a contact has come near its neighbour
+        if _resolved(pressing, rel_tol) or m >= _MAX_COEFFICIENTS:
+            return replace(solution, status=_status_of(pressing, W, rel_tol))
+        m = math.ceil(1.5 * m)  # a contact has come close to its neighbour
     return solution
 
 
 def no_solution(profile: Profile, status: str) -> ContactSolution:
-    """Return a record without a solution, which says why there is none."""
+    """Return a solution without contact, whose status gives the reason."""
     nothing = Intervals(np.empty(0), np.empty(0), profile.mirrored)
     none, last = np.empty((0, 1)), np.empty(0)
     empty = PressureSolution(nothing, none, math.nan, last, Kinks.none(0), (none, math.nan))
@@ -208,31 +208,31 @@ def no_solution(profile: Profile, status: str) -> ContactSolution:
 
 
 def too_many(profile: Profile, unknowns: float) -> ContactSolution:
-    """Return the record of a contact that is not computed, which names what it has too much of."""
+    """Return the status of a contact that would need too many unknowns."""
     of = f"a/R = {profile.a:.3g}, b/R = {profile.b:.3g}"
     why = f"not computed: some {unknowns:.4g} unknowns with {of}; cap {MOST_UNKNOWNS}"
     return no_solution(profile, why)
 
 
 def bearing_half_width(profile: Profile, W: float) -> float:
-    """Return what contact on a ridge is expected to stay within: its own, or less by its corners.
+    """Return the expected half-width of contact on a ridge, reduced by round corners.
 
-    Equation (19) of docs/derivations/contact.md, by a fifth more than Hertz's largest pressure.
+    Equation (19) of docs/derivations/contact.md, for a pressure a fifth above Hertz's maximum.
     """
     corner, pitch = profile.corner, profile.pitch
-    flat = corner + 0.5 * profile.b  # from a groove's middle
-    wanted = 1.2 * 0.5 * math.pi * math.sqrt(2 * W) * corner / flat
-    tau = wanted + 1.0
-    for _ in range(6):  # Newton's steps, all from above
-        tau -= (tau - math.tanh(tau) - wanted) / math.tanh(tau) ** 2
+    flat = corner + 0.5 * profile.b  # distance from a groove's middle
+    pressure = 1.2 * 0.5 * math.pi * math.sqrt(2 * W) * corner / flat
+    tau = pressure + 1.0
+    for _ in range(6):  # Newton steps, all from above
+        tau -= (tau - math.tanh(tau) - pressure) / math.tanh(tau) ** 2
     free = pitch / math.pi * math.asin(math.sin(math.pi * flat / pitch) / math.cosh(tau))
     return min(0.5 * profile.a, 0.5 * pitch - free)
 
 
 def coefficients_for(profile: Profile, rel_tol: float, half_width: float) -> int:
-    """Return how many coefficients contact within a half-width of each ridge takes.
+    """Return the number of coefficients for contact within a half-width of each ridge.
 
-    More where what is left of a groove is narrow.
+    A narrow gap between contacts needs more.
     """
     excess = (profile.b + (profile.a - 2 * half_width)) / half_width
     log_rho = math.log1p(excess + math.sqrt(excess * (2 + excess)))
@@ -241,7 +241,7 @@ def coefficients_for(profile: Profile, rel_tol: float, half_width: float) -> int
 
 
 def _heights(segments: Sequence[RigidSegment], intervals: Intervals) -> tuple[FloatArray, Kinks]:
-    """Return each segment's depth on its interval: a polynomial's coefficients, and kinks."""
+    """Return the Chebyshev coefficients of each segment's depth on its interval, and its kinks."""
     half, n = intervals.half_width, len(segments)
     height = np.array([[segment.depth, 0.0, 0.0] for segment in segments])
     radius = np.array([segment.corner for segment in segments])
@@ -253,8 +253,8 @@ def _heights(segments: Sequence[RigidSegment], intervals: Intervals) -> tuple[Fl
     return height + added, kinks
 
 
-def _checked(pressing: PressureSolution, W: float, rel_tol: float) -> str:
-    """Return ``ok``, or which condition does not hold."""
+def _status_of(pressing: PressureSolution, W: float, rel_tol: float) -> str:
+    """Return ``ok``, or a message about a violated condition."""
     if not abs(pressing.load / W - 1) <= 1e-10:
         return f"forces not in balance: {pressing.load / W - 1:.1e}"
     if not _resolved(pressing, rel_tol):
@@ -266,17 +266,17 @@ def _checked(pressing: PressureSolution, W: float, rel_tol: float) -> str:
 
 
 def _resolved(pressing: PressureSolution, rel_tol: float) -> bool:
-    """Return whether coefficients have decayed: loads err by under tail^2."""
+    """Return whether coefficients have decayed, so that the error of loads is below tail^2."""
     return pressing.tail**2 <= rel_tol
 
 
 def smallest_pressure(pressing: PressureSolution) -> float:
-    """Return the smallest q sqrt(1 - s^2) of any interval over its mean: negative is tension."""
+    """Return the smallest q sqrt(1 - s^2) of any interval over its mean; negative is tension."""
     width = pressing.intervals.half_width
     ends = (end / width for end in pressing.singular)
     pressure = np.column_stack([pressing.pressure_at_points(), *ends])
     mean = pressing.coefficients[:, 0] / width
-    # Pressures of contacts that have only just started are rounding errors.
+    # Pressures of contacts that have just started are rounding errors.
     counts = pressing.forces * pressing.intervals.weight > BEGUN * pressing.load
     return float((pressure.min(axis=1) / mean)[counts].min(initial=np.inf))
 
@@ -284,7 +284,7 @@ def smallest_pressure(pressing: PressureSolution) -> float:
 def solve_many_contacts(
     profile: Profile, W: Sequence[float] | FloatArray, *, rel_tol: float = DEFAULT_REL_TOL
 ) -> list[ContactSolution]:
-    """Press by each of several loads; each begins where the next lower one ended."""
+    """Solve for several loads; each solution starts from that of the next lower load."""
     solutions: dict[int, ContactSolution] = {}
     last = None
     for i in np.argsort(W).tolist():

@@ -1,8 +1,8 @@
 """Forces on the edges of ridges, and the lateral force on a body off centre.
 
-At a sharp corner in full contact the pressure ends like K/sqrt(2 pi r). The energy that moving the
-edge changes per length, G = (1 - nu^2) K^2/(2 E), is a force: on the body it points from the ridge
-into the groove. The derivation is `docs/derivations/edges.md`.
+At a sharp corner in full contact the pressure is singular like K/sqrt(2 pi r). Moving the edge
+changes the energy per length by G = (1 - nu^2) K^2/(2 E). This is a force on the body, from the
+ridge into the groove. The derivation is `docs/derivations/edges.md`.
 """
 
 import math
@@ -16,20 +16,20 @@ from ridgebayes.contact.contact_solution import ContactSolution
 
 @dataclass(frozen=True, eq=False)
 class EdgeForces:
-    """Both ends of every contact, from left to right; mirror images are there as well.
+    """Forces at both ends of every contact, from left to right, including mirror images.
 
     Parameters
     ----------
     ridge : ndarray of int, shape (n_edge,)
         Number of the ridge; for a touched floor, number of the ridge to its left.
     is_floor : ndarray of bool, shape (n_edge,)
-        Whether it is the contact of a groove's floor.
+        Whether the contact is on a groove's floor.
     side : ndarray of int, shape (n_edge,)
-        -1 is the left end, 1 the right one.
+        -1 for the left end, 1 for the right end.
     x : ndarray of float, shape (n_edge,)
         Position of the end of contact, from the body's axis, over R.
     K, G : ndarray of float, shape (n_edge,)
-        Over E sqrt(R) and E R; 0 where the end is free, or the corner round.
+        Over E sqrt(R) and E R; 0 if the end is free or the corner round.
     lateral : float
         Net lateral force on the body per length, over E R.
     """
@@ -49,15 +49,15 @@ def edge_forces(solution: ContactSolution, nu: float) -> EdgeForces:
     Parameters
     ----------
     solution : ContactSolution
-        A solution.
+        Solution to evaluate.
     nu : float
         Poisson's ratio.
 
     Returns
     -------
     EdgeForces
-        The lateral force is -P x/R, P the line load and x the centroid of the pressure. With sharp
-        corners alone the sum of `side` times G is the same.
+        The lateral force is -P x/R, with the line load P and the centroid x of the pressure. If
+        all corners are sharp, it equals the sum of `side` times G.
     """
     profile, pressing, segments = solution.profile, solution.pressing, solution.segments
     intervals, series = pressing.intervals, pressing.coefficients

@@ -1,9 +1,9 @@
 """Transition loads of ridged textures on an elastic half-plane, to a requested accuracy.
 
-The loads of every texture with one ratio of groove to ridge are one table F_k, times
-(pitch/R)^2 / (1 - nu^2) (exact scale law). The table is solved in batches of transitions, each
-kept, so that F_k does not depend on how many transitions were asked for. Transition k loads the
-strips 0 ... k-1 in full and none beyond: events of a `RidgeRow`, solved with one Cholesky factor.
+The loads of all textures with the same ratio of groove to ridge width are a table F_k times
+(pitch/R)^2 / (1 - nu^2) (exact scaling law). The table is solved in cached batches, so that F_k
+does not depend on the number of requested transitions. At transition k the strips 0 ... k-1 are in
+full contact and no others: an event of a `RidgeRow`, solved with one Cholesky factorisation.
 """
 
 import functools
@@ -20,30 +20,30 @@ from ridgebayes.contact.ridge_row import RidgeRow
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 
-# 7,000 unknowns are 400 MB and some seconds; beyond, a row says that it was not computed.
+# 7,000 unknowns take 400 MB and some seconds; larger problems get a status instead.
 MAX_UNKNOWNS = 7000
 _FIRST_BATCH = 4
-_TOO_FAR = "not converged: estimated relative error {:.1e}"
+_NOT_CONVERGED = "not converged: estimated relative error {:.1e}"
 
 
 @dataclass(frozen=True)
 class HalfPlaneLoads:
-    """Dimensionless transition loads F_1 ... F_n of one ratio of groove to ridge width.
+    """Dimensionless transition loads F_1 ... F_n for a ratio of groove to ridge width.
 
     Attributes
     ----------
     F : ndarray of float, shape (n_transition,), dimensionless
-        p/E (1 - nu^2) (R/pitch)^2 at which Q = 2 + 2k, k = 1 ... n. NaN where nothing was
-        computed; a number with a status other than ``"ok"`` missed the tolerance or a check.
+        p/E (1 - nu^2) (R/pitch)^2 at which Q = 2 + 2k, k = 1 ... n. NaN if not computed; a number
+        whose status is not ``"ok"`` violates the tolerance or a check.
     status : tuple of str, shape (n_transition,)
-        ``"ok"``, or what failed.
+        ``"ok"``, or the failed check.
     rel_error : ndarray of float, shape (n_transition,), dimensionless
-        Estimated relative error of F: change from the solve with an eighth fewer coefficients,
-        plus rounding. NaN where nothing was computed.
+        Estimated relative error of F: change from the solution with an eighth fewer coefficients,
+        plus rounding. NaN if not computed.
 
     Notes
     -----
-    All arrays are made read-only: the cache returns the same arrays to every caller.
+    The arrays are read-only, because the cache returns the same arrays to every caller.
     """
 
     F: FloatArray
@@ -54,7 +54,7 @@ class HalfPlaneLoads:
         self.F.flags.writeable = self.rel_error.flags.writeable = False
 
     def p_over_E(self, pitch_over_R: float, *, nu: float = 0.5) -> FloatArray:
-        """Scale to one texture: p/E = (pitch/R)^2 F_k / (1 - nu^2).
+        """Scale the loads to a texture: p/E = (pitch/R)^2 F_k / (1 - nu^2).
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class HalfPlaneLoads:
         return pitch_over_R**2 * self.F / (1.0 - nu**2)
 
     def part(self, part: slice) -> "HalfPlaneLoads":
-        """Return some of the transitions, as views."""
+        """Return a slice of the transitions, as views."""
         return HalfPlaneLoads(self.F[part], self.status[part], self.rel_error[part])
 
     def joined(self, other: "HalfPlaneLoads") -> "HalfPlaneLoads":
@@ -88,7 +88,7 @@ class HalfPlaneLoads:
 
     @classmethod
     def not_computed(cls, n_transitions: int, reason: str) -> "HalfPlaneLoads":
-        """Return a record without a number, saying why."""
+        """Return a record without numbers, with a reason."""
         F, status = np.full(n_transitions, np.nan), f"not computed: {reason}"
         return cls(F, (status,) * n_transitions, F.copy())
 
@@ -96,28 +96,28 @@ class HalfPlaneLoads:
 def transition_loads(
     ridge_width: float, groove_width: float, n_transitions: int, *, rel_tol: float = DEFAULT_REL_TOL
 ) -> HalfPlaneLoads:
-    """Compute the loads at which contact reaches the ridges 1 ... n.
+    """Compute the loads at which contact reaches ridges 1 ... n.
 
     F_k = p_k/E (1 - nu^2) (R/pitch)^2, from one linear solve per batch of transitions.
 
     Parameters
     ----------
     ridge_width, groove_width : float, scalar, any one unit of length
-        Only their ratio counts.
+        Widths, of which only the ratio matters.
     n_transitions : int, scalar, count
-        How many transitions, k = 1 ... n_transitions (Q = 2 + 2k).
+        Number of transitions, k = 1 ... n_transitions (Q = 2 + 2k).
     rel_tol : float, scalar, dimensionless
-        Wanted relative error of each load.
+        Requested relative error of each load.
 
     Returns
     -------
     HalfPlaneLoads
-        Loads with a status each; read-only arrays.
+        Loads, each with a status, in read-only arrays.
 
     Raises
     ------
     InputError
-        If a width is not finite and positive, n_transitions is no integer of at least 1, or
+        If a width is not finite and positive, n_transitions is not an integer of at least 1, or
         rel_tol is not in (0, 0.1].
 
     Notes
@@ -125,11 +125,11 @@ def transition_loads(
     *Validity.* Small strain, no friction, sharp corners, grooves too deep to be touched.
 
     *Accuracy.* ``status`` is ``"ok"`` only if the estimated error is within rel_tol, the
-    coefficients have decayed, every pressure is positive and the loads rise. About 1e-13 is the
-    floor of rounding. Loads that take more unknowns than `MAX_UNKNOWNS` are not computed.
+    coefficients have decayed, every pressure is positive and the loads rise. Rounding limits the
+    error to about 1e-13. Loads that need more unknowns than `MAX_UNKNOWNS` are not computed.
 
-    *Cost.* About 7 coefficients a strip at a = b, 144 at a = 1000 b (growing as sqrt(a/b)); a
-    millisecond for a usual texture up to Q = 20, nothing when asked again.
+    *Cost.* About 7 coefficients a strip at a = b, 144 at a = 1000 b (growing as sqrt(a/b)). A usual
+    texture up to Q = 20 takes a millisecond, and nothing when repeated.
 
     References
     ----------
@@ -161,9 +161,9 @@ def transition_loads(
 
 
 def smooth_load(half_width_over_R: ArrayLike, *, nu: float = 0.5) -> FloatArray:
-    """Compute the load of a smooth flat by the strip method: the limit of no grooves.
+    """Compute the load of a smooth flat by the strip method, the limit of vanishing grooves.
 
-    One strip [-w, w] in place of all ridges; the condition at the next corner, a distance b -> 0
+    One strip [-w, w] replaces all ridges. The condition at the next corner, at a distance b -> 0
     from its edge, becomes zero pressure at the edge.
 
     Parameters
@@ -180,8 +180,8 @@ def smooth_load(half_width_over_R: ArrayLike, *, nu: float = 0.5) -> FloatArray:
 
     Notes
     -----
-    *Accuracy.* Rounding: three coefficients hold the whole solution. `hertz.load_of_half_width`
-    is the closed form it has to give.
+    *Accuracy.* Rounding error: three coefficients give the exact solution, which equals
+    `hertz.load_of_half_width`.
 
     Examples
     --------
@@ -193,7 +193,7 @@ def smooth_load(half_width_over_R: ArrayLike, *, nu: float = 0.5) -> FloatArray:
     energies[0] -= math.pi**2 * math.log(half_width)
     load = np.array([math.pi, 0.0, 0.0])
     parabola = half_width**2 * math.pi * np.array([0.25, 0.0, 0.125])
-    # Pressure at s = 1 is the sum of the coefficients over sqrt(1-s^2): zero sum fixes d.
+    # Pressure at s = 1 is the sum of the coefficients over sqrt(1-s^2); a zero sum determines d.
     approach = np.sum(parabola / energies) / np.sum(load / energies)
     coefficients = (approach * load - parabola) / energies
     F = 0.25 * math.pi * math.pi * coefficients[0] / half_width**2
@@ -202,13 +202,13 @@ def smooth_load(half_width_over_R: ArrayLike, *, nu: float = 0.5) -> FloatArray:
 
 
 def forget_loads() -> None:
-    """Forget the loads computed so far: what is timed has to be computed."""
+    """Clear the cache of loads, for timing."""
     _table.cache_clear()
 
 
 @functools.lru_cache(maxsize=1024)
 def _table(gap_ratio: float, n_table: int, rel_tol: float) -> HalfPlaneLoads:
-    """Tabulate F_1 ... F_n_table: the table of half the length, and a new batch above it."""
+    """Return F_1 ... F_n_table: the table of half the length, joined with a new batch."""
     if n_table == _FIRST_BATCH:
         return _solve_batch(gap_ratio, 0, n_table, rel_tol)
     below = _table(gap_ratio, n_table // 2, rel_tol)
@@ -216,21 +216,21 @@ def _table(gap_ratio: float, n_table: int, rel_tol: float) -> HalfPlaneLoads:
 
 
 def _solve_batch(gap_ratio: float, n_known: int, n_last: int, rel_tol: float) -> HalfPlaneLoads:
-    """Solve for F_(n_known + 1) ... F_n_last, raising the coefficients until all checks hold."""
-    # Loads are quadratic in the coefficients' error, so they err as C rho^(-2 M); C is 1e-2
-    # where measured, 1e-1 here. The solve with this many is the check of the one that counts.
+    """Solve for F_(n_known + 1) ... F_n_last with more coefficients until all checks hold."""
+    # Loads are quadratic in the coefficients' error, so their error is C rho^(-2 M). C is 1e-2 in
+    # measurements, 1e-1 here. The solution with n_check coefficients checks the final one.
     n_check = math.ceil(max(3.0, math.log(0.1 / rel_tol) / (2.0 * log_ellipse(gap_ratio))))
     best, worst = None, math.inf
     while True:
-        # An eighth more: at least e^2 less error at the usual tolerances, so that the change
-        # bounds the error of the finer solve.
+        # An eighth more coefficients reduce the error by at least e^2 at the usual tolerances, so
+        # the change bounds the error of the finer solution.
         n_coefficients = n_check + max(2, math.ceil(n_check / 8.0))
         n_solved = min(n_last, MAX_UNKNOWNS // n_coefficients)
         if n_solved <= n_known:
             break
         solved = _solve_checked(gap_ratio, n_solved, n_coefficients, n_check, rel_tol)
         largest = float(np.max(solved.rel_error))
-        # Not lower by half: rounding is what is left, and more coefficients cannot help.
+        # If the error is not halved, rounding dominates, and more coefficients cannot help.
         if best is not None and not largest < 0.5 * worst:
             break
         best, worst = solved, largest
@@ -247,7 +247,7 @@ def _solve_batch(gap_ratio: float, n_known: int, n_last: int, rel_tol: float) ->
 def _solve_checked(
     gap_ratio: float, n_transitions: int, n_coefficients: int, n_check: int, rel_tol: float
 ) -> HalfPlaneLoads:
-    """Solve twice and say of each transition what, if anything, is wrong with it."""
+    """Solve with two numbers of coefficients, and return the finer solution with checks."""
     try:
         fine = solve_strips(gap_ratio, n_transitions, n_coefficients)
         coarse = solve_strips(gap_ratio, n_transitions, n_check)
@@ -260,7 +260,7 @@ def _solve_checked(
     status = []
     for k in range(n_transitions):
         if not rel_error[k] <= rel_tol:
-            status.append(_TOO_FAR.format(rel_error[k]))
+            status.append(_NOT_CONVERGED.format(rel_error[k]))
         elif not 0.01 * fine.tail[k] ** 2 <= rel_tol:  # the load errs by under 0.01 tail^2
             status.append(f"not converged: coefficient tail {fine.tail[k]:.1e}")
         elif not fine.smallest_pressure[k] > 0.0:
@@ -274,7 +274,7 @@ def _solve_checked(
 
 @dataclass(frozen=True)
 class StripSolution:
-    """Transitions 1 ... n of one texture, solved with a fixed number of coefficients.
+    """Transitions 1 ... n of a texture, solved with a fixed number of coefficients.
 
     Attributes
     ----------
@@ -285,7 +285,7 @@ class StripSolution:
     smallest_pressure : ndarray of float, shape (n_transition,), dimensionless
         Smallest p(s) sqrt(1-s^2) at Chebyshev points, ends included, over its mean.
     amplification : ndarray of float, shape (n_transition,), dimensionless
-        By what rounding errors are magnified in the approach.
+        Magnification of rounding errors in the approach.
     """
 
     F: FloatArray
@@ -306,7 +306,7 @@ def solve_strips(gap_ratio: float, n_transitions: int, n_coefficients: int) -> S
     n_transitions : int, scalar, count
         Transitions 1 ... n_transitions; transition k has k strips on each side.
     n_coefficients : int, scalar, count
-        Chebyshev coefficients per strip, at least 3 (the parabola itself needs them).
+        Chebyshev coefficients per strip, at least 3 for the parabola.
 
     Returns
     -------
@@ -316,7 +316,7 @@ def solve_strips(gap_ratio: float, n_transitions: int, n_coefficients: int) -> S
     Raises
     ------
     numpy.linalg.LinAlgError
-        If rounding has cost the matrix its positive definiteness.
+        If rounding errors make the matrix indefinite.
 
     Notes
     -----
@@ -331,7 +331,7 @@ def solve_strips(gap_ratio: float, n_transitions: int, n_coefficients: int) -> S
 
     Examples
     --------
-    Very narrow grooves are no grooves: F_1 -> pi/8.
+    Very narrow grooves have no effect: F_1 -> pi/8.
 
     >>> round(float(solve_strips(1e-6, 1, 900).F[0]) * 8.0 / math.pi, 4)
     1.0
@@ -349,8 +349,8 @@ def solve_strips(gap_ratio: float, n_transitions: int, n_coefficients: int) -> S
 def _smallest_pressure(coefficients: FloatArray, in_contact: BoolArray) -> FloatArray:
     """Return the minimum of p(s) sqrt(1-s^2) over Chebyshev-Lobatto points and strips.
 
-    At s = +-1 this is the strength of the edge singularity: it turns negative before the pressure
-    does anywhere a point would see it.
+    At s = +-1 this is the strength of the edge singularity, which turns negative before the
+    pressure does at any interior point.
     """
     m = coefficients.shape[1]
     points = np.arange(2 * m + 1) * (math.pi / (2 * m))

@@ -1,6 +1,6 @@
 """Closed forms of a cylinder on a smooth flat (Hertz), in the ridge units of the study.
 
-p is the load per projected area, so the line load is P' = 2 R p. The equation numbers are those of
+p is the load per projected area, so the line load is P' = 2 R p. Equation numbers refer to
 doi:10.1016/j.ijssolstr.2019.06.026.
 """
 
@@ -69,7 +69,7 @@ def half_width(p_over_E: ArrayLike, *, nu: ArrayLike = 0.5) -> FloatArray:
 
 
 def load_of_half_width(half_width_over_R: ArrayLike, *, nu: ArrayLike = 0.5) -> FloatArray:
-    """Compute the load that makes a contact half-width: p/E = (w/R)^2 / c^2.
+    """Compute the load at a given contact half-width: p/E = (w/R)^2 / c^2.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def transition_load(
 
     Notes
     -----
-    *Validity.* Grooves are ignored: over-predicts the load of every ridged texture.
+    *Validity.* Grooves are ignored, so the load of every ridged texture is over-estimated.
 
     References
     ----------

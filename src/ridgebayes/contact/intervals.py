@@ -1,8 +1,8 @@
-r"""Pressure under a parabola on given contact intervals, and the steps of their free ends.
+r"""Pressure under a parabola on given contact intervals, and Newton steps of their free ends.
 
 The surface recedes by :math:`u = -\int q \ln|x - \xi| d\xi`, with q the pressure times 2/(pi E*)
 and lengths over the body's radius. On an interval of half-width w and local coordinate s,
-:math:`q = \sum_n a_n T_n(s)/(w \sqrt{1 - s^2})`; the potential of each function is closed:
+:math:`q = \sum_n a_n T_n(s)/(w \sqrt{1 - s^2})`; the potential of each term has a closed form:
 
 .. math:: \Phi_0 = \pi (\ln 2 - \ln w + \ln z), \qquad \Phi_n = (\pi/n) z^n \cos n\theta,
 
@@ -23,15 +23,15 @@ from ridgebayes.contact.rigid_profile import Kinks
 
 @dataclass(frozen=True, eq=False)
 class Intervals:
-    """Where a body is in contact; lengths in units of its radius, x = 0 below its centre.
+    """Contact intervals of a body; lengths over its radius, x = 0 below its centre.
 
     Parameters
     ----------
     left, right : ndarray of float, shape (n,)
-        Ends, in rising order. Where `mirrored`, only the intervals of the right half, the first
-        one whole if it straddles the centre (left = -right).
+        Ends, in rising order. If `mirrored`, only intervals of the right half are given; the first
+        is whole if it straddles the centre (left = -right).
     mirrored : bool
-        Whether the left half is the mirror image of the right one.
+        Whether the left half is the mirror image of the right half.
     """
 
     left: FloatArray
@@ -45,7 +45,7 @@ class Intervals:
 
     @property
     def centre(self) -> FloatArray:
-        """Middles, shape (n,)."""
+        """Centres, shape (n,)."""
         return 0.5 * (self.left + self.right)
 
     @property
@@ -55,7 +55,7 @@ class Intervals:
 
     @property
     def weight(self) -> FloatArray:
-        """How often each interval is there, shape (n,): twice where it has a mirror image."""
+        """Multiplicity of each interval, shape (n,): 2 if it has a mirror image."""
         weight = np.full(len(self.left), 2.0 if self.mirrored else 1.0)
         if self.straddles:
             weight[0] = 1.0
@@ -64,7 +64,7 @@ class Intervals:
 
 @dataclass(frozen=True, eq=False)
 class PressureSolution:
-    """The solution on given intervals.
+    """Pressures on given intervals.
 
     Parameters
     ----------
@@ -73,14 +73,14 @@ class PressureSolution:
     coefficients : ndarray of float, shape (n, m)
         a_n of each interval; odd orders are zero for an interval that straddles the centre.
     approach : float
-        Distance by which the body has come down, relative to its surface at a distance R, over R.
+        Downward movement of the body, relative to its surface at a distance R, over R.
     last : ndarray of float, shape (n,)
         Contribution of the other intervals to the last coefficient.
     kinks : Kinks
-        Kinks of the rigid surface. Orders beyond m come from them alone: -n h_n/pi.
+        Kinks of the rigid surface. Orders beyond m come only from kinks: -n h_n/pi.
     by_load : tuple of (ndarray of float, shape (n, m), float)
-        Coefficients and approach over the load, at these intervals: where free ends are found they
-        add nothing to first order.
+        Derivatives of coefficients and approach by the load for fixed intervals; converged free
+        ends do not contribute to first order.
     """
 
     intervals: Intervals
@@ -102,16 +102,16 @@ class PressureSolution:
 
     @cached_property
     def singular(self) -> tuple[FloatArray, FloatArray]:
-        """Strength of the edge singularity, left and right, (n,) each: negative is tension."""
+        """Strength of the edge singularities, left and right, (n,) each; negative is tension."""
         left, right = np.array(_at_ends(self._regular)) - self.kinks.at_ends() / math.pi
         return left, right
 
     @cached_property
     def outward(self) -> tuple[FloatArray, FloatArray]:
-        """How far each end has to move outward for zero pressure there, left and right, (n,) each.
+        """Newton step of each end outward to zero pressure, left and right, (n,) each.
 
-        Newton's step. With B = sum n^2 a_n the singular strength changes by B/(2 w) per length, and
-        where it vanishes it does not depend on the other ends: each takes its own step.
+        With B = sum n^2 a_n the singular strength changes by B/(2 w) per length. At zero strength
+        it does not depend on the other ends, so each end takes an independent step.
         """
         far = self.kinks.slopes() / math.pi
         square = np.arange(self.coefficients.shape[1]) ** 2
@@ -123,18 +123,18 @@ class PressureSolution:
 
     @cached_property
     def _regular(self) -> FloatArray:
-        """Coefficients without those of kinks, which have closed sums."""
+        """Coefficients without the contribution of kinks, which have closed sums."""
         m = self.coefficients.shape[1]
         value: FloatArray = self.coefficients + np.arange(m) / math.pi * self.kinks.series(m)
         return value
 
     @property
     def tail(self) -> float:
-        """Largest of what neighbours add to the last coefficients, over the mean of the first."""
+        """Largest contribution of neighbours to the last coefficients, over the mean first."""
         return float(np.abs(self.last).max(initial=0.0) / np.abs(self.coefficients[:, 0]).mean())
 
     def recession(self, x: ArrayLike) -> FloatArray:
-        """Return how far the body's surface recedes at x, of any shape."""
+        """Return the recession of the body's surface at x, of any shape."""
         points = np.asarray(x, dtype=np.float64)
         flat = points.ravel()
         height = self._recession(self._regular, flat)
@@ -143,14 +143,14 @@ class PressureSolution:
         return height.reshape(points.shape)
 
     def _recession(self, series: FloatArray, flat: FloatArray) -> FloatArray:
-        """Return the recession at x (n_point,) under pressures of given coefficients."""
+        """Return the recession at x (n_point,) for pressures with given coefficients."""
         step = max(2_000_000 // series.size, 1)
         parts = np.split(flat, range(step, len(flat), step))
         felt = (potentials(self.intervals, part, series.shape[1]) for part in parts)
         return np.concatenate([np.einsum("xin,in->x", block, series) for block in felt])
 
     def _of_kinks(self, x: FloatArray) -> FloatArray:
-        """Return the kinks' contribution to the recession at x (n_point,), by all orders."""
+        """Return the contribution of all orders of the kinks to the recession at x (n_point,)."""
         centre, half_width = self.intervals.centre, self.intervals.half_width
         mean = self.kinks.few[:, 0]
         added = np.zeros(len(x))
@@ -189,19 +189,19 @@ def solve_pressure(
     n_coefficients: int,
     kinks: Kinks | None = None,
 ) -> PressureSolution:
-    """Solve for the pressures that bring the body's surface onto the rigid one.
+    """Solve for the pressures that press the body's surface onto the rigid surface.
 
     Parameters
     ----------
     intervals : Intervals
         Intervals where the surfaces touch.
     height : ndarray of float, shape (n, n_height)
-        Chebyshev coefficients, on each interval, of the depth of the rigid surface below the
-        ridges' tops, without what is beyond kinks.
+        Chebyshev coefficients of the depth of the rigid surface below the ridges' tops on each
+        interval, without the parts beyond kinks.
     load : float
         Integral of q over all intervals.
     n_coefficients : int
-        m, coefficients per interval that depend on the other intervals.
+        Number m of coefficients per interval that depend on the other intervals.
 
     Returns
     -------
@@ -214,7 +214,7 @@ def solve_pressure(
 
     Notes
     -----
-    *Accuracy.* Exponential in m, by the distance to the next interval.
+    *Accuracy.* The error falls exponentially with m, faster if the next interval is far away.
     *Cost.* One dense solve of n m + 1 unknowns.
     """
     n, m = len(intervals.left), n_coefficients
@@ -233,7 +233,7 @@ def solve_pressure(
     whole[:, : height.shape[1]] += height
     waves = np.cos(order * np.arccos(s)[..., None])
     rigid = np.einsum("in,imn->im", np.where(used, whole, 0.0), waves)
-    # Relative to the first interval: a small load leaves only small differences of the parabola.
+    # Relative to the first interval, to avoid cancellation in the parabola at small loads.
     first, depth = intervals.centre[0], whole[0, 0]
     right = np.zeros((n * m + 1, 2))
     right[:-1, 0] = -0.5 * (x - first) * (x + first) - (rigid - depth).ravel()
@@ -255,7 +255,7 @@ def _at_ends(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _points(intervals: Intervals, m: int) -> FloatArray:
-    """Return local coordinates to collocate at; where mirrored in itself, of the right half."""
+    """Return collocation points in local coordinates; of the right half if straddling."""
     s = np.tile(np.cos((np.arange(m) + 0.5) * (math.pi / m)), (len(intervals.left), 1))
     if intervals.straddles:
         s[0] = np.cos((np.arange(m) + 0.5) * (math.pi / (2 * m)))
@@ -263,7 +263,7 @@ def _points(intervals: Intervals, m: int) -> FloatArray:
 
 
 def _used(intervals: Intervals, m: int) -> np.ndarray:
-    """Return which functions each interval has, a mask (n, m), or (n, 2m) with even ones first."""
+    """Return the mask of each interval's functions, (n, m), or (n, 2m) with even ones first."""
     n = len(intervals.left)
     if not intervals.straddles:
         return np.ones((n, m), dtype=bool)
@@ -282,9 +282,9 @@ def potentials(intervals: Intervals, x: FloatArray, m: int) -> FloatArray:
 def potentials_around(
     centre: FloatArray, half_width: FloatArray, x: FloatArray, m: int, *, alone: int
 ) -> FloatArray:
-    """Return `potentials` of intervals of which the first few have no mirror image."""
+    """Return `potentials` of intervals whose first `alone` have no mirror image."""
     sums = _potentials(centre, half_width, x, m)
-    # A mirror image has coefficients of alternating sign about the mirrored centre.
+    # Mirroring about the centre alternates the signs of the coefficients.
     signs = (-1.0) ** np.arange(m)
     sums[:, alone:] += signs * _potentials(-centre[alone:], half_width[alone:], x, m)
     return sums
@@ -294,7 +294,7 @@ def _potentials(centre: FloatArray, half_width: FloatArray, x: FloatArray, m: in
     s = (x[:, None] - centre) / half_width
     size = np.maximum(np.abs(s), 1.0)
     beyond = size - 1.0
-    # 1/z without a difference of large numbers
+    # 1/z without cancellation
     z = 1.0 / (size + np.sqrt(beyond * (2.0 + beyond)))
     order, inside = np.arange(1, m), np.nonzero(size == 1.0)
     values = np.empty((*s.shape, m))

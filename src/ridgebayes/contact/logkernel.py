@@ -1,9 +1,9 @@
 """Galerkin blocks of the logarithmic kernel on equal strips, in Chebyshev functions.
 
-Lengths are in strip half-widths a/2 here; `gap_ratio` is the groove in that unit, 2 b/a, so the
-pitch is 2 + gap_ratio. Strip j = 0, 1, ... has its centre at (j + 1/2) pitches, and the
-mirror image of strip j is strip -1 - j, so every distance is a whole number of pitches. The
-derivation is `docs/derivations/half-plane.md`.
+Lengths are over the strip half-width a/2; `gap_ratio` is the groove width 2 b/a, so the pitch is
+2 + gap_ratio. Strip j = 0, 1, ... has its centre at (j + 1/2) pitches, and its mirror image is
+strip -1 - j, so every distance is a whole number of pitches. The derivation is
+`docs/derivations/half-plane.md`.
 """
 
 import math
@@ -12,15 +12,15 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 
-# Gauss nodes are chosen for an aliasing error of exp(-40) = 4e-18: below rounding, never the limit.
+# Gauss nodes are chosen for an aliasing error of exp(-40) = 4e-18, below rounding errors.
 _ALIASING_EXPONENT = 40.0
 
 
 def log_ellipse(gap_ratio: float) -> float:
-    """Return ln(rho) of the largest Bernstein ellipse free of a neighbour strip.
+    """Return ln(rho) of the largest Bernstein ellipse that contains no neighbour strip.
 
-    ln(rho) = arccosh(1 + 2 b/a): pressures and fields on one strip, seen in its own coordinate,
-    have Chebyshev coefficients that fall as rho^-m.
+    ln(rho) = arccosh(1 + 2 b/a): pressures and fields on a strip, in its local coordinate, have
+    Chebyshev coefficients that fall as rho^-m.
 
     Parameters
     ----------
@@ -49,15 +49,15 @@ def influence(excess: FloatArray, n_coefficients: int) -> FloatArray:
     Parameters
     ----------
     excess : ndarray of float, shape (...), strip half-widths
-        x - 1 >= 0, the distance from the strip's right edge. It, not x, so that narrow grooves
-        keep their digits.
+        Distance x - 1 >= 0 from the strip's right edge; used instead of x to avoid cancellation
+        for narrow grooves.
     n_coefficients : int, scalar, count
         Number of functions, n = 0 ... n_coefficients - 1.
 
     Returns
     -------
     ndarray of float, shape (..., n_coefficients), dimensionless
-        Phi_n(1 + excess). To the left of the strip it is (-1)^n times this.
+        Phi_n(1 + excess). To the left of the strip the potential is (-1)^n times this.
 
     References
     ----------
@@ -70,7 +70,7 @@ def influence(excess: FloatArray, n_coefficients: int) -> FloatArray:
     >>> influence(np.array([0.25]), 2) / math.pi
     array([[0. , 0.5]])
     """
-    # 1/(x + root) instead of x - root: no cancellation far away.
+    # 1/(x + root) instead of x - root avoids cancellation far away.
     z = 1.0 / (1.0 + excess + np.sqrt(excess * (2.0 + excess)))
     out = np.empty((*excess.shape, n_coefficients))
     out[...] = z[..., None]
@@ -82,28 +82,28 @@ def influence(excess: FloatArray, n_coefficients: int) -> FloatArray:
 
 
 def cross_blocks(gap_ratio: float, n_distances: int, n_coefficients: int) -> FloatArray:
-    """Compute the Galerkin blocks of two strips 1, 2, ... pitches apart.
+    """Compute the Galerkin blocks of two strips at distances of 1, 2, ... pitches.
 
-    G_d[m, n] = int T_m(s)/sqrt(1-s^2) Phi_n(d pitch + s) ds by Gauss-Chebyshev quadrature, with
-    as many nodes as the Bernstein ellipse asks for.
+    G_d[m, n] = int T_m(s)/sqrt(1-s^2) Phi_n(d pitch + s) ds by Gauss-Chebyshev quadrature; the
+    Bernstein ellipse determines the number of nodes.
 
     Parameters
     ----------
     gap_ratio : float, scalar, strip half-widths
         Groove width over half the ridge width, 2 b/a.
     n_distances : int, scalar, count
-        Distances 1 ... n_distances pitches; observer to the right of the source.
+        Number of distances, 1 ... n_distances pitches, with the observer right of the source.
     n_coefficients : int, scalar, count
         Functions per strip.
 
     Returns
     -------
     ndarray of float, shape (n_distances, n_coefficients, n_coefficients), dimensionless
-        The blocks; observer to the left of the source is the transpose.
+        Blocks; the transpose holds for the observer left of the source.
 
     Notes
     -----
-    *Cost.* n_distances x nodes x n_coefficients^2 multiplications, one matrix product a block.
+    *Cost.* n_distances x nodes x n_coefficients^2 multiplications, one matrix product per block.
 
     Examples
     --------
@@ -127,7 +127,7 @@ def cross_blocks(gap_ratio: float, n_distances: int, n_coefficients: int) -> Flo
 
 
 def self_energies(n_coefficients: int) -> FloatArray:
-    """Return the diagonal of a strip's block with itself, half-width 1.
+    """Return the diagonal of a strip's block with itself, for half-width 1.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from scipy import fft
 from scipy.linalg import lapack
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
-from ridgebayes.contact.contact_set import N_LOOK
+from ridgebayes.contact.contact_set import N_PLACES
 from ridgebayes.contact.intervals import potentials_around
 from ridgebayes.contact.logkernel import cross_blocks, log_ellipse, self_energies
 from ridgebayes.contact.rigid_profile import Profile
@@ -270,7 +270,7 @@ class RidgeRow:
         """Return how deep the surface hangs into the grooves next to the centre, (n_event,)."""
         first = int(self.numbers[0])
         floors = [self.profile.floor_after(k) for k in range(first - 1, first + 1)]
-        x = np.concatenate([np.linspace(floor.start, floor.stop, N_LOOK) for floor in floors])
+        x = np.concatenate([np.linspace(floor.start, floor.stop, N_PLACES) for floor in floors])
         size = self.n * self.m
         up = self.potentials(x).reshape(len(x), size) @ moments.reshape(size, -1)
         value: FloatArray = (approach - 0.5 * x[:, None] ** 2 - up).max(axis=0)

@@ -1,9 +1,9 @@
-r"""The rigid side of a contact: the tops of ridges and the floors of grooves, one segment each.
+r"""Rigid side of a contact: a segment for the top of each ridge and the floor of each groove.
 
 Beyond a kink a round corner is a parabola, whose part of the pressure has a closed form. Towards an
 end of an interval the rigid surface falls by h = g/2 (s - c)^2 beyond a kink at s = c, with
-g = w^2/r. Its Chebyshev coefficients h_n fall as n^-3 and those of the pressure, -n h_n/pi, as
-n^-2 only: what a truncated series would get wrong is summed over all orders here.
+g = w^2/r. Its Chebyshev coefficients h_n fall as n^-3, and those of the pressure, -n h_n/pi, only
+as n^-2. A truncated series would be inaccurate, so sums over all orders are used.
 """
 
 import math
@@ -15,14 +15,14 @@ import numpy as np
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 
-_THIN, _NODES = 0.3, 8  # angle of a thin layer; Gauss's rule on it is at rounding with so many
-_FAR, _FEW = 0.03, 8  # of z: farther away a few orders are all, and the closed sum would cancel
+_THIN_ANGLE, _THIN_NODES = 0.3, 8  # of a thin layer; nodes for Gauss quadrature to rounding error
+_MAX_Z_FAR, _N_FAR = 0.03, 8  # z below which few orders suffice, and the closed sum would cancel
 _gauss = cache(np.polynomial.legendre.leggauss)
 
 
 @dataclass(frozen=True)
 class RigidSegment:
-    """A stretch of the rigid surface that contact may cover; lengths over the body's radius.
+    """Part of the rigid surface that contact may cover; lengths over the body's radius.
 
     Parameters
     ----------
@@ -30,11 +30,11 @@ class RigidSegment:
         Number of the ridge: 0, 1, ... to the right of the groove below the centre, -1, -2, ... to
         its left. None for a groove's floor.
     start, stop : float
-        Ends, x = 0 below the body's centre.
+        Ends, with x = 0 below the body's centre.
     depth : float
-        Below the ridges' tops.
+        Depth below the ridges' tops.
     corner : float
-        Radius of both corners; 0 is sharp.
+        Radius of both corners; 0 if sharp.
     """
 
     ridge: int | None
@@ -48,12 +48,12 @@ class RigidSegment:
         if self.corner == 0.0:
             return np.full(np.shape(x), self.depth)
         into = np.maximum(self.start + self.corner - x, x - self.stop + self.corner)
-        # The parabola of a circle's curvature: a half-plane is first order in slopes anyway.
+        # A parabola with the circle's curvature: half-plane theory is of first order in slopes.
         return np.maximum(into, 0.0) ** 2 / (2 * self.corner)
 
     @property
     def flat(self) -> tuple[float, float]:
-        """Ends of its flat part."""
+        """Ends of the flat part."""
         return self.start + self.corner, self.stop - self.corner
 
 
@@ -66,9 +66,9 @@ class Profile:
     a, b : float
         Ridge and groove width.
     depth : float
-        Depth of the grooves' floors; infinite where they are never touched.
+        Depth of the grooves' floors; infinite if they are never touched.
     corner : float
-        Radius of the ridges' top corners, at most half a ridge; 0 is sharp.
+        Radius of the ridges' top corners, at most half a ridge; 0 if sharp.
     offset : float
         Offset of the body's centre from a groove's centre, in pitches, -0.5 to 0.5; 0.5 is over a
         ridge.
@@ -76,7 +76,7 @@ class Profile:
     Raises
     ------
     InputError
-        If a value breaks its rule.
+        If a value is out of range.
     """
 
     a: float
@@ -100,17 +100,17 @@ class Profile:
 
     @property
     def pitch(self) -> float:
-        """Distance from ridge to ridge."""
+        """Distance between ridges."""
         return self.a + self.b
 
     @cached_property
     def mirrored(self) -> bool:
-        """Whether the left half is the mirror image of the right one."""
+        """Whether the left half is the mirror image of the right half."""
         return self.offset in (-0.5, 0.0, 0.5)
 
     def ridge(self, number: int) -> RigidSegment:
         """Return the top of a ridge."""
-        if abs(self.offset) == 0.5:  # over a ridge: that one is number 0, and exactly symmetric
+        if abs(self.offset) == 0.5:  # over a ridge, which is number 0 and exactly symmetric
             start = number * self.pitch - 0.5 * self.a
         else:
             start = 0.5 * self.b + (number - self.offset) * self.pitch
@@ -122,7 +122,7 @@ class Profile:
         return RigidSegment(None, stop - self.b, stop, self.depth)
 
     def ridge_before(self, segment: RigidSegment) -> int:
-        """Return the number of a ridge, or of the one to the left of a groove's floor."""
+        """Return the number of a ridge, or of the ridge to the left of a groove's floor."""
         if segment.ridge is not None:
             return segment.ridge
         return round((segment.start - self.ridge(0).stop) / self.pitch)
@@ -130,7 +130,7 @@ class Profile:
     def segments(self, reach: float) -> list[RigidSegment]:
         """Return every segment that begins within `reach` of the centre, from left to right.
 
-        Mirrored profiles: segments of the right half, and the segment that straddles the centre.
+        For mirrored profiles, only the right half and a segment that straddles the centre.
         """
         n = math.ceil(reach / self.pitch) + 1
         within = []
@@ -152,10 +152,10 @@ class Kinks:
     Parameters
     ----------
     bend : ndarray of float, shape (n,)
-        g: the square of the half-width over the corner's radius.
+        Factor g: the square of the half-width over the corner's radius.
     angle : ndarray of float, shape (2, n)
-        theta of the kinks towards the left and right end, 0 to pi: c = cos(theta) from that end.
-        0 where there is none.
+        Angle theta of the kinks towards the left and right end, 0 to pi, where c = cos(theta) from
+        this end; 0 without a kink.
     """
 
     bend: FloatArray
@@ -163,7 +163,7 @@ class Kinks:
 
     @classmethod
     def none(cls, n: int) -> "Kinks":
-        """Return the kinks of n intervals without any."""
+        """Return n intervals without kinks."""
         return cls(np.zeros(n), np.zeros((2, n)))
 
     def series(self, n_order: int) -> FloatArray:
@@ -171,8 +171,8 @@ class Kinks:
         angle = self.angle.ravel()
         coefficients = np.zeros((len(angle), n_order))
         for has, integral in (
-            (np.flatnonzero(angle > _THIN), _closed_integral),
-            (np.flatnonzero((angle > 0) & (angle <= _THIN)), _thin_integral),
+            (np.flatnonzero(angle > _THIN_ANGLE), _closed_integral),
+            (np.flatnonzero((angle > 0) & (angle <= _THIN_ANGLE)), _thin_integral),
         ):
             if len(has):
                 coefficients[has] = integral(angle[has], n_order)
@@ -184,8 +184,8 @@ class Kinks:
 
     @cached_property
     def few(self) -> FloatArray:
-        """The first h_n, all that matter far away, shape (n, 8)."""
-        return self.series(_FEW)
+        """The first h_n, which suffice far away, shape (n, 8)."""
+        return self.series(_N_FAR)
 
     @cached_property
     def _sines(self) -> tuple[FloatArray, FloatArray]:
@@ -212,7 +212,7 @@ class Kinks:
         theta, c = self.angle[..., None], np.cos(self.angle)[..., None]
         at = np.stack([np.pi - at, at])[:, None]
         cosine, sine = np.cos(at), np.sin(at)
-        # cos(at) - c as a product: where it is 0 the logarithm times it is 0
+        # cos(at) - c as a product; where it is 0, its product with the logarithm is 0
         apart = np.sin(0.5 * np.abs(theta - at))
         together = np.sin(0.5 * (theta + at))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -223,9 +223,9 @@ class Kinks:
         return sums
 
     def harmonic(self, s: FloatArray) -> FloatArray:
-        """Return sums of h_n z^n cos(n theta) at s (n_point, n), of z and theta as in `intervals`.
+        """Return sums of h_n z^n cos(n theta) at s (n_point, n), z and theta as in `intervals`.
 
-        Within an interval that is h.
+        Within an interval this equals h.
         """
         sums = np.zeros(s.shape)
         size = np.maximum(np.abs(s), 1.0)
@@ -234,17 +234,17 @@ class Kinks:
             has = np.flatnonzero(angle)
             sums[:, has] += _continued(sign * s[:, has], z[:, has], angle[has])
         sums *= self.bend
-        point, i = np.nonzero((z < _FAR) & self.angle.any(axis=0))
+        point, i = np.nonzero((z < _MAX_Z_FAR) & self.angle.any(axis=0))
         few = self.few[i]
         zeta = np.copysign(z, s)[point, i, None]
-        sums[point, i] = (few * zeta ** np.arange(_FEW)).sum(axis=1)
+        sums[point, i] = (few * zeta ** np.arange(_N_FAR)).sum(axis=1)
         return sums
 
 
 def _closed_integral(angle: FloatArray, n_order: int) -> FloatArray:
     """Return Int_0^angle (cos t - cos angle)^2 cos n t dt, shape (n, n_order)."""
     c = np.cos(angle)
-    sines = np.empty((n_order + 4, len(angle)))  # sin(n angle)/n of order -2 on: even in the order
+    sines = np.empty((n_order + 4, len(angle)))  # sin(n angle)/n from order -2 on, even in n
     sines[2], sines[3] = angle, np.sin(angle)
     sines[4] = 2 * c * sines[3]
     for n in range(5, n_order + 4):
@@ -258,11 +258,11 @@ def _closed_integral(angle: FloatArray, n_order: int) -> FloatArray:
 
 
 def _thin_integral(angle: FloatArray, n_order: int) -> FloatArray:
-    """Return the same by Gauss's rule: where the closed form would cancel."""
-    nodes, weights = _gauss(_NODES + math.ceil(0.5 * _THIN * n_order))
+    """Return the integral of `_closed_integral` by Gauss quadrature, which does not cancel."""
+    nodes, weights = _gauss(_THIN_NODES + math.ceil(0.5 * _THIN_ANGLE * n_order))
     half = 0.5 * angle[:, None]
     phi = half * (1 + nodes)
-    # cos(phi) - cos(theta), without the difference of two near 1
+    # cos(phi) - cos(theta) as a product, because both are near 1
     beyond = 2 * np.sin(half + 0.5 * phi) * np.sin(half - 0.5 * phi)
     waves = np.cos(np.arange(n_order) * phi[..., None])
     value: FloatArray = np.einsum("in,inm->im", half * weights * beyond**2, waves)
@@ -272,7 +272,7 @@ def _thin_integral(angle: FloatArray, n_order: int) -> FloatArray:
 def falls(
     beyond: FloatArray, half_width: FloatArray, radius: FloatArray
 ) -> tuple[FloatArray, Kinks]:
-    """Return by how much round corners fall below the flat on n intervals.
+    """Return the depth of round corners below the flat on n intervals.
 
     Parameters
     ----------
@@ -284,13 +284,13 @@ def falls(
     Returns
     -------
     height : ndarray of float, shape (n, 3)
-        Chebyshev coefficients where all of an interval lies on one parabola.
+        Chebyshev coefficients for intervals that lie on one parabola.
     kinks : Kinks
-        All others.
+        Kinks of the other intervals.
     """
     bend = np.divide(half_width**2, radius, out=np.zeros(len(radius)), where=radius > 0)
     share = np.where(radius > 0, np.maximum(beyond, 0.0) / (2 * half_width), 0.0)  # (1 - c)/2
-    # Where all of an interval lies beyond a kink the rigid surface is one parabola there.
+    # An interval entirely beyond a kink lies on one parabola.
     whole = share >= 1
     height = np.zeros((len(radius), 3))
     if whole.any():
@@ -301,7 +301,7 @@ def falls(
 
 
 def _continued(s: FloatArray, z: FloatArray, theta: FloatArray) -> FloatArray:
-    """Return `harmonic` of a kink towards the right and a bend of 1."""
+    """Return `harmonic` for a kink towards the right and a bend of 1."""
     c, sine, zeta = np.cos(theta), np.sin(theta), np.copysign(z, s)
     angle = np.arctan2(zeta * sine, 1 - zeta * c)
     outside = (s - c) ** 2 * angle + 0.25 * sine * (zeta - 1 / zeta)

@@ -1,4 +1,4 @@
-"""Quantities that enter the loads of every texture alike: its two widths, and Poisson's ratio."""
+"""Quantities that scale the loads of every texture: its two widths, and Poisson's ratio."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +11,7 @@ REFERENCE = 0.75  # 1 - nu^2 at nu = 0.5, the Poisson's ratio of the published c
 
 
 def reduced_load(p_over_E: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
-    """Return the load at nu = 0.5 that does what `p_over_E` does at `nu`: (p/E)(1 - nu^2)/0.75.
+    """Return the load at nu = 0.5 equivalent to `p_over_E` at `nu`: (p/E)(1 - nu^2)/0.75.
 
     Parameters
     ----------
@@ -38,6 +38,6 @@ def reduced_load(p_over_E: ArrayLike, nu: ArrayLike = 0.5) -> FloatArray:
     poisson = np.asarray(nu, dtype=float)
     if not np.all((poisson >= 0) & (poisson <= 0.5)):
         raise InputError(f"nu: expected 0 <= nu <= 0.5, got {nu!r}")
-    # The factor first: at nu = 0.5 it is 1, and the load keeps its last digit.
+    # The factor is computed first: at nu = 0.5 it is 1, and the load is unchanged.
     value: FloatArray = np.asarray(p_over_E, dtype=float) * ((1 - poisson**2) / REFERENCE)
     return value

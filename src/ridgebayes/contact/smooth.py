@@ -9,22 +9,23 @@ from ridgebayes._types import NEO_HOOKEAN, FloatArray, Ogden
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.newton import NotConvergedError
 
-_SHARE, _SKIPPED = 0.4, 3  # of a contact's segments, that end it; the last are covered in part
-_LOADS = Path(__file__).with_name("stiffening_loads.csv")  # largest load of a mesh, and loads
+# Share of a contact's segments that determine its end, and number of partly covered last segments.
+_FITTED_SHARE, _SEGMENTS_SKIPPED = 0.4, 3
+_LOADS = Path(__file__).with_name("stiffening_loads.csv")  # largest load of each mesh, and loads
 # The ratio of two materials needs few edges.
 _EDGES, _ORDER = 16.0, 5
 
 
 def half_width(x: FloatArray, pressure: FloatArray) -> float:
-    """Return where pressure falls to zero: its square is smooth in x^2 there.
+    """Return the half-width at which pressure vanishes; its square is smooth in x^2 there.
 
     Parameters
     ----------
     x, pressure : ndarray of float, shape (n_segment,)
-        Middles of segments from the axis on, over R, and pressures on them, over E.
+        Middles of segments from the axis outwards, over R, and pressures on them, over E.
     """
     on = np.flatnonzero(pressure > 0)
-    inside = on[int(len(on) * (1 - _SHARE)) : -_SKIPPED]
+    inside = on[int(len(on) * (1 - _FITTED_SHARE)) : -_SEGMENTS_SKIPPED]
     roots = np.roots(np.polyfit(x[inside] ** 2, pressure[inside] ** 2, 3))
     real = roots[np.abs(roots.imag) < 1e-9].real
     return float(np.sqrt(real[np.argmin(np.abs(real - x[on[-1]] ** 2))]))
@@ -36,7 +37,7 @@ def half_widths(body: Cylinder, loads: tuple[float, ...]) -> Iterator[float]:
     Raises
     ------
     NotConvergedError
-        Where no equilibrium is found.
+        If no equilibrium is found.
     """
     length, state = body.problem.faces.length, body.unloaded()
     x = np.cumsum(length) - 0.5 * length
@@ -46,25 +47,25 @@ def half_widths(body: Cylinder, loads: tuple[float, ...]) -> Iterator[float]:
 
 
 def stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
-    """Compare a material's contact half-width with that of a neo-Hookean body on the same mesh.
+    """Compare a material's contact half-width with a neo-Hookean body's on the same mesh.
 
     Parameters
     ----------
     nu : float, scalar, dimensionless
         Poisson's ratio.
     ogden : tuple of (float, float)
-        As of `Material`.
+        See `Material`.
 
     Returns
     -------
     ndarray of float, shape (6,)
-        Coefficients of powers of sqrt(p/E), from 0, of the ratio less 1.
+        Coefficients of powers of sqrt(p/E), from 0, of the ratio minus 1.
     float
-        p/E up to which there is an equilibrium; 0 if nowhere.
+        Largest p/E with an equilibrium; 0 if there is none.
 
     Notes
     -----
-    *Accuracy.* 2e-3 of the ratio: scatter of three meshes, smoothed.
+    *Accuracy.* 2e-3 of the ratio, from the smoothed scatter of three meshes.
 
     *Cost.* Some 15 CPU seconds.
     """

@@ -1,12 +1,12 @@
-"""Loads of a largely deformed body from half-plane loads: two scales.
+"""Loads of a largely deformed body from half-plane loads, by separation of two scales.
 
-Ridges are small beside the body. Its large deformation is that of a smooth cylinder; the effect of
-ridges is local, and that on a half-plane. A texture's load p at which the body reaches a ridge
-follows from the half-plane's by
+Ridges are small beside the body. The large deformation is that of a smooth cylinder, and the local
+effect of ridges is that on a half-plane. The load p at which the body reaches a ridge follows from
+the half-plane's load by
 
     p r(p; nu)^2 = p_half-plane,
 
-r being a smooth cylinder's contact half-width over Hertz's at the load p
+where r is a smooth cylinder's contact half-width over Hertz's half-width at the load p
 (docs/derivations/two-scale.md).
 """
 
@@ -25,17 +25,16 @@ from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 
 LEAST_NU = 0.3
-REACH = 0.5  # p/E to which the smooth cylinder was computed: data/make_smooth_cylinder.py
-CHECKED = 0.33  # p/E to which loads on ridges were held against finite elements: docs/two-scale.md
-CHECKED_STIFFENING = 0.2  # the same of other materials than the neo-Hookean
+REACH = 0.5  # largest p/E of the smooth cylinder's table, from data/make_smooth_cylinder.py
+CHECKED = 0.33  # p/E to which loads on ridges were compared with finite elements: docs/two-scale.md
+CHECKED_STIFFENING = 0.2  # the same limit for materials other than neo-Hookean
 UNCHECKED = "not checked: no finite elements at this load to compare with"
 BEYOND = f"not computed: p/E above {REACH:g}, or nu under {LEAST_NU:g}"
 TABLE = Path(__file__).with_name("smooth_cylinder.csv")
-# r - 1 as a polynomial in sqrt(p) without a constant, since r is 1 at p = 0, and in nu.
+# r - 1 is a polynomial in sqrt(p) and nu, without a constant because r = 1 at p = 0.
 _ORDER_P, _ORDER_NU = 6, 4
 _NEWTON_STEPS = 12
-# Standard errors, from loads held against finite elements (docs/two-scale.md), by what they
-# grow with.
+# Standard errors, from a comparison of loads with finite elements (docs/two-scale.md).
 ERRORS = Path(__file__).with_name("two_scale_errors.csv")
 
 
@@ -57,15 +56,15 @@ def _standard_errors() -> dict[str, float]:
 
 @cache
 def stiffening_of(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
-    """Return `smooth.stiffening`, found once a body and process."""
-    # scikit-fem loads slowly, so it is imported only where it is used.
+    """Return `smooth.stiffening`, computed once for each body and process."""
+    # scikit-fem takes long to import.
     from ridgebayes.contact.smooth import stiffening
 
     return stiffening(nu, ogden)
 
 
 def _body(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:
-    """Return the factor on r, as coefficients of powers of sqrt(p), and its largest load."""
+    """Return the material's factor on r, as coefficients of powers of sqrt(p), and its limit."""
     if ogden == NEO_HOOKEAN or not nu.size:
         return np.array([1.0]), REACH
     if not LEAST_NU <= nu.min() == nu.max():
@@ -77,19 +76,19 @@ def _body(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:
 
 
 def reach(nu: float = 0.5, ogden: Ogden = NEO_HOOKEAN) -> float:
-    """Return p/E up to which r is known: 0.5, or less of a material that has no equilibrium."""
+    """Return the largest p/E with known r: 0.5, or less if the material has no equilibrium."""
     return min(_body(np.array(nu), ogden)[1], REACH)
 
 
 def checked(ogden: Ogden = NEO_HOOKEAN) -> float:
-    """Return p/E up to which loads on ridges were held against finite elements."""
+    """Return the largest p/E at which loads on ridges were compared with finite elements."""
     return CHECKED if ogden == NEO_HOOKEAN else CHECKED_STIFFENING
 
 
 def _polynomial(
     root: FloatArray, nu: FloatArray, by_material: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return r, and its derivative by the root of p."""
+    """Return r and its derivative by the root of p."""
     of_p, whole = np.polynomial.polynomial, _coefficients()
     ratio = of_p.polyval2d(root, nu, whole)
     slope = of_p.polyval2d(root, nu, of_p.polyder(whole, axis=0))
@@ -98,7 +97,7 @@ def _polynomial(
 
 
 def width_ratio(p_over_E: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKEAN) -> FloatArray:
-    """Return r, a smooth cylinder's contact half-width over that of Hertz at the same load.
+    """Return r, a smooth cylinder's contact half-width over Hertz's half-width at the same load.
 
     Parameters
     ----------
@@ -107,25 +106,25 @@ def width_ratio(p_over_E: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOO
     nu : array_like of float, shape (...), dimensionless
         Poisson's ratio, 0.3 to 0.5.
     ogden : tuple of (float, float), optional
-        The material, as in `contact.cylinder.material.Material`; neo-Hookean if not given.
+        Material, see `contact.cylinder.material.Material`; neo-Hookean if not given.
 
     Returns
     -------
     ndarray of float, shape (...), dimensionless
-        r, by broadcasting; NaN above p/E = 0.5, and where nu is under 0.3.
+        r, by broadcasting; NaN above p/E = 0.5, and for nu below 0.3.
 
     Raises
     ------
     InputError
-        If the material is another one and nu is not one ratio from 0.3 on.
+        If the material is not neo-Hookean, and nu is not a single ratio of at least 0.3.
 
     Notes
     -----
-    *Validity.* Between two flat plates or with a mid-plane that stays flat: by symmetry the same.
+    *Validity.* A body between two flat plates, or with a flat mid-plane: the same by symmetry.
 
-    *Accuracy.* 2e-4; 1e-3 above p/E = 0.2 where nu is below 0.4; 2e-3 of another material.
+    *Accuracy.* 2e-4; 1e-3 above p/E = 0.2 if nu is below 0.4; 2e-3 for other materials.
 
-    *Cost.* Of another material some 15 CPU seconds, once in a process.
+    *Cost.* Some 15 CPU seconds for a material other than neo-Hookean, once in a process.
 
     Examples
     --------
@@ -141,14 +140,14 @@ def width_ratio(p_over_E: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOO
 def half_plane_load(
     p_over_E: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKEAN
 ) -> FloatArray:
-    """Return the load p r^2 under which a half-plane does what the body does under p.
+    """Return the half-plane load p r^2 that has the same effect as the body's load p.
 
     Parameters
     ----------
     p_over_E, nu : array_like of float, shape (...), dimensionless
-        As in `width_ratio`.
+        See `width_ratio`.
     ogden : tuple of (float, float), optional
-        As in `width_ratio`.
+        See `width_ratio`.
 
     Returns
     -------
@@ -159,7 +158,7 @@ def half_plane_load(
 
 
 def load_of(half_plane: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKEAN) -> FloatArray:
-    """Return the load p under which the body does what a half-plane does under another.
+    """Return the body's load p that has the same effect as a half-plane load.
 
     Parameters
     ----------
@@ -168,34 +167,34 @@ def load_of(half_plane: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKE
     nu : array_like of float, shape (...), dimensionless
         Poisson's ratio, 0.3 to 0.5.
     ogden : tuple of (float, float), optional
-        As in `width_ratio`.
+        See `width_ratio`.
 
     Returns
     -------
     ndarray of float, shape (...), dimensionless
-        p/E, by broadcasting; NaN above 0.5, and where a load is NaN.
+        p/E, by broadcasting; NaN above 0.5, and for NaN loads.
 
     Examples
     --------
     >>> round(float(load_of(half_plane_load(0.2))), 12)
     0.2
     """
-    wanted, nu = np.broadcast_arrays(np.asarray(half_plane, float), np.asarray(nu, float))
+    loads, nu = np.broadcast_arrays(np.asarray(half_plane, float), np.asarray(nu, float))
     by_material, reach = _body(nu, ogden)
-    within = wanted <= half_plane_load(reach, nu, ogden)
-    p = np.where(within, wanted, np.nan)
+    within = loads <= half_plane_load(reach, nu, ogden)
+    p = np.where(within, loads, np.nan)
     for _ in range(_NEWTON_STEPS):
         root = np.sqrt(p)
         ratio, slope = _polynomial(root, nu, by_material)
         # d(p r^2)/dp = r^2 + r sqrt(p) dr/dsqrt(p)
-        p = np.minimum(p + (wanted - p * ratio**2) / (ratio * (ratio + root * slope)), reach)
+        p = np.minimum(p + (loads - p * ratio**2) / (ratio * (ratio + root * slope)), reach)
     return p
 
 
 def relative_error(
     p_over_E: ArrayLike, profile: Profile, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKEAN
 ) -> FloatArray:
-    """Return the relative standard error of loads: what two scales neglect.
+    """Return the relative standard error of loads due to the separation of scales.
 
     Ridges lower the load at which a contact reaches as far, large deformation raises it. Both are
     taken into account; what deformation changes in the ridges' effect is not.
@@ -205,11 +204,11 @@ def relative_error(
     p_over_E : array_like of float, shape (...), dimensionless
         Loads.
     profile : Profile
-        The rigid side.
+        Rigid profile.
     nu : array_like of float, shape (...), dimensionless
         Poisson's ratio.
     ogden : tuple of (float, float), optional
-        As in `width_ratio`.
+        See `width_ratio`.
 
     Returns
     -------
@@ -218,16 +217,16 @@ def relative_error(
 
     Notes
     -----
-    *Accuracy.* Held against finite elements in docs/two-scale.md.
+    *Accuracy.* Compared with finite elements in docs/two-scale.md.
     """
     ratio, pitch = width_ratio(p_over_E, nu, ogden), profile.pitch
     width = ratio * hertz.half_width(p_over_E, nu=nu)
-    # Round corners are touched in part: ridges are as wide as contact on them may be.
+    # Round corners are touched in part: the effective ridge width is that of the contact.
     loads = load_factor(0.0) * (1 - np.square(nu)) * half_plane_load(p_over_E, nu, ogden)
     borne = [2 * bearing_half_width(profile, W) for W in loads.ravel().tolist()]
     ridge = np.reshape(borne, loads.shape)
-    # How much further the contact reaches than a smooth body's: its compliance between ridges
-    # (docs/derivations/half-plane.md, "Very many ridges"), and 0.1 where that is nothing.
+    # Increase of the contact width by ridges: half their compliance, in pitches
+    # (docs/derivations/half-plane.md, "Very many ridges"), and a margin of 0.1.
     compliance = -np.log(np.sin(0.5 * math.pi * ridge / pitch))
     further = pitch * (0.1 + 0.5 * compliance)
     by_ridges = 1.0 - (width / (width + further)) ** 2

@@ -1,7 +1,7 @@
-"""Distributions of single numbers, and their text.
+"""Univariate distributions, and their text form.
 
-Priors are such distributions, and so may values of a scene be. Each has a density, draws, and a
-transform from a standard normal, in whose coordinates everything is sampled and integrated.
+Distributions describe priors and uncertain values of a scene. Each has a density, draws, and a
+transform from a standard normal variable, in which sampling and integration run.
 
 >>> from ridgebayes.distributions.grammar import parse_distribution
 >>> young = parse_distribution("lognormal(60, 20 %)", "youngs_modulus")

@@ -1,4 +1,4 @@
-"""Log-normal distributions whose median is another one at each place: ``lognormal(auto, 5 %)``."""
+"""Log-normal distributions without a fixed median: ``lognormal(auto, 5 %)``."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -9,12 +9,12 @@ from ridgebayes.distributions.distribution import Distribution, LogNormal
 
 @dataclass(frozen=True)
 class AutoLogNormal(LogNormal):
-    """Log-normal of known width whose median is not settled yet; `at_place` settles it.
+    """Log-normal of known width whose median is set later by `at_place`.
 
     Parameters
     ----------
     median : float, unit of the parameter
-        Any, above 0.
+        Placeholder, above 0.
     log_sd : float, dimensionless
         Standard deviation of log x, above 0.
 
@@ -33,9 +33,9 @@ def at_place(prior: Distribution, median: float) -> Distribution:
     Parameters
     ----------
     prior : Distribution
-        Any; one without `AutoLogNormal` in it is returned as it is.
+        Any distribution; it is returned unchanged if it contains no `AutoLogNormal`.
     median : float, unit of the parameter
-        Above 0.
+        Median, above 0.
     """
     if isinstance(prior, Truncated):
         return replace(prior, base=at_place(prior.base, median))

@@ -1,4 +1,4 @@
-"""Distributions between two bounds: uniform, and any other cut off."""
+"""Distributions between two bounds: uniform, and truncated distributions."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from ridgebayes.errors import InputError
 
 @dataclass(frozen=True)
 class Uniform(Distribution):
-    """Uniform between two bounds.
+    """Uniform distribution between two bounds.
 
     Parameters
     ----------
@@ -68,19 +68,19 @@ class Uniform(Distribution):
 
 @dataclass(frozen=True)
 class Truncated(Distribution):
-    """Another distribution between two bounds, normalised there.
+    """Distribution truncated to the interval between two bounds.
 
     Parameters
     ----------
     base : Distribution
         Distribution to truncate; not itself truncated.
     low, high : float, unit of the parameter
-        Bounds; -inf or inf for none.
+        Bounds; -inf or inf for an open side.
 
     Raises
     ------
     InputError
-        If no part of `base` lies between the bounds.
+        If `base` has no probability between the bounds.
 
     Examples
     --------
@@ -117,7 +117,7 @@ class Truncated(Distribution):
 
     @cached_property
     def _ends(self) -> tuple[float, float]:
-        """The bounds' normal scores of the base."""
+        """Normal scores of the bounds under the base."""
         least, most = self.base.support
         low = float(self.base.score(self.low)) if self.low > least else -math.inf
         high = float(self.base.score(self.high)) if self.high < most else math.inf
@@ -133,7 +133,7 @@ class Truncated(Distribution):
 
     def value_at(self, u: FloatArray | float) -> FloatArray:
         u, (low, high) = np.asarray(u, dtype=float), self._ends
-        # From the tail whose probabilities are the smaller.
+        # Computed from the tail with the smaller probabilities.
         from_below = u < 0 if low < 0 < high else np.full(u.shape, high <= 0)
         sign = np.where(from_below, 1.0, -1.0)
         beyond = np.where(from_below, special.log_ndtr(low), special.log_ndtr(-high))
@@ -153,7 +153,7 @@ class Truncated(Distribution):
 
 def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     """Return the log probability of a standard normal between two scores."""
-    upper = low > 0  # both from the tail in which they lie, so that nothing cancels
+    upper = low > 0  # the tail that contains both scores, so that nothing cancels
     near = special.log_ndtr(np.where(upper, -low, high))
     far = special.log_ndtr(np.where(upper, -high, low))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,11 +1,11 @@
-"""Distributions of one number: priors of parameters, and uncertain values of a scene.
+"""Univariate distributions: priors of parameters, and uncertain values of a scene.
 
-Each is a small frozen record with a normalised log density. `stretched` widens it by a factor,
-which is how Bayes factors are shown against every prior scale.
+Each distribution is a frozen dataclass with a normalised log density. `stretched` multiplies its
+scale, which shows the sensitivity of Bayes factors to the scale of each prior.
 
-Sampling and integration run in normal scores: u is where a standard normal has the distribution's
-probability. There every prior is a standard normal, a scale that tends to zero falls off like one
-too, and nothing is cut off: tails are computed from log probabilities, not from a unit cube.
+Sampling and integration use normal scores: u is the value at which a standard normal has the same
+cumulative probability. In u every prior is a standard normal, a scale that tends to zero has normal
+tails too, and nothing is cut off, because tails are computed from log probabilities.
 """
 
 import math
@@ -24,10 +24,10 @@ LOG_2PI = math.log(2 * math.pi)
 
 @dataclass(frozen=True)
 class Distribution(ABC):
-    """The distribution of one number.
+    """Base class of univariate distributions.
 
-    `scale_name` is the field that says how wide it is; empty where no one field does. Inside the
-    package fields may be arrays, of many numbers at once, where `is_stackable`.
+    `scale_name` is the field that gives the width; it is empty if no single field does. If
+    `is_stackable`, fields may be arrays inside the package, for many variables at once.
 
     Examples
     --------
@@ -56,7 +56,7 @@ class Distribution(ABC):
 
     @property
     def support(self) -> tuple[float, float]:
-        """The ends of where the density is above 0."""
+        """Interval in which the density is above 0."""
         return 0.0, math.inf
 
     @abstractmethod
@@ -71,12 +71,12 @@ class Distribution(ABC):
         Returns
         -------
         ndarray of float, shape of `x`
-            Normalised, natural log; -inf outside the support.
+            Normalised natural log density; -inf outside the support.
         """
 
     @abstractmethod
     def value_at(self, u: FloatArray | float) -> FloatArray:
-        """Return the value below which the probability is a standard normal's.
+        """Return the values with given normal scores.
 
         Parameters
         ----------
@@ -91,12 +91,12 @@ class Distribution(ABC):
 
     @abstractmethod
     def score(self, x: FloatArray | float) -> FloatArray:
-        """Return the normal score of values: the inverse of `value_at`.
+        """Return the normal scores of values, the inverse of `value_at`.
 
         Parameters
         ----------
         x : ndarray of float, any shape, dimensionless
-            Inside the support.
+            Values inside the support.
 
         Returns
         -------
@@ -105,14 +105,14 @@ class Distribution(ABC):
         """
 
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
-        """Return d value_at / du: the standard normal density over that of the values.
+        """Return d value_at / du: the standard normal density over the density of the values.
 
         Parameters
         ----------
         u : ndarray of float, any shape, dimensionless
             Normal scores.
         x : ndarray of float, shape of `u`, unit of the parameter
-            `value_at` of these.
+            Values at `u`, from `value_at`.
 
         Returns
         -------
@@ -140,7 +140,7 @@ class Distribution(ABC):
 
     @property
     def words(self) -> str:
-        """Kind and numbers, as a report shows them.
+        """Kind and parameters as text for a report.
 
         >>> LogNormal(65.81, 0.3).words
         'log-normal, median 65.81, log-sd 0.3'
@@ -150,16 +150,16 @@ class Distribution(ABC):
 
     @property
     def scale(self) -> float:
-        """How wide it is, in the unit of `scale_name`."""
+        """Width, in the unit of `scale_name`."""
         return float(getattr(self, self.scale_name))
 
     def stretched(self, factor: float) -> "Distribution":
-        """Return the same distribution with its scale multiplied.
+        """Return the distribution with its scale multiplied by a factor.
 
         Parameters
         ----------
         factor : float, dimensionless
-            Above 0.
+            Factor, above 0.
 
         Returns
         -------
@@ -169,7 +169,7 @@ class Distribution(ABC):
         Raises
         ------
         InputError
-            If it has no scale, or the factor leaves no finite one above 0.
+            If the distribution has no scale, or the new scale is not finite and above 0.
         """
         if not self.scale_name:
             raise InputError(f"{self.kind}: expected a distribution with a scale, got {self}")
@@ -178,7 +178,7 @@ class Distribution(ABC):
 
 @dataclass(frozen=True)
 class LogNormal(Distribution):
-    """Log-normal: log x is normal about log(median) with standard deviation log_sd.
+    """Log-normal distribution: log x is normal with mean log(median) and sd log_sd.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ class LogNormal(Distribution):
     Raises
     ------
     InputError
-        If a number is not finite, or not above 0.
+        If a parameter is not finite, or not above 0.
 
     Examples
     --------
@@ -223,7 +223,7 @@ class LogNormal(Distribution):
 
 @dataclass(frozen=True)
 class Normal(Distribution):
-    """Normal with mean and standard deviation.
+    """Normal distribution.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ class Normal(Distribution):
     Raises
     ------
     InputError
-        If a number is not finite, or `sd` not above 0.
+        If a parameter is not finite, or `sd` is not above 0.
 
     Examples
     --------
@@ -269,7 +269,7 @@ class Normal(Distribution):
 
 @dataclass(frozen=True)
 class HalfNormal(Distribution):
-    """Half-normal on (0, inf): the absolute value of a normal with standard deviation sd.
+    """Half-normal distribution on (0, inf): the absolute value of a normal with mean 0 and sd.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ class HalfNormal(Distribution):
     Raises
     ------
     InputError
-        If it is not finite, or not above 0.
+        If `sd` is not finite, or not above 0.
 
     Examples
     --------
@@ -298,14 +298,14 @@ class HalfNormal(Distribution):
 
     def value_at(self, u: FloatArray | float) -> FloatArray:
         u = np.asarray(u, dtype=float)
-        # The smaller of P(X <= x) = erf(x / sd sqrt 2) and its complement, so that none cancels.
+        # Use the smaller of P(X <= x) = erf(x / (sd sqrt 2)) and its complement against cancelling.
         z, low = np.asarray(special.ndtr(-np.abs(u))), u < 0
         if low.all():
             return np.asarray(self.sd * (math.sqrt(2) * special.erfinv(z)))
         special.erfinv(z, out=z, where=low)
         special.erfcinv(z, out=z, where=~low)
         z *= math.sqrt(2)
-        if np.any(far := u > 35):  # where even the tail underflows, its logarithm does not
+        if np.any(far := u > 35):  # the tail probability underflows, its logarithm does not
             log_half_tail = special.log_ndtr(-np.where(far, u, 0)) - math.log(2)
             z = np.where(far, -special.ndtri_exp(log_half_tail), z)
         return self.sd * z
@@ -328,7 +328,7 @@ class HalfNormal(Distribution):
 
 @dataclass(frozen=True)
 class Gamma(Distribution):
-    """Gamma on (0, inf) with shape and rate: mean shape/rate.
+    """Gamma distribution on (0, inf) with mean shape/rate.
 
     Parameters
     ----------
@@ -357,11 +357,11 @@ class Gamma(Distribution):
 
     def value_at(self, u: FloatArray | float) -> FloatArray:
         shape, u = self.shape, np.asarray(u, dtype=float)
-        # The smaller of the two tail probabilities, so that none cancels.
+        # The smaller of the two tail probabilities avoids cancellation.
         tail = special.ndtr(-np.abs(u))
         with np.errstate(under="ignore"):
             x = np.where(u < 0, special.gammaincinv(shape, tail), special.gammainccinv(shape, tail))
-        if np.any(low := u < -37):  # where the tail underflows, P is x^shape / Gamma(shape + 1)
+        if np.any(low := u < -37):  # P underflows; it equals x^shape / Gamma(shape + 1) there
             log_tail = special.log_ndtr(np.where(low, u, 0))
             x = np.where(low, np.exp((log_tail + special.gammaln(shape + 1)) / shape), x)
         value: FloatArray = x / self.rate
@@ -379,7 +379,7 @@ class Gamma(Distribution):
         Parameters
         ----------
         factor : float, dimensionless
-            Above 0.
+            Factor, above 0.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""The distribution of a sample: one column of a file."""
+"""Distribution of a sample, such as a column of a file."""
 
 import csv
 import math
@@ -20,26 +20,26 @@ from ridgebayes.runtime.reading import LARGEST_TEXT, read_text, refusing
 from ridgebayes.runtime.text import clipped
 
 LEAST_SAMPLE = 10
-_N_KNOT = (5, 25)  # at least, at most; between them one for ten values, and an odd number
-_LAST_KNOT = 3.0  # sds: further out a sample's quantiles are those of single values
+_N_KNOTS = (5, 25)  # minimum and maximum; between them one for ten values, rounded to odd
+_MAX_SCORE = 3.0  # last knot in sds; quantiles farther out are those of single values
 
 
 @dataclass(frozen=True)
 class Empirical(Distribution):
-    """A smooth distribution with the quantiles of a sample.
+    """Smooth distribution with the quantiles of a sample.
 
-    Its values are a monotone function of a standard normal, a cubic between the sample's quantiles
-    at evenly spaced normal scores, and linear beyond them: tails fall off like a normal's. Where
-    all values are positive, this is of their logarithms.
+    Values are a monotone function of a standard normal: a cubic spline between the sample's
+    quantiles at evenly spaced normal scores, and linear beyond, so that tails are normal. If all
+    values are positive, their logarithms are interpolated.
 
     Parameters
     ----------
     scores : tuple of float, dimensionless
         Normal scores of the quantiles, increasing.
     values : tuple of float, unit of the parameter
-        The quantiles, increasing.
+        Quantiles, increasing.
     source : str, optional
-        Where the sample is from.
+        Origin of the sample, for messages.
 
     Examples
     --------
@@ -74,12 +74,12 @@ class Empirical(Distribution):
         sample : ndarray of float, shape (n,), unit of the parameter
             At least ten finite values.
         source : str, optional
-            Where it is from.
+            Origin of the sample, for messages.
 
         Raises
         ------
         InputError
-            If there are fewer, one is not finite, or nearly all are alike.
+            If there are fewer values, one is not finite, or nearly all are equal.
 
         Examples
         --------
@@ -91,8 +91,8 @@ class Empirical(Distribution):
         n = sample.size
         if n < LEAST_SAMPLE or not np.isfinite(sample).all():
             raise InputError(f"{source}: expected {LEAST_SAMPLE} finite values or more, got {n}")
-        last = min(-special.ndtri(0.5 / n), _LAST_KNOT)
-        scores = np.linspace(-last, last, int(np.clip(n // 10, *_N_KNOT)) | 1)  # one at 0
+        last = min(-special.ndtri(0.5 / n), _MAX_SCORE)
+        scores = np.linspace(-last, last, int(np.clip(n // 10, *_N_KNOTS)) | 1)  # odd: one is 0
         values = np.quantile(sample, special.ndtr(scores), method="hazen")
         new = np.diff(values, prepend=-np.inf) > 0
         if new.sum() < 3:
@@ -117,15 +117,15 @@ class Empirical(Distribution):
         u, y = np.array(self.scores), np.array(self.values)
         y = np.log(y) if self._is_log else y
         slope = PchipInterpolator(u, y)(u, 1)
-        # At the ends its slope may be 0, where the density would be infinite.
+        # The slope at the ends may be 0, which would make the density infinite.
         slope[[0, -1]] = np.diff(y)[[0, -1]] / np.diff(u)[[0, -1]]
         return CubicHermiteSpline(u, y, slope)
 
-    def _inside(self, u: FloatArray) -> FloatArray:
+    def _clipped_score(self, u: FloatArray) -> FloatArray:
         return np.clip(u, self.scores[0], self.scores[-1])
 
     def _line_at(self, u: FloatArray) -> FloatArray:
-        inside = self._inside(u)
+        inside = self._clipped_score(u)
         value: FloatArray = self._curve(inside) + self._curve(inside, 1) * (u - inside)
         return value
 
@@ -148,13 +148,13 @@ class Empirical(Distribution):
         inside = elementwise.find_root(
             lambda u, y: self._curve(u) - y, tuple(ends), args=(np.clip(y, low, high),)
         ).x
-        # Beyond the ends the curve is a line.
+        # The curve is linear beyond the ends.
         beyond = np.minimum(y - low, 0) + np.maximum(y - high, 0)
         value: FloatArray = inside + beyond / self._curve(inside, 1)
         return value
 
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
-        slope = self._curve(self._inside(np.asarray(u, dtype=float)), 1)
+        slope = self._curve(self._clipped_score(np.asarray(u, dtype=float)), 1)
         value: FloatArray = slope * x if self._is_log else slope
         return value
 
@@ -165,21 +165,21 @@ def read_sample(path: Path, column: str, number: Callable[[str], float]) -> Floa
     Parameters
     ----------
     path : Path
-        File with a line of column names.
+        File with a header line.
     column : str
-        Name.
+        Name of the column.
     number : callable
-        Reads a cell; raises ValueError.
+        Converts the text of a cell to a number; raises ValueError.
 
     Returns
     -------
     ndarray of float, shape (n,)
-        Its values.
+        Values of the column.
 
     Raises
     ------
     InputError
-        If the file cannot be read, has no such column, or a cell is not a finite number.
+        If the file cannot be read, the column is missing, or a cell is not a finite number.
     """
     reader = csv.DictReader(read_text(path, LARGEST_TEXT).splitlines())
     with refusing(f"{path}: not a CSV file", csv.Error):

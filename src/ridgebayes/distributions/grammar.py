@@ -1,4 +1,4 @@
-"""Distributions as text, such as ``lognormal(1.382, 10 %)``, and as plain values.
+"""Distributions as text, such as ``lognormal(1.382, 10 %)``, and as plain values for JSON.
 
 | text | |
 |---|---|
@@ -7,8 +7,8 @@
 | ``halfnormal(sd)`` | |
 | ``gamma(shape, rate)`` | |
 | ``uniform(low, high)`` | |
-| ``truncated(DIST, low, high)`` | any of the others between bounds; -inf or inf for none |
-| ``empirical(FILE.csv, COLUMN)`` | a column of a file, relative to the file that names it |
+| ``truncated(DIST, low, high)`` | another distribution between bounds, which may be -inf or inf |
+| ``empirical(FILE.csv, COLUMN)`` | sample in a column of a file, relative to the naming file |
 """
 
 import json
@@ -40,8 +40,8 @@ _ALL: tuple[type[Distribution], ...] = (*CLOSED.values(), AutoLogNormal, Truncat
 _KINDS = {kind.kind: kind for kind in _ALL}
 _WITHOUT_UNIT = ("log_sd", "shape", "rate")
 _CALL = re.compile(r"\s*(\w+)\s*\((.*)\)\s*", flags=re.DOTALL)
-_COMMA = re.compile(r",(?![^(]*\))")  # in no brackets
-_LONGEST = 1_000  # characters
+_COMMA = re.compile(r",(?![^(]*\))")  # a comma outside of brackets
+_MAX_CHARACTERS = 1_000
 
 
 def parse_distribution(
@@ -52,32 +52,32 @@ def parse_distribution(
     folder: Path = Path(),
     auto: bool = False,
 ) -> Distribution:
-    """Return the distribution that a text describes.
+    """Parse the text of a distribution.
 
     Parameters
     ----------
     text : object
-        Value as the file holds it.
+        Value from a file.
     where : str, optional
-        Place that errors name.
+        Name for messages.
     number : callable, optional
-        Reads a number in the parameter's unit, such as ``60 kPa``; raises ValueError.
+        Converts text such as ``60 kPa`` to the parameter's unit; raises ValueError.
     folder : Path, optional
-        Folder that files of samples are relative to.
+        Folder of the files of samples.
     auto : bool, optional
-        Whether ``auto`` may be the median of a log-normal; `at_place` settles it.
+        Whether ``auto`` is allowed as the median of a log-normal; `at_place` replaces it.
 
     Raises
     ------
     InputError
-        If it is no known distribution, or a number is missing or out of its range.
+        If the distribution is unknown, or a number is missing or out of its range.
 
     Examples
     --------
     >>> parse_distribution("truncated(normal(1, 10 %), 0.9, inf)", "c")
     Truncated(base=Normal(mean=1.0, sd=0.1), low=0.9, high=inf)
     """
-    call = _CALL.fullmatch(text) if isinstance(text, str) and len(text) <= _LONGEST else None
+    call = _CALL.fullmatch(text) if isinstance(text, str) and len(text) <= _MAX_CHARACTERS else None
     place = f"{where}: " if where else ""
     if call is None or call[1] not in USAGE:
         got = clipped(text) if isinstance(text, str) else repr(text)
@@ -108,13 +108,13 @@ def parse_distribution(
 
 def _number(part: str, name: str, before: list[Any], number: Callable[[str], float]) -> float:
     if name in ("low", "high") and part in ("-inf", "inf"):
-        return float(part)  # no unit; uniform ones refuse it themselves
+        return float(part)  # infinite bounds have no unit; `Uniform` refuses them
     try:
         if not part.endswith("%"):
             return float(part) if name in _WITHOUT_UNIT else number(part)
         percent = float(part.removesuffix("%"))
     except InputError:
-        raise  # of a unit, and in its words
+        raise  # keeps the message about a unit
     except ValueError:
         raise InputError(f"expected a number for {name}, got {clipped(part)}") from None
     if name == "log_sd":
@@ -126,14 +126,14 @@ def _number(part: str, name: str, before: list[Any], number: Callable[[str], flo
 
 
 def to_dict(distribution: Distribution) -> Json:
-    """Return a distribution as plain values, which `from_dict` reads."""
+    """Return a distribution as plain values for `from_dict`."""
     values = {f.name: getattr(distribution, f.name) for f in fields(distribution)}
     plain = {k: to_dict(v) if isinstance(v, Distribution) else v for k, v in values.items()}
     return {"kind": distribution.kind, **plain}
 
 
 def from_dict(values: Json) -> Distribution:
-    """Return the distribution that `to_dict` made plain values of."""
+    """Return the distribution described by the plain values of `to_dict`."""
     fields_of_kind: dict[str, Any] = dict(values)
     kind = _KINDS[fields_of_kind.pop("kind")]
     return kind(
@@ -142,7 +142,7 @@ def from_dict(values: Json) -> Distribution:
 
 
 def priors_from_json(text: str) -> dict[str, Distribution]:
-    """Return priors from the JSON text that `priors_to_json` wrote."""
+    """Return priors from the JSON text of `priors_to_json`."""
     return {name: from_dict(values) for name, values in json.loads(text).items()}
 
 

@@ -1,4 +1,4 @@
-"""Frozen distributions of SciPy as distributions of this package."""
+"""Conversion of SciPy's frozen distributions to distributions of this package."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ from ridgebayes.distributions.distribution import (
 )
 from ridgebayes.errors import InputError
 
-# By SciPy's name: what `loc`, `scale` and the shapes make. None: `loc` has to be 0.
+# Conversions of `loc`, `scale` and shapes by SciPy's name; None means that `loc` has to be 0.
 _KINDS: dict[str, Callable[..., Distribution | None]] = {
     "norm": Normal,
     "uniform": lambda loc, scale: Uniform(loc, loc + scale),
@@ -26,12 +26,12 @@ _KINDS: dict[str, Callable[..., Distribution | None]] = {
 
 
 def from_scipy(value: object, where: str) -> object:
-    """Return the distribution that a frozen one of SciPy is; anything else as it is.
+    """Return a frozen distribution of SciPy as a `Distribution`; other values are unchanged.
 
     Raises
     ------
     InputError
-        If it is one of SciPy's that this package has no distribution for.
+        If this package has no equivalent of the distribution.
 
     Examples
     --------

@@ -1,12 +1,12 @@
-"""Figures from plain arrays and frames: nothing here knows a record of the package.
+"""Figures from plain arrays and data frames, without the package's result classes.
 
-`drawing.style` holds what all figures share. The other modules hold one function a figure, named
-``plot_...``, from arrays or frames to a matplotlib `Figure`. Only this folder and `report.figures`
-import matplotlib, and never pyplot's state: figures can be drawn on any thread and without a
-display. Equal input gives equal bytes. Only `records`, behind the ``.plot()`` of records, asks
-pyplot for axes where it is given none.
+`drawing.style` holds the shared colours, sizes and helpers. In the other modules each function
+``plot_...`` draws one matplotlib `Figure` from arrays or data frames. Only this package and
+`report.figures` import matplotlib. They do not use pyplot, so figures can be drawn on any thread
+and without a display. Equal input gives equal bytes. The exception is `records`, which draws for
+the ``.plot()`` methods: it asks pyplot for axes if the user passes none.
 
-Modules load on first use, and matplotlib with them: ``from ridgebayes import drawing`` loads none.
+Modules and matplotlib are imported on first use, not by ``from ridgebayes import drawing``.
 
 Examples
 --------
@@ -22,7 +22,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-MOST_TEXTURES = 12  # that one figure has panels for; here, where it loads nothing
+MOST_TEXTURES = 12  # panels in a figure; defined here because this module imports no matplotlib
 
 
 def __getattr__(name: str) -> object:
@@ -32,7 +32,7 @@ def __getattr__(name: str) -> object:
     return import_module(home)
 
 
-if TYPE_CHECKING:  # "as": for type checkers that ask what is offered
+if TYPE_CHECKING:  # "as" marks a name as re-exported for type checkers
     from ridgebayes.drawing import coverage as coverage
     from ridgebayes.drawing import designs as designs
     from ridgebayes.drawing import forms as forms

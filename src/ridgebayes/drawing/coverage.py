@@ -1,4 +1,4 @@
-"""Figure of coverage: what bands contain against what they claim to, and how wide they are."""
+"""Figure of the coverage: nominal and actual coverage of bands, and their mean widths."""
 
 import matplotlib
 import numpy as np
@@ -12,7 +12,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.drawing.style import QUIET, WIDTH, new_figure, plain, styled, title_of
 from ridgebayes.errors import InputError
 
-_DODGE = 0.72  # of a row's height, over all probabilities
+_DODGE_SHARE = 0.72  # share of a row's height taken by the dots of all probabilities
 
 
 @styled()
@@ -27,10 +27,10 @@ def plot_coverage(frame: pd.DataFrame) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        A column a form. Above, the share of transitions inside each band with two standard errors
-        of its own, kept to 0 and 1, and a line at the share that the band claims; below, the mean
-        width of the bands, on a logarithmic axis. An error model without a finite value is left
-        blank.
+        Each form has a column. The upper panel shows the share of transitions inside each band
+        with two standard errors, clipped to 0 and 1, and a line at the nominal probability. The
+        lower panel shows the mean width of the bands on a logarithmic axis. The row of an error
+        model without finite values is blank.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def plot_coverage(frame: pd.DataFrame) -> Figure:
     forms, noises = (list(dict.fromkeys(frame[name])) for name in ("form", "noise"))
     probs = sorted(set(frame["prob"].tolist()))
     shades = matplotlib.colormaps["viridis"](np.linspace(0.85, 0.0, len(probs)))
-    # Room for each probability's own dot, and for one line of names below it.
+    # Heights of the rows: a dot for each probability above, a line of text below.
     above, below = 0.5 + 0.085 * len(probs) * len(noises), 0.5 + 0.2 * len(noises)
     figure = new_figure(WIDTH, 1.0 + above + below)
     panels = figure.subplots(
@@ -58,7 +58,7 @@ def plot_coverage(frame: pd.DataFrame) -> Figure:
         for i, (prob, shade) in enumerate(zip(probs, shades, strict=True)):
             part = of_form[of_form["prob"] == prob].set_index("noise").reindex(noises)
             top.axvline(prob, color=shade, linewidth=0.9, alpha=0.8)
-            _shares(top, part, _DODGE * ((i + 0.5) / len(probs) - 0.5), shade)
+            _shares(top, part, _DODGE_SHARE * ((i + 0.5) / len(probs) - 0.5), shade)
             widths = part["mean_width"].to_numpy(float)
             shown = np.isfinite(widths) & (widths > 0)
             rows = np.arange(len(noises))
@@ -93,7 +93,7 @@ def _axes(panels: np.ndarray, noises: list[str]) -> None:
         top.set(xlim=(-0.02, 1.02), xlabel="share inside")
         top.set_xticks([0, 0.5, 1], ["0", "0.5", "1"])
         bottom.set(xscale="log", xlabel="width in log load")
-        if not np.isfinite(bottom.dataLim.intervalx).all():  # blank: nothing sets the axis' ends
+        if not np.isfinite(bottom.dataLim.intervalx).all():  # no data to set the limits
             bottom.set_xlim(0.01, 1.0)
         low, high = bottom.get_xlim()
         bottom.xaxis.set_major_locator(LogLocator(10, (1, 3) if high < 100 * low else (1,)))

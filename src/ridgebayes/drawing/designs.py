@@ -1,4 +1,4 @@
-"""A map of designs: how probable a goal is over ridge and groove width."""
+"""Map of designs: probability of a goal over ridge and groove width."""
 
 from functools import partial
 
@@ -31,15 +31,15 @@ def draw_designs(
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        Where.
+        Axes to draw on.
     designs : pandas.DataFrame
-        Rows of designs.csv, of a lattice.
+        Rows of designs.csv on a lattice.
     best : (float, float)
-        Recommended texture, or the nearest to the goals.
+        Recommended texture, or the texture nearest to the goals.
     label : str
-        Quantity that the colour shows: ``margin``, or the one in column ``probability``.
+        Quantity shown by the colour: ``margin``, or the quantity in column ``probability``.
     is_met : bool
-        Whether it meets the goals.
+        Whether `best` meets the goals.
     """
     shown = "margin" if label == "margin" else "probability"
     map_of = partial(
@@ -83,7 +83,7 @@ def draw_designs(
 
 
 def _edges(widths: FloatArray) -> FloatArray:
-    """Return the edges of the cells of evenly spaced widths; a single one gets a narrow cell."""
+    """Return cell edges of evenly spaced widths; a single width gets a narrow cell."""
     half = 0.5 * np.diff(widths).min() if len(widths) > 1 else 0.05 * widths[0]
     return np.append(widths - half, widths[-1] + half)
 
@@ -96,7 +96,7 @@ def _within(level: float, values: FloatArray) -> bool:
 def plot_designs(
     designs: pd.DataFrame, best: tuple[float, float], label: str, *, is_met: bool
 ) -> Figure:
-    """Draw a map of designs as a figure, see `draw_designs`."""
+    """Draw a map of designs as a figure; see `draw_designs`."""
     figure = new_figure(6.4, 5.2)
     draw_designs(figure.subplots(), designs, best, label, is_met=is_met)
     return figure

@@ -1,4 +1,4 @@
-"""Figures of the forms: errors against data, slopes, Bayes factors."""
+"""Figures of the forms: load errors, slopes and Bayes factors."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -27,7 +27,7 @@ from ridgebayes.drawing.style import (
 )
 from ridgebayes.runtime.text import MINUS
 
-_SUMMED = "summed out"  # not of the selected error model, but of all
+_SUMMED = "summed out"  # Bayes factors over all error models instead of the selected one
 _METHODS = {
     _SUMMED: "*",
     "bridge": "o",
@@ -38,7 +38,7 @@ _PRIORS = {"c": "$c$ and $c_1$", "c2": "$c_2$", "K": "$K$", "sigma": r"$\sigma$"
 
 @styled()
 def plot_percent_errors(errors: pd.DataFrame) -> Figure:
-    """Draw 100 (p_form/p_data - 1) against Q, a column a texture.
+    """Draw 100 (p_form/p_data - 1) against Q, one column for each texture.
 
     Parameters
     ----------
@@ -48,7 +48,8 @@ def plot_percent_errors(errors: pd.DataFrame) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Above all forms; below without Classic, whose errors hide the others, if it is there.
+        The upper panels show all forms. If Classic is among them, the lower panels leave it out,
+        because its errors hide the others.
     """
     textures = rows_by_texture(errors)
     forms = list(dict.fromkeys(errors["form"]))
@@ -81,17 +82,18 @@ def plot_percent_errors(errors: pd.DataFrame) -> Figure:
 
 @styled()
 def plot_slopes(slopes: pd.DataFrame) -> Figure:
-    """Draw K = dQ'/ds against pitch: the power law's beside what Modified and Hybrid predict.
+    """Draw K = dQ'/ds against pitch, fitted by the power law and predicted by Modified and Hybrid.
 
     Parameters
     ----------
     slopes : pandas.DataFrame
-        Columns form, pitch, K, K_lower, K_upper, prob. Without Classic, whose intercept differs.
+        Columns form, pitch, K, K_lower, K_upper, prob. Classic is left out: its intercept differs.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Left K, right K times pitch over two: the c that a texture alone would ask for.
+        The left panel shows K. The right panel shows K times half the pitch: the c that each
+        texture alone would give.
     """
     figure = new_figure(WIDTH, 3.9)
     left, right = figure.subplots(1, 2)
@@ -106,7 +108,7 @@ def plot_slopes(slopes: pd.DataFrame) -> Figure:
             pitch = rows["pitch"].to_numpy()
             factor = pitch / 2 if scaled else 1.0
             k, low, high = (rows[c].to_numpy() * factor for c in ("K", "K_lower", "K_upper"))
-            if form == "modified":  # one number for all textures: a line
+            if form == "modified":  # a single line: its c holds for all textures
                 axes.plot(pitch, k, linewidth=1.4, color=colour, label=title_of(form))
                 label = f"{title_of(form)}, {level} band"
                 axes.fill_between(
@@ -114,7 +116,7 @@ def plot_slopes(slopes: pd.DataFrame) -> Figure:
                 )
                 continue
             axes.errorbar(
-                # Beside the power law's own, not on it.
+                # Shifted so that it does not cover the power law.
                 pitch + (step if form == "hybrid" else 0.0),
                 k,
                 yerr=[k - low, high - k],
@@ -134,13 +136,13 @@ def plot_slopes(slopes: pd.DataFrame) -> Figure:
 
 @styled()
 def plot_bayes_factors(factors: pd.DataFrame, best: str, noise: str = "iid") -> Figure:
-    """Draw ln BF of every form against the best one, by every method.
+    """Draw ln BF of every form against the best form, by every method.
 
     Parameters
     ----------
     factors : pandas.DataFrame
-        Columns form, method, ln_bf, ln_bf_se: form over best. The method ``summed out`` is over
-        all error models, and is the one whose number is shown.
+        Columns form, method, ln_bf, ln_bf_se of each form over the best. The method
+        ``summed out`` averages over all error models; its value is printed.
     best : str
         Form of highest evidence.
     noise : str, optional
@@ -149,11 +151,11 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str, noise: str = "iid") -> 
     Returns
     -------
     matplotlib.figure.Figure
-        A row a form; behind it the readings of Kass and Raftery.
+        Each form has a row. Shading in the background marks the grades of Kass and Raftery.
     """
     forms = list(dict.fromkeys(factors.sort_values("ln_bf", ascending=False)["form"]))
     methods = set(factors["method"])
-    # Every marker is named, also that of a method not known here.
+    # Methods unknown to this module are named too.
     markers = {m: _METHODS.get(m, "X") for m in (*_METHODS, *sorted(methods)) if m in methods}
     is_summed = _SUMMED in methods
     figure = new_figure(WIDTH, 1.5 + 0.5 * len(forms))
@@ -177,7 +179,7 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str, noise: str = "iid") -> 
             )
         middle = float(rows["ln_bf"].iloc[0])
         height = i + 0.31 * (1 / len(rows) - 1) if is_summed else i
-        room = middle > 0.6 * lowest  # else the number would stand outside on the left
+        room = middle > 0.6 * lowest  # otherwise the number would cross the left edge
         axes.annotate(
             f"{round(middle, 1) + 0.0:.1f}".replace("-", MINUS),
             (middle, height),
@@ -201,7 +203,7 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str, noise: str = "iid") -> 
 
 
 def _labels(methods: Iterable[str], noise: str) -> list[str]:
-    """Return what the legend calls each method, and under which error model it is."""
+    """Return the legend label of each method, with its error model."""
     methods = list(methods)
     if _SUMMED not in methods:
         return [plain(method) for method in methods]
@@ -211,7 +213,7 @@ def _labels(methods: Iterable[str], noise: str) -> list[str]:
 
 @styled()
 def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
-    """Draw ln BF of every form against the best one, as each prior's scale is changed.
+    """Draw ln BF of every form against the best form, for rescaled priors.
 
     Parameters
     ----------
@@ -223,7 +225,7 @@ def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        A panel a prior, the vertical axis linear within 5 of zero and logarithmic beyond.
+        Each prior has a panel. The vertical axis is linear within 5 of zero, else logarithmic.
     """
     priors = list(dict.fromkeys(factors["prior"]))
     labels = ("scale, times default", "ln BF")

@@ -1,4 +1,4 @@
-"""Figures of a posterior: its marginals, and checks of what it predicts."""
+"""Figures of a posterior: its marginals and its predictive checks."""
 
 from collections.abc import Mapping, Sequence
 
@@ -23,8 +23,8 @@ from ridgebayes.drawing.style import (
 from ridgebayes.runtime.quiet import import_arviz
 from ridgebayes.runtime.text import short_label
 
-_N_BIN = 40
-_REACH = 4  # widths of their middle half to which draws are shown: far ones would squeeze the rest
+_N_BINS = 40
+_MAX_IQRS_SHOWN = 4  # interquartile ranges around the middle; outliers would squeeze the rest
 
 
 @styled()
@@ -45,18 +45,18 @@ def plot_corner(
     names : sequence of str, shape (n_shown,)
         Parameters to show.
     draws : ndarray of float, shape (n_draw, n_shown), any unit
-        Their draws.
+        Draws of these parameters.
     published : mapping of str to float
-        The study's coefficients by parameter, for solid lines; empty where it has none.
+        Coefficients published in the study, by parameter, drawn as solid lines; may be empty.
     n_parameter : int
-        How many parameters the posterior has.
+        Number of parameters of the posterior.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    import_arviz()  # corner would import it, and print its announcement
-    import corner  # heavy, and only this figure's
+    import_arviz()  # corner imports ArviZ, which would print its announcement
+    import corner  # slow to import, and used by this figure only
 
     powers = _powers(draws)
     draws = draws * 10.0**powers
@@ -65,7 +65,7 @@ def plot_corner(
     figure = Figure(figsize=(size, size), dpi=DPI)
     FigureCanvasAgg(figure)
     colour = colour_of(form)
-    # A draw far out in a tail must not squeeze the rest of the panel.
+    # Draws far out in the tails must not squeeze the panels.
     span = [tuple(np.quantile(x, [0.0005, 0.9995])) for x in draws.T]
     truths = np.array([published.get(name, np.nan) for name in names]) * 10.0**powers
     inside = [t if low < t < high else None for t, (low, high) in zip(truths, span, strict=True)]
@@ -105,33 +105,33 @@ def plot_corner(
 def plot_posterior_checks(
     form: str, quantities: Mapping[str, tuple[FloatArray, FloatArray, float]]
 ) -> Figure:
-    """Draw each test quantity of replicated rows beside that of the observed ones.
+    """Draw each test quantity for replicated and for observed rows.
 
     Parameters
     ----------
     form : str
         Name of the form.
     quantities : mapping of str to (ndarray, ndarray, float)
-        By title: values of observed and of replicated rows at each draw, both of shape (n_draw,),
-        and the p-value.
+        Values for the observed and the replicated rows at each draw, both of shape (n_draw,), and
+        the p-value, by title.
 
     Returns
     -------
     matplotlib.figure.Figure
-        A panel a quantity: both distributions over the posterior's draws, and the p-value.
+        Each quantity has a panel with its two distributions over the draws and the p-value.
     """
     figure, panels = panel_grid(len(quantities), 1.55, 0.9)
     for axes, (title, values) in zip(panels, quantities.items(), strict=True):
         observed, replicated, p_value = values
         first, third = np.quantile(replicated, [0.25, 0.75])
-        near = np.abs(replicated - (first + third) / 2) <= _REACH * (third - first)
+        near = np.abs(replicated - (first + third) / 2) <= _MAX_IQRS_SHOWN * (third - first)
         shown = np.concatenate([replicated[near], np.quantile(observed, [0.05, 0.95])])
         low, high = shown.min(), shown.max()
-        edges = np.linspace(low, high if high > low else low + 1, _N_BIN + 1).tolist()
+        edges = np.linspace(low, high if high > low else low + 1, _N_BINS + 1).tolist()
         axes.hist(
             replicated, edges, density=True, color=colour_of(form), alpha=0.5, label="replicated"
         )
-        # The observed one hardly varies: as a histogram it would tower over the other.
+        # The observed quantity hardly varies: its histogram would tower over the other.
         span = np.quantile(observed, [0.05, 0.95])
         axes.axvline(float(observed.mean()), color=OBSERVED, linewidth=1.4, label="observed: mean")
         axes.axvspan(
@@ -154,14 +154,14 @@ def _p(p_value: float) -> str:
 
 
 def _powers(draws: FloatArray) -> IntArray:
-    """Return the power of ten by which to show each column: an axis has no room for small ones."""
+    """Return the power of ten that scales each column, because small numbers need long labels."""
     sizes = np.quantile(np.abs(draws), 0.5, axis=0)
     small = (sizes > 0) & (sizes < 1e-3)
     return np.where(small, -np.floor(np.log10(np.where(small, sizes, 1))), 0).astype(np.int64)
 
 
 def _label(name: str, power: int) -> str:
-    """Return a parameter's symbol, with its texture on a second line that is as wide as a panel."""
+    """Return a parameter's symbol; the texture of a K goes on a second line to fit the panel."""
     words = _scaled(name, power)
     if name.startswith("K["):
         return f"{words.partition(' ')[0]}\n{plain(short_label(name[2:-1], 3), 15)}"

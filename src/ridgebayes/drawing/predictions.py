@@ -1,4 +1,4 @@
-"""Figures of predictions: Q against load with bands, and observed loads beside their bands."""
+"""Figures of predictions: bands of Q against load, and bands beside observed loads."""
 
 import numpy as np
 import pandas as pd
@@ -28,9 +28,9 @@ from ridgebayes.drawing.style import (
 )
 from ridgebayes.errors import InputError
 
-FIRST = 4  # edges after the first transition
+N_EDGES_FIRST = 4  # edges after the first transition
 _LOWER = "p_over_E_lower"
-_APART = 0.22  # of the axis, between labels of loads
+_MIN_LABEL_GAP = 0.22  # least distance between labels of loads, as a share of the axis
 
 
 @styled()
@@ -44,36 +44,36 @@ def plot_bands(
     unit: tuple[float, str] | None = None,
     width: float = WIDTH,
 ) -> Figure:
-    """Draw Q against load with the bands of one form, a panel a texture.
+    """Draw Q against load with the bands of one form, one panel for each texture.
 
     Parameters
     ----------
     bands : pandas.DataFrame
         Columns of the run folder's bands.csv.
     table : pandas.DataFrame
-        Rows of the contact table with status ok: the observed steps.
+        Rows of the contact table with status ok, drawn as observed steps.
     form : str
         Form, or ``average``.
     n_texture : int, optional
-        How many textures there are, if not all are in `bands`.
+        Number of textures, if `bands` has only some of them.
     untitled : bool, optional
-        Whether the figure goes without its heading.
+        Whether to omit the heading.
     unit : tuple of float and str, optional
-        The load at which p = E, and its unit: the axis is then of loads in that unit.
+        Load at which p = E, and its unit. The axis then shows loads in this unit.
     width : float, inches, optional
-        Width of the figure, such as that of a journal's column.
+        Width of the figure, such as the column width of a journal.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Simulation band light, curve band dark, where extrapolated hatched and grey.
+        The simulation band is light, the curve band dark; extrapolation is hatched and grey.
     """
     by_texture = rows_by_texture(_with_loads_in(unit, bands[bands["form"] == form]))
     table = _with_loads_in(unit, table)
     observed = rows_by_texture(table)
     shown = list(by_texture)[:MOST_TEXTURES]
     labels = (_load_label(unit), "edges in contact $Q$")
-    # Without a heading it shares a screen with the words that answer.
+    # The untitled figure is lower because it shares the first screen with text.
     height = 1.55 if untitled else 1.8
     figure, panels = panel_grid(len(shown), height, 1.0, labels=labels, width=width)
     for axes, texture in zip(panels, shown, strict=True):
@@ -106,16 +106,16 @@ def _load_label(unit: tuple[float, str] | None) -> str:
 
 
 def draw_band(axes: Axes, bands: pd.DataFrame, colour: str) -> None:
-    """Draw the bands of one texture, light and dark, grey where extrapolated."""
-    # A band one value high would be no area at all: it is given a little height, the wider kind
-    # more, so that both are seen where they are the same.
+    """Draw the bands of one texture, grey where extrapolated."""
+    # A band that holds a single count would have no area. Each band is widened a little, the
+    # simulation band more, so that both are visible where they coincide.
     for kind, alpha, room in (("simulation", 0.30, 0.55), ("curve", 0.80, 0.25)):
         part = bands[bands["kind_of_band"] == kind].sort_values("p_over_E")
         if part.empty:
             continue
         p, lower, upper = (part[c].to_numpy(float) for c in ("p_over_E", "q_lower", "q_upper"))
         outside = part["extrapolation"].to_numpy(bool)
-        # Steps, and both ends of extrapolation: loads between would only make the file large.
+        # Only steps and the ends of extrapolation are kept; other loads enlarge the file.
         steps = np.diff(np.stack([lower, upper, outside]), axis=1).any(axis=0)
         ends = np.flatnonzero(np.diff(outside))
         kept = np.unique(np.r_[0, np.flatnonzero(steps) + 1, ends, len(p) - 1])
@@ -132,20 +132,20 @@ def draw_band(axes: Axes, bands: pd.DataFrame, colour: str) -> None:
                 edgecolor="#FFFFFF" if is_outside else None,
                 alpha=alpha,
             )
-    # Q grows with the root of the load: on this axis its steps are equally wide.
+    # Q grows with the square root of the load, so its steps are equally wide on this axis.
     axes.set_xscale("function", functions=(_root, np.square))
     axes.set_xlim(0.0, float(bands["p_over_E"].max()))
     axes.xaxis.set_major_locator(FixedLocator(_load_ticks(float(bands["p_over_E"].max()))))
-    # At even counts: there are no others, but off centre.
+    # Edges come in pairs: odd counts occur only with a contact off centre.
     axes.yaxis.set_major_locator(MultipleLocator(2 * (1 + int(bands["q_upper"].max()) // 12)))
 
 
 def _load_ticks(most: float) -> list[float]:
-    """Return even loads up to the highest, no two so near at its end that their labels meet."""
+    """Return round loads up to the highest, without those whose labels would overlap."""
     even = np.array(MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(0.0, most))
     kept: list[float] = []
     for load in even[(even >= 0) & (even <= most)].tolist():
-        if not kept or _root(load) - _root(kept[-1]) > _APART * _root(most):
+        if not kept or _root(load) - _root(kept[-1]) > _MIN_LABEL_GAP * _root(most):
             kept.append(load)
     return kept
 
@@ -154,8 +154,8 @@ def _observed(axes: Axes, rows: pd.DataFrame) -> None:
     for _, curve in rows.groupby(["nu", "solver", "series"], dropna=False, sort=False):
         rise = curve.sort_values("p_over_E")
         load, q = rise["p_over_E"].to_numpy(), rise["Q"].to_numpy()
-        # Below the first row nothing was seen, unless that is the first transition there can be.
-        first = 0.0 if q[0] <= FIRST else load[0]
+        # Loads below the first row were not observed, unless this row is the first transition.
+        first = 0.0 if q[0] <= N_EDGES_FIRST else load[0]
         axes.step(
             np.concatenate([[first], load]),
             np.concatenate([[q[0] - 2], q]),
@@ -173,7 +173,7 @@ def _root(p: FloatArray | float) -> FloatArray:
 
 
 def _legend(figure: Figure, colour: str, bands: pd.DataFrame, observed: pd.DataFrame) -> None:
-    """Name what there is: a prediction of one load has no curve, most have no observations."""
+    """Add a legend of the elements that are drawn: some figures have no curve or no rows."""
     handles: list[Artist] = []
     if len(observed):
         handles.append(
@@ -197,17 +197,18 @@ def _legend(figure: Figure, colour: str, bands: pd.DataFrame, observed: pd.DataF
 
 @styled()
 def plot_held_out(loads: pd.DataFrame) -> Figure:
-    """Draw predicted over observed load of held-out transitions, form by form.
+    """Draw the deviation of predicted from observed loads of held-out transitions.
 
     Parameters
     ----------
     loads : pandas.DataFrame
-        Columns of the run folder's loads.csv: rows held out, kind_of_band simulation.
+        Held-out rows of the run folder's loads.csv with kind_of_band simulation.
 
     Returns
     -------
     matplotlib.figure.Figure
-        In per cent of the observed load; the bands have the probability of the table.
+        Deviations in per cent of the observed load, by form. The probability of the bands is that
+        of `loads`.
     """
     textures = list(rows_by_texture(loads).items())[:3]
     forms = list(dict.fromkeys(loads["form"]))
@@ -229,12 +230,12 @@ def plot_held_out(loads: pd.DataFrame) -> Figure:
 
 @styled()
 def plot_prior_bands(bands: pd.DataFrame, rows: pd.DataFrame, form: str) -> Figure:
-    """Draw what the priors say of the load, texture by texture, with the rows.
+    """Draw the prior predictive bands of the load with the observed rows.
 
     Parameters
     ----------
     bands : pandas.DataFrame
-        A row for each texture and count: columns a_over_R, b_over_R, Q, and lower, median, upper
+        One row for each texture and count: columns a_over_R, b_over_R, Q, and lower, median, upper
         of the log load, and prob.
     rows : pandas.DataFrame
         Observed transitions, shown as dots: columns a_over_R, b_over_R, Q, p_over_E.
@@ -244,7 +245,8 @@ def plot_prior_bands(bands: pd.DataFrame, rows: pd.DataFrame, form: str) -> Figu
     Returns
     -------
     matplotlib.figure.Figure
-        A panel a texture, of the first `MOST_TEXTURES`: the load on a logarithmic axis over Q.
+        One panel for each of the first `MOST_TEXTURES` textures: load on a logarithmic axis
+        against Q.
 
     Raises
     ------
@@ -266,7 +268,7 @@ def plot_prior_bands(bands: pd.DataFrame, rows: pd.DataFrame, form: str) -> Figu
         axes.fill_between(
             by_count["Q"], lower, upper, color=colour, alpha=0.25, linewidth=0, label=label
         )
-        # A band over one count has no width: its ends are drawn as well.
+        # A band over a single count has no width, so a line is drawn at each count.
         axes.vlines(by_count["Q"], lower, upper, color=colour, linewidth=0.8, alpha=0.6)
         axes.plot(by_count["Q"], median, color=colour, linewidth=1.2, label="median")
         dots = observed.get(texture, rows.iloc[:0])
@@ -281,7 +283,7 @@ def _few_ticks(axes: Axes, bands: pd.DataFrame) -> None:
     axes.set_yscale("log")
     low, high = np.log10(np.exp([bands["lower"].min(), bands["upper"].max()]))
     powers = np.arange(np.floor(low), np.ceil(high) + 1)
-    if high - low < 6:  # with few decades the 3s between them help
+    if high - low < 6:  # few decades leave room for ticks at 3
         powers = np.sort(np.concatenate([powers, powers + np.log10(3)]))
     axes.yaxis.set_major_locator(FixedLocator(list(10**powers)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.2g}"))

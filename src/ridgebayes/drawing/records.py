@@ -1,6 +1,6 @@
-"""Pictures of single records, on axes of the user's or new ones, in the user's own style.
+"""Plots of single result objects, on given or new axes, in the user's matplotlib style.
 
-New axes are pyplot's, so that a notebook shows them.
+New axes are created by pyplot, so that a notebook shows them.
 """
 
 from typing import Any
@@ -25,17 +25,17 @@ from ridgebayes.drawing.style import (
 )
 
 _COLOURS = list(COLOURS.values())[:-1]
-_MOST_INSIDE = 4  # entries of a legend on the axes
+_MAX_ENTRIES_INSIDE = 4  # legend entries; a longer legend stands beside the axes
 _LOAD, _COUNT = "load $p/E$", "edges in contact $Q$"
 
 
 def axes_or_new(ax: Axes | None) -> Axes:
-    """Return axes, of a new figure where none are given."""
+    """Return the given axes, or those of a new figure if `ax` is None."""
     return pyplot.subplots(layout="constrained")[1] if ax is None else ax
 
 
 def _as_ratios(frame: pd.DataFrame) -> tuple[pd.DataFrame, str]:
-    """Return a scene's loads under the names of ratios, and the label of a load axis."""
+    """Return loads with the column names of ratios p/E, and the label of the load axis."""
     if "load_unit" not in frame:
         return frame, _LOAD
     loads = [name for name in map(str, frame) if name == "load" or name.startswith("load_")]
@@ -45,37 +45,37 @@ def _as_ratios(frame: pd.DataFrame) -> tuple[pd.DataFrame, str]:
 
 
 def load_label(unit: str | None) -> str:
-    """Return the label of a load axis; of ratios p/E without a unit."""
+    """Return the label of an axis of loads in a unit, or of ratios p/E without a unit."""
     return f"load ({plain(unit)})" if unit else _LOAD
 
 
 def draw_curves(curves: dict[str, tuple[FloatArray, FloatArray]], n: int, ax: Axes | None) -> Axes:
-    """Draw Q against load as steps, a line a curve of a table.
+    """Draw Q against load as steps, one line for each curve of a table.
 
     Parameters
     ----------
     curves : dict of str to (ndarray, ndarray)
-        By label: loads p/E in rising order, and Q from each load on.
+        Loads p/E in rising order, and Q from each load on, by label.
     n : int
-        How many curves the table has.
+        Number of curves in the table.
     ax : matplotlib.axes.Axes or None
-        Where.
+        Axes to draw on; None creates new axes.
     """
     axes = axes_or_new(ax)
     draw_steps(axes, curves)
-    _told(axes, len(curves), n)
+    _add_legend(axes, len(curves), n)
     return axes
 
 
 def draw_bands(bands: pd.DataFrame, ax: Axes | None) -> Axes:
-    """Draw bands on Q against load, a colour a texture, grey where extrapolated.
+    """Draw bands on Q against load in one colour per texture, grey where extrapolated.
 
     Parameters
     ----------
     bands : pandas.DataFrame
         Columns of the run folder's bands.csv. The first twelve textures are drawn.
     ax : matplotlib.axes.Axes or None
-        Where.
+        Axes to draw on; None creates new axes.
     """
     axes = axes_or_new(ax)
     bands, label = _as_ratios(bands)
@@ -85,11 +85,11 @@ def draw_bands(bands: pd.DataFrame, ax: Axes | None) -> Axes:
         rows = rows.sort_values("p_over_E")
         draw_band(axes, rows, look["color"])
         (line,) = axes.step(rows["p_over_E"], rows["q_median"], where="post", linewidth=1.2, **look)
-        if len(rows) == 1:  # a step of no length
+        if len(rows) == 1:  # a single step has no length and would be invisible
             line.set_marker(".")
     axes.set_xlim(0.0, float(bands["p_over_E"].max()))
     axes.set(xlabel=f"{label} (square-root scale)", ylabel=f"{_COUNT}, {_band_title(bands)}")
-    _told(axes, len(shown), len(by_texture))
+    _add_legend(axes, len(shown), len(by_texture))
     return axes
 
 
@@ -105,7 +105,7 @@ def draw_probabilities(q: IntArray, pmf: FloatArray, ax: Axes | None) -> Axes:
 def draw_distribution(
     p: FloatArray, cdf: FloatArray, ax: Axes | None, unit: str | None = None
 ) -> Axes:
-    """Draw the distribution function of a load in a unit, or of p/E."""
+    """Draw the distribution function of a load, in a unit or as p/E."""
     axes = axes_or_new(ax)
     axes.plot(p, cdf, color=COLOURS["modified"])
     axes.set(xlabel=load_label(unit), ylabel="probability that the count is reached", ylim=(0, 1))
@@ -113,14 +113,14 @@ def draw_distribution(
 
 
 def draw_loads(loads: pd.DataFrame, ax: Axes | None) -> Axes:
-    """Draw intervals of the load over Q, a colour a texture.
+    """Draw intervals of the load against Q in one colour per texture.
 
     Parameters
     ----------
     loads : pandas.DataFrame
         Columns of the run folder's loads.csv. The first twelve textures are drawn.
     ax : matplotlib.axes.Axes or None
-        Where.
+        Axes to draw on; None creates new axes.
     """
     axes = axes_or_new(ax)
     loads, label = _as_ratios(loads)
@@ -131,21 +131,21 @@ def draw_loads(loads: pd.DataFrame, ax: Axes | None) -> Axes:
         draw_intervals(axes, place, rows, marker="o", markersize=4, capsize=2.5, **look)
     axes.set(xlabel=_COUNT, ylabel=f"{label}, {_band_title(loads)}", yscale="log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[2, 4, 10]))
-    _told(axes, len(shown), len(by_texture))
+    _add_legend(axes, len(shown), len(by_texture))
     return axes
 
 
 def draw_errors(loads: pd.DataFrame, form: str, ax: Axes | None) -> Axes:
-    """Draw predicted over observed loads in per cent, with their bands.
+    """Draw the deviation of predicted from observed loads in per cent, with bands.
 
     Parameters
     ----------
     loads : pandas.DataFrame
-        Columns of the run folder's loads.csv, p_over_E_observed among them.
+        Columns of the run folder's loads.csv, including p_over_E_observed.
     form : str
         Name of the form.
     ax : matplotlib.axes.Axes or None
-        Where.
+        Axes to draw on; None creates new axes.
     """
     axes = axes_or_new(ax)
     observed = loads["p_over_E_observed"]
@@ -164,7 +164,7 @@ def draw_forms(forms: pd.DataFrame, ax: Axes | None) -> Axes:
     forms : pandas.DataFrame
         Columns form, ln_bf, model_probability.
     ax : matplotlib.axes.Axes or None
-        Where.
+        Axes to draw on; None creates new axes.
     """
     axes = axes_or_new(ax)
     weighed = forms[forms["ln_bf"].notna()]
@@ -182,7 +182,7 @@ def draw_forms(forms: pd.DataFrame, ax: Axes | None) -> Axes:
 
 
 def draw_plan(table: pd.DataFrame, relative: float | None, ax: Axes | None) -> Axes:
-    """Draw the size of each effect as a bar, see `drawing.scenes.plot_effects`."""
+    """Draw the size of each effect as a bar; see `drawing.scenes.plot_effects`."""
     axes = axes_or_new(ax)
     draw_effects(axes, table, relative)
     return axes
@@ -200,10 +200,10 @@ def _band_title(frame: pd.DataFrame) -> str:
     return f"{100 * frame['prob'].iloc[0]:g} % {frame['kind_of_band'].iloc[0]}"
 
 
-def _told(axes: Axes, n_shown: int, n: int) -> None:
+def _add_legend(axes: Axes, n_shown: int, n: int) -> None:
     outside: Any = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)}
-    # A legend of many lines would cover them.
-    many = len(axes.get_legend_handles_labels()[1]) > _MOST_INSIDE
+    # A long legend would cover the data.
+    many = len(axes.get_legend_handles_labels()[1]) > _MAX_ENTRIES_INSIDE
     axes.legend(fontsize="small", **(outside if many else {}))
     if n_shown < n:
         axes.set_title(f"the first {n_shown} of {n:,}")

@@ -1,4 +1,4 @@
-"""Figures of a scene: Q against load, and the size of its effects."""
+"""Figures of a scene: Q against load, and the sizes of its effects."""
 
 import numpy as np
 import pandas as pd
@@ -15,12 +15,12 @@ _BODY = COLOURS["modified"]
 
 @styled()
 def plot_counts(curves: dict[str, tuple[FloatArray, FloatArray]]) -> Figure:
-    """Draw Q against load as steps, one line a solver or set of effects.
+    """Draw Q against load as steps, one line for each solver or set of effects.
 
     Parameters
     ----------
     curves : dict of str to (ndarray, ndarray)
-        By name: loads p/E in rising order, and Q from each load on.
+        Loads p/E in rising order, and Q from each load on, by name.
 
     Returns
     -------
@@ -53,19 +53,19 @@ def draw_steps(axes: Axes, curves: dict[str, tuple[FloatArray, FloatArray]]) -> 
 
 @styled()
 def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
-    """Draw what each effect adds to the loads of a texture, against the wanted accuracy.
+    """Draw the relative change of a transition load by each effect, against the wanted accuracy.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        Rows of one texture, columns of the command plan's CSV.
+        Rows of one texture with the columns of the CSV written by the command plan.
     relative : float or None
-        Wanted accuracy.
+        Wanted relative accuracy.
 
     Returns
     -------
     matplotlib.figure.Figure
-        A bar an effect whose size is known; hollow ones are not simulated.
+        One bar for each effect of known size; a hollow bar marks an effect that is not simulated.
     """
     figure = new_figure(WIDTH, 1.2 + 0.36 * int(table["estimated_rel_change"].notna().sum()))
     draw_effects(figure.subplots(), table, relative)
@@ -94,7 +94,7 @@ def draw_effects(axes: Axes, table: pd.DataFrame, relative: float | None) -> Non
     axes.xaxis.set_major_locator(LogLocator(10))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_yticks(range(len(sized)), [plain(name, 40) for name in sized["effect"]])
-    axes.set_ylim(len(sized) - 0.5, -0.5)  # the first on top, and room for a 0 in the last row
+    axes.set_ylim(len(sized) - 0.5, -0.5)  # the first on top, and space for a 0 in the last row
     axes.grid(visible=False, axis="y")
     if relative is not None:
         axes.axvline(relative, color="#000000", linewidth=1, linestyle=":")

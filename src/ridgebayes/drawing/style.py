@@ -1,5 +1,5 @@
-# ruff: noqa: RUF001  (Greek is meant: readers see it)
-"""Parts that all figures share: colours and names of the forms, text from outside, bytes out."""
+# ruff: noqa: RUF001  (Greek letters are intended)
+"""Parts shared by all figures: colours and names of forms, safe labels, and files."""
 
 import io
 import re
@@ -24,7 +24,7 @@ from PIL import Image
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import short_label, visible
 
-# Okabe and Ito's palette: told apart with every common kind of colour blindness.
+# Okabe and Ito's palette can be told apart with every common colour blindness.
 _FORMS = {
     "classic": ("Classic", "#D55E00", "^"),
     "power-law": ("Power law", "#009E73", "s"),
@@ -34,7 +34,7 @@ _FORMS = {
     "average": ("Average of forms", "#444444", "X"),
 }
 TITLES, COLOURS, MARKERS = ({name: look[i] for name, look in _FORMS.items()} for i in range(3))
-SYMBOLS = {  # of parameters: in a text, and on an axis
+SYMBOLS = {  # of parameters, in text and on an axis
     "c": ("c", "$c$"),
     "c1": ("c₁", "$c_1$"),
     "c2": ("c₂", "$c_2$"),
@@ -48,17 +48,17 @@ SYMBOLS = {  # of parameters: in a text, and on an axis
 }
 OBSERVED = "#000000"
 QUIET = "#8A8A8A"
-WIDTH = 7.4  # inches: what A4 holds, so that a tick label of 9 pt is printed as such
+WIDTH = 7.4  # inches; fits A4, so that a tick label of 9 pt is printed in this size
 DPI = 180
-MOST_LEGEND = 4  # entries in a row
-# Paths of an SVG in points: a hundredth is far below a pixel.
+MOST_LEGEND = 4  # legend entries in a row
+# Paths of an SVG are in points: a hundredth is far below a pixel.
 _PATH, _BEYOND_HUNDREDTH = re.compile(rb'(?<= d=")[^"]*'), re.compile(rb"(\.\d\d)\d+")
 _STYLE = Path(__file__).with_name("figures.mplstyle")
 
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Hold matplotlib's own defaults and this package's style, whatever the user has set."""
+    """Use matplotlib's defaults and this package's style instead of the user's settings."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(
@@ -68,7 +68,7 @@ def styled() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure, in inches, that makes room for its own labels."""
+    """Return an empty figure, with sizes in inches, whose layout makes room for labels."""
     figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -83,25 +83,25 @@ def panel_grid(
     width: float = WIDTH,
     **shared: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure with n panels, as many a row as its width holds, and those panels.
+    """Return a figure with n panels in rows as wide as the figure, and the panels.
 
     Parameters
     ----------
     n : int
-        How many.
+        Number of panels.
     row_height, margin : float, inches
-        Height of a row, and of all that is not a panel.
+        Height of a row of panels, and total height outside the panels.
     labels : tuple of str, optional
-        Labels of the lowest panels' horizontal axes and of the first panels' vertical axes.
+        Labels of the horizontal axes of the lowest panels and the vertical axes of the leftmost.
     width : float, inches, optional
-        Width of the figure; three panels a row in that of A4.
+        Width of the figure; the default width holds three panels in a row.
     **shared
         `sharex` and `sharey` of matplotlib.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Panels that no one asked for are hidden.
+        Figure whose unused panels are hidden.
     list of matplotlib.axes.Axes
         The n panels.
     """
@@ -122,27 +122,27 @@ def panel_grid(
 def shared_legend(
     figure: Figure, axes: Axes, *, at: Literal["lower", "upper"] = "lower", n_column: int = 0
 ) -> None:
-    """Put one panel's legend below or above all panels."""
+    """Add the legend of one panel below or above all panels."""
     handles, labels = axes.get_legend_handles_labels()
     loc: Any = f"outside {at} center"
     figure.legend(handles, labels, loc=loc, ncols=n_column or min(len(labels), MOST_LEGEND))
 
 
 def draw_intervals(axes: Axes, x: Any, loads: pd.DataFrame, over: Any = None, **look: Any) -> None:
-    """Draw median loads with their bands at x; per cent off observed loads where those are given.
+    """Draw median loads with their bands at x, or their deviation from observed loads in per cent.
 
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        Where.
+        Axes to draw on.
     x : array_like of float, shape (n_row,)
-        Places.
+        Horizontal positions.
     loads : pandas.DataFrame
         Columns p_over_E_median, p_over_E_lower, p_over_E_upper.
     over : array_like of float, shape (n_row,), optional
-        Observed loads.
+        Observed loads; if given, deviations from them are drawn.
     **look
-        As of matplotlib's `errorbar`.
+        Keyword arguments of matplotlib's `errorbar`.
     """
     columns = (loads[f"p_over_E_{name}"] for name in ("median", "lower", "upper"))
     middle, lower, upper = (y if over is None else 100 * (y / over - 1) for y in columns)
@@ -155,7 +155,7 @@ def colour_of(form: str) -> str:
 
 
 def look_of(form: str) -> dict[str, Any]:
-    """Return marker, colour and label of a form, as matplotlib's keywords."""
+    """Return marker, colour and label of a form as keyword arguments of matplotlib."""
     return {
         "marker": MARKERS.get(form, "o"),
         "color": colour_of(form),
@@ -164,12 +164,12 @@ def look_of(form: str) -> dict[str, Any]:
 
 
 def title_of(form: str) -> str:
-    """Return the name of a form as a reader knows it."""
+    """Return the displayed name of a form."""
     return TITLES.get(form, plain(form))
 
 
 def plain(text: str, most: int = 24) -> str:
-    r"""Return text from outside so that it is shown and not interpreted, and fits.
+    r"""Return foreign text shortened, and escaped so that matplotlib shows it literally.
 
     Examples
     --------
@@ -184,13 +184,13 @@ def plain(text: str, most: int = 24) -> str:
 
 @cache
 def _has_glyph(character: str) -> bool:
-    """Return whether the font of all figures can draw a character; matplotlib would warn."""
+    """Return whether the font has a glyph for a character; matplotlib warns if it does not."""
     return bool(_font().get_char_index(ord(character))) and visible(character) == character
 
 
 @cache
 def _font() -> Any:
-    return get_font(findfont("DejaVu Sans"))  # matplotlib brings it along
+    return get_font(findfont("DejaVu Sans"))  # installed with matplotlib
 
 
 def symbol(parameter: str) -> str:
@@ -207,28 +207,28 @@ def symbol(parameter: str) -> str:
 
 
 def texture_title(texture: tuple[float, float], rows: pd.DataFrame | None = None) -> str:
-    """Return the heading of the panel of (a/R, b/R), and whether all of its rows are held out."""
+    """Return the heading of a texture's panel; it says if all rows are held out."""
     held_out = rows is not None and len(rows) and (rows["role"] == "held-out").all()
     return f"$a/R$ = {texture[0]:g}, $b/R$ = {texture[1]:g}" + ("\n(held out)" if held_out else "")
 
 
 def rows_by_texture(frame: pd.DataFrame) -> dict[tuple[float, float], pd.DataFrame]:
-    """Return the rows of each (a/R, b/R), in the order in which textures come."""
+    """Return the rows of each (a/R, b/R), in order of appearance."""
     by_texture: Any = frame.groupby(["a_over_R", "b_over_R"], sort=False)
     return dict(iter(by_texture))
 
 
 def as_bytes(figure: Figure, kind: str) -> bytes:
-    """Return a figure as a file: ``png`` at 180 dpi, ``svg``, ``pdf``; equal ones, equal bytes."""
+    """Return a figure as a ``png`` (180 dpi), ``svg`` or ``pdf`` file; output is deterministic."""
     file = io.BytesIO()
     with styled():
         lay_out(figure)
-        # Straight from the canvas: `savefig` would draw everything once more beforehand.
+        # Drawn by the canvas, because `savefig` would draw everything twice.
         dpi = figure.dpi
         if kind == "png":
             agg: Any = FigureCanvasAgg(figure)
             agg.draw()
-            # 256 colours: a third of the size.
+            # A palette of 256 colours takes a third of the bytes.
             pixels = Image.fromarray(np.asarray(agg.buffer_rgba())).convert("RGB")
             colours = pixels.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
             colours.save(file, "png", dpi=(dpi, dpi))
@@ -238,8 +238,8 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
         else:
             svg: Any = FigureCanvasSVG(figure)
             svg.print_svg(file, metadata={"Date": None, "Creator": None})
-        figure.dpi = dpi  # svg and pdf draw at 72 points an inch, and leave that behind
-    FigureCanvasBase(figure)  # lets go of the pixels
+        figure.dpi = dpi  # the svg and pdf canvases leave it at 72
+    FigureCanvasBase(figure)  # frees the pixels
     content = file.getvalue()
     if kind == "svg":
         content = _PATH.sub(lambda path: _BEYOND_HUNDREDTH.sub(rb"\1", path[0]), content)
@@ -247,13 +247,13 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG and SVG, each whole or not at all; `path` has no suffix."""
+    """Write a figure as PNG and SVG, each file atomically; `path` has no suffix."""
     for kind in ("png", "svg"):
         write_bytes(as_bytes(figure, kind), path.with_name(f"{path.name}.{kind}"))
 
 
 def lay_out(figure: Figure) -> None:
-    """Make room for the labels, once: otherwise every drawing would repeat it."""
+    """Lay out a figure once, so that later drawings do not repeat it."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)

@@ -1,8 +1,8 @@
-"""The report of a comparison: one self-contained HTML file, or one Markdown file.
+"""Report of a comparison, as one self-contained HTML file or one Markdown file.
 
-`write_report` computes what is shown once (`ridgebayes.checks.report_data`). From there on records
-are arranged into sections (`report.sections` lists them), figures are drawn (`report.figures`), and
-a template lays both out: nothing is computed here. Everything that comes from a table is escaped.
+`write_report` collects all results once (`ridgebayes.checks.report_data`). Then `report.sections`
+arranges them into sections, `report.figures` draws figures, and a template lays them out; no result
+is computed here. All text that comes from a table is escaped.
 
 Examples
 --------
@@ -31,7 +31,7 @@ from ridgebayes.runtime.text import visible
 
 __all__ = ["render_report", "write_report", "write_reports"]
 
-_SMALL = 80_000  # bytes of an SVG that is embedded; of larger ones the PNG is
+_MAX_BYTES_SVG = 80_000  # bytes; a larger SVG is embedded as PNG
 _TEMPLATES = {".html": "report.html.jinja", ".md": "report.md.jinja"}
 
 
@@ -43,24 +43,24 @@ def write_report(
     Parameters
     ----------
     comparison : Comparison
-        As computed, or read back from a run folder: the report is the same.
+        Comparison as computed, or read from a run folder, which gives the same report.
     path : str or path
         Ends in ``.html`` (with figures and small scripts, without external links) or ``.md`` (text
-        and tables). An existing file is replaced.
+        and tables). An existing file is overwritten.
     reference : Comparison, optional
-        A second comparison, on finite-element rows, that gets a section of its own.
+        Second comparison, on finite-element rows, shown in a separate section.
 
     Raises
     ------
     InputError
-        If `comparison` is not a comparison, the suffix is another, or the folder does not exist.
+        If `comparison` is not a `Comparison`, the suffix is unknown, or the folder does not exist.
     OutputError
-        If the file cannot be written, such as on a full disk.
+        If the file cannot be written, for instance because the disk is full.
 
     Notes
     -----
-    Equal comparisons give equal bytes, because the report has no date, and no path but the table's
-    name. Published coefficients are shown for the embedded sweep alone.
+    Equal comparisons give equal bytes: the report contains no date, and no path except the name of
+    the table. Published coefficients are shown for the embedded sweep only.
 
     *Cost.* About two CPU seconds for Markdown; with figures about 15.
 
@@ -119,9 +119,9 @@ def write_reports(
     folder : Path
         Folder to write to.
     reference : Gallery, optional
-        Second comparison, whose own figures are in the folder's ``reference-fe``.
+        Second comparison, with figures in the folder's ``reference-fe``.
     command : str, optional
-        Command line as typed.
+        Command line as typed by the user.
     """
     pages = _rendered(gallery, reference, list(_TEMPLATES), command=command, in_folder=True)
     for suffix, page in zip(_TEMPLATES, pages, strict=True):
@@ -137,15 +137,15 @@ def _rendered(
     in_folder: bool = False,
 ) -> list[str]:
     def image(picture: Picture) -> str:
-        """Return a figure to embed: drawn now, so that a page without figures costs none."""
+        """Return a figure to embed, drawn now, so that a page without figures draws none."""
         owner = reference if picture.of_reference and reference is not None else gallery
         kind, content = "svg+xml", owner.file(picture.name, "svg")
-        if len(content) > _SMALL:
+        if len(content) > _MAX_BYTES_SVG:
             kind, content = "png", owner.file(picture.name, "png")
         return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
     def files(picture: Picture) -> dict[str, str]:
-        """Return where a figure's files are, if they are beside the page."""
+        """Return the paths of a figure's files if they are saved beside the page."""
         folder = "reference-fe/figures" if picture.of_reference else "figures"
         paths = {kind: f"{folder}/{picture.name}.{kind}" for kind in ("png", "svg")}
         return paths if in_folder else {}
@@ -159,25 +159,25 @@ def _rendered(
     }
     pages = []
     for suffix in suffixes:
-        # Markdown is escaped here, HTML after this by autoescape.
-        finalize = _markdown if suffix == ".md" else _tied
+        # Markdown is escaped here; HTML is escaped afterwards by autoescape.
+        finalize = _markdown if suffix == ".md" else _escaped_html_text
         environment = environment_of("ridgebayes.report", _TEMPLATES[suffix], finalize)
         pages.append(environment.get_template(_TEMPLATES[suffix]).render(filled))
     return pages
 
 
-def _tied(value: object) -> object:
-    """Keep a number and its per cent sign on one line, and show characters that hide."""
+def _escaped_html_text(value: object) -> object:
+    """Keep a number and its per cent sign on one line, and show invisible characters."""
     return visible(value).replace(" %", "\N{NO-BREAK SPACE}%") if type(value) is str else value
 
 
 def _markdown(value: object) -> object:
-    """Escape what is not yet Markdown."""
+    """Escape a value unless it is Markdown already."""
     return value if hasattr(value, "__html__") else escaped_markdown(value)
 
 
 def escaped_markdown(value: object) -> str:
-    r"""Return text so that Markdown shows it as it is, in a table cell as well.
+    r"""Return text escaped for Markdown, also inside a table cell.
 
     Examples
     --------
@@ -186,5 +186,5 @@ def escaped_markdown(value: object) -> str:
     """
     text = visible(" ".join(str(value).split())).replace("&", "&amp;")
     text = text.replace("<", "&lt;").replace(">", "&gt;")
-    # Within a word an underscore means nothing.
+    # An underscore within a word has no meaning in Markdown.
     return re.sub(r"([\\`*\[\]|~$]|(?<![^\W_])_|_(?![^\W_]))", r"\\\1", text)

@@ -1,4 +1,4 @@
-"""Blocks of a report: sections of paragraphs, tables, figures. The templates only lay them out."""
+"""Blocks of a report: paragraphs, tables, figures and sections, which the templates lay out."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import Any, ClassVar, TypeAlias
 
 import pandas as pd
 
-MOST_ROWS = 40  # of one table; the run folder's CSV files hold them all
+MOST_ROWS = 40  # rows shown of a table; the run folder's CSV files hold all rows
 
 
 @dataclass(frozen=True)
@@ -20,10 +20,10 @@ class Text:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of finished strings.
+    """A table of strings.
 
-    `text` are the columns that are not numbers, `strong` the rows to set off, `badge` a column
-    whose words are to stand out.
+    `text` lists the columns that are not numbers, and `strong` the rows to set in bold. `badge` is
+    a column whose words are shown as badges.
     """
 
     header: Sequence[str]
@@ -42,9 +42,9 @@ class Table:
         caption: str = "",
         **look: Any,
     ) -> "Table":
-        """Return a table with a row for each record, a frame's row or another.
+        """Return a table with a row for each record, such as the rows of a data frame.
 
-        A column's function makes a record's cell.
+        The function of each column returns the cell of a record.
         """
         if isinstance(records, pd.DataFrame):
             records = records.to_dict("records")
@@ -54,9 +54,10 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure by its name in the gallery of the comparison, or of the reference, and a caption.
+    """A figure and its caption.
 
-    `alt` tells the finding to those who do not see the figure; the caption does where it is empty.
+    `name` is a key of the comparison's gallery, or of the reference's. `alt` describes the figure
+    to readers who cannot see it; if it is empty, the caption does.
     """
 
     name: str
@@ -69,7 +70,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Folded:
-    """Details that open on demand; `short` ones are on paper, too."""
+    """Details that open on demand; `short` details are also printed on paper."""
 
     title: str
     blocks: Sequence["Block"]
@@ -79,9 +80,9 @@ class Folded:
 
 @dataclass(frozen=True)
 class Odds:
-    """Fields for a reader's own prior probabilities, which a script turns into posterior ones.
+    """Input fields for the reader's prior probabilities; a script computes the posterior ones.
 
-    A row has a form's name, its ln evidence and its prior probability in the run.
+    Each row holds the name of a form, its ln evidence and its prior probability in the run.
     """
 
     rows: Sequence[tuple[str, float, float]]
@@ -90,10 +91,10 @@ class Odds:
 
 @dataclass(frozen=True)
 class TextureFields:
-    """Fields for a reader's own texture and load, which a script predicts Q and loads for.
+    """Input fields for the reader's texture and load; a script predicts Q and loads.
 
-    `table` is JSON, see `ridgebayes.comparison.own_texture`; the rest is what the fields hold
-    first: radius in mm, modulus in kPa, widths in um, load in kPa.
+    `table` is JSON, see `ridgebayes.comparison.own_texture`. The other attributes are the initial
+    values: radius in mm, modulus in kPa, widths in um, load in kPa.
     """
 
     table: str
@@ -118,7 +119,7 @@ Block: TypeAlias = Text | Table | Picture | Folded | Odds | TextureFields | Head
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of the report, its blocks in reading order; left out where it has none."""
+    """A titled part of the report with its blocks in reading order."""
 
     title: str
     anchor: str

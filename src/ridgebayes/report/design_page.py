@@ -1,4 +1,4 @@
-"""The page of a design: map, recommended texture, and where the uncertainty comes from."""
+"""HTML page of a design: map, recommended texture and sources of uncertainty."""
 
 import base64
 
@@ -9,7 +9,7 @@ from ridgebayes.texture_design.record import Design
 
 
 def drawn_design(result: Design, kind: str) -> bytes:
-    """Return the map of a design as a file, ``png`` or ``svg``."""
+    """Return the map of a design as a ``png`` or ``svg`` file."""
     best = (result.best["a_over_R"], result.best["b_over_R"])
     figure = drawing.designs.plot_designs(
         result.designs, best, result.shown, is_met=result.feasible
@@ -18,16 +18,16 @@ def drawn_design(result: Design, kind: str) -> bytes:
 
 
 def design_page(result: Design, png: bytes, body: Body) -> str:
-    """Return one self-contained HTML page.
+    """Return a self-contained HTML page of a design.
 
     Parameters
     ----------
     result : Design
-        The design.
+        Design to show.
     png : bytes
-        Its map.
+        Map of the design.
     body : Body
-        With a radius, widths are shown in micrometres as well.
+        Body of the scene. If it has a radius, widths are shown in micrometres as well.
     """
     return rendered(
         "ridgebayes.report",

@@ -1,5 +1,5 @@
-# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
-"""Sections on the evidence: Bayes factors, error models, and what they owe to the priors."""
+# ruff: noqa: RUF001  (typographic minus, times and Greek are intended)
+"""Sections on the evidence: Bayes factors, error models and sensitivity to the priors."""
 
 import math
 from collections import Counter
@@ -30,7 +30,7 @@ from ridgebayes.report.wording import (
 
 
 def evidence_section(data: ReportData) -> list[Block]:
-    """Return log evidences, Bayes factors and how well the methods agree."""
+    """Return log evidences and Bayes factors."""
     blocks: list[Block] = [Text(say("evidence")), ranking_table(data)]
     if len(data.comparison.probabilities) > 1:
         factors = data.comparison.bayes_factors
@@ -45,7 +45,7 @@ def evidence_section(data: ReportData) -> list[Block]:
 
 
 def _odds(data: ReportData) -> Odds:
-    """Return fields for the prior probability of each form, the most probable first."""
+    """Return fields for the prior probability of each form, the most probable form first."""
     values = data.comparison.to_dataframe().set_index("form")["log_evidence"].dropna().to_dict()
     prior = data.comparison.prior_probabilities
     names = [name for name in data.ranked if name in values]
@@ -53,13 +53,13 @@ def _odds(data: ReportData) -> Odds:
 
 
 def _alt(data: ReportData) -> str:
-    """Say what the evidence figure shows."""
+    """Return the alternative text of the evidence figure."""
     first = data.factors.drop_duplicates("form").sort_values("ln_bf", ascending=False)
     return say("evidence_alt", shown=data.shown, first=first.to_dict("records"))
 
 
 def ranking_table(data: ReportData) -> Table:
-    """Return one row per form: evidence, factor against the best, probability."""
+    """Return a table of evidence, Bayes factor against the best and probability of each form."""
     comparison, best = data.comparison, data.best
     summed = data.factors[data.factors["method"] == SUMMED] if len(data.factors) else data.factors
     over_best = {row["form"]: (row["ln_bf"], row["ln_bf_se"]) for row in summed.to_dict("records")}
@@ -100,13 +100,13 @@ def ranking_table(data: ReportData) -> Table:
 
 
 def pairs_table(data: ReportData) -> Table:
-    """Return every Bayes factor under the fits' error model."""
+    """Return all Bayes factors under the error model of the fits."""
     caption = say("pairs_caption", noise=data.comparison.noise.name)
     return _pairs(data.comparison.own_bayes_factors, caption)
 
 
 def _pairs(factors: pd.DataFrame, caption: str) -> Table:
-    """Return Bayes factors, the favoured form first."""
+    """Return a table of Bayes factors with the favoured form first."""
 
     def pair(row: dict[str, Any]) -> str:
         names = [form_name(row[key]) for key in ("form_a", "form_b")]
@@ -127,7 +127,7 @@ def _pairs(factors: pd.DataFrame, caption: str) -> Table:
 
 
 def agreement_section(data: ReportData) -> list[Block]:
-    """Return the evidence by every method, and what lies between them in joint standard errors."""
+    """Return the evidence by every method, and their distance in joint standard errors."""
     evidence = data.comparison.own_evidence
     walked = "bridge" in set(evidence["method"])
     by_form = {
@@ -167,7 +167,7 @@ def _hypot(*errors: float) -> float:
 
 
 def error_models_section(data: ReportData) -> list[Block]:
-    """Return evidences by form and error model; nothing where one error model alone was weighed."""
+    """Return evidences by form and error model; nothing if there is only one error model."""
     comparison = data.comparison
     if len(data.error_models) < 2:
         return []
@@ -197,7 +197,7 @@ def error_models_section(data: ReportData) -> list[Block]:
 
 
 def _components(data: ReportData) -> list[Block]:
-    """Return which components of the error model the rows support, where that can be asked."""
+    """Return which components of the error model the rows support, if they were compared."""
     components = data.comparison.components
     table = Table.of(
         components,
@@ -214,7 +214,7 @@ def _components(data: ReportData) -> list[Block]:
 
 
 def _smooth(data: ReportData) -> list[Block]:
-    """Say what Bayes factors mean under a smooth offset, and whether it or the form predicts."""
+    """Explain the Bayes factors if a smooth offset is likely, and whether it predicts better."""
     weights = {} if data.verdict is None else data.verdict.error_model_weights
     if sum(weight for name, weight in weights.items() if "smooth" in name) < 0.5:
         return []
@@ -224,7 +224,7 @@ def _smooth(data: ReportData) -> list[Block]:
 
 
 def prior_section(data: ReportData) -> list[Block]:
-    """Return the Bayes factors against the scale of each prior."""
+    """Return the Bayes factors at several scales of each prior."""
     factors, against = data.sensitivity, form_name(data.shown)
     if not len(factors):
         return _unscaled(data)
@@ -232,7 +232,7 @@ def prior_section(data: ReportData) -> list[Block]:
     parts = [
         part.sort_values("factor")
         for _, part in usable.groupby(["form", "prior"], sort=False)
-        if np.ptp(part["ln_bf"]) > 0  # else neither form has the prior
+        if np.ptp(part["ln_bf"]) > 0  # a constant factor means that neither form has this prior
     ]
     columns: dict[str, Callable[[pd.DataFrame], str]] = {
         f"Form, against {against}": lambda part: form_name(part["form"].iloc[0]),
@@ -256,7 +256,7 @@ def prior_section(data: ReportData) -> list[Block]:
 
 
 def _unscaled(data: ReportData) -> list[Block]:
-    """Say which priors have no scale that could be varied."""
+    """Name the priors without a scale that could be varied."""
     fixed = {
         f"{parameter_name(name.partition('[')[0])} ({form_name(form)})"
         for form, name, prior, _ in _priors(data)
@@ -266,7 +266,7 @@ def _unscaled(data: ReportData) -> list[Block]:
 
 
 def _priors(data: ReportData) -> Iterator[tuple[str, str, Distribution, bool]]:
-    """Yield form, parameter, prior and whether it is one of several K, of every posterior."""
+    """Yield form, parameter, prior, and whether the parameter is one of several K."""
     for form, fit in data.comparison.fits.items():
         for posterior in fit.posteriors.values():
             priors = posterior.model.priors
@@ -277,10 +277,10 @@ def _priors(data: ReportData) -> Iterator[tuple[str, str, Distribution, bool]]:
 
 def prior_table(data: ReportData) -> Table:
     """Return the prior of every parameter and its reason; the first K represents all K."""
-    forms: dict[tuple[str, str], dict[str, None]] = {}  # of each parameter and prior, in order
+    forms: dict[tuple[str, str], dict[str, None]] = {}  # by parameter and prior, in order
     shown: dict[tuple[str, str], tuple[str, str]] = {}
     for form, name, prior, is_several in _priors(data):
-        # Forms may have other priors of one parameter; of many K the first is shown.
+        # Forms may differ in their prior of a parameter. Among several K the first is shown.
         key = name.partition("[")[0], "" if is_several else prior.words
         more = " and of the others" if is_several else ""
         shown.setdefault(key, (parameter_name(name) + more, prior.words))

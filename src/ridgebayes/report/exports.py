@@ -1,5 +1,5 @@
-# ruff: noqa: RUF001  (typographic signs are meant: cells have them)
-r"""Tables as other programs take them: CSV, and LaTeX with booktabs.
+# ruff: noqa: RUF001  (typographic signs in cells are intended)
+r"""Tables for other programs: CSV, and LaTeX with booktabs.
 
 Examples
 --------
@@ -33,13 +33,13 @@ _LATEX = str.maketrans(
 
 
 def to_csv(table: Table) -> str:
-    """Return a table's cells as CSV, minus signs as other programs read them."""
+    """Return the cells of a table as CSV, with ASCII minus signs."""
     rows = [[cell.replace(MINUS, "-") for cell in row] for row in (table.header, *table.rows)]
     return pd.DataFrame(rows).to_csv(index=False, header=False, lineterminator="\n")
 
 
 def to_latex(table: Table) -> str:
-    """Return a table as a LaTeX tabular; symbols are for a compiler that reads Unicode."""
+    """Return a table as a LaTeX tabular, for a compiler that reads Unicode."""
     columns = "".join("l" if i in table.text else "r" for i in range(len(table.header)))
     head, *rows = (
         " & ".join(visible(" ".join(cell.split())).translate(_LATEX) for cell in row) + r" \\"
@@ -50,6 +50,6 @@ def to_latex(table: Table) -> str:
 
 
 def links(table: Table) -> dict[str, str]:
-    """Return links that hold a table, by the suffix of what they hold."""
+    """Return data links to a table, by file suffix."""
     texts = {"csv": ("text/csv", to_csv(table)), "tex": ("application/x-tex", to_latex(table))}
     return {k: f"data:{kind};charset=utf-8,{quote(text)}" for k, (kind, text) in texts.items()}

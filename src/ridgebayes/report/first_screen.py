@@ -1,4 +1,4 @@
-"""The first screen: the question, the graded answer in three sentences, and what made it."""
+"""First screen of the report: question, graded answer in three sentences, and provenance."""
 
 import math
 import re
@@ -26,18 +26,18 @@ class FirstScreen:
     question, headline : str
         Question of the comparison, and the graded answer.
     sentences : tuple of str
-        Compared forms and data; how sure the answer is, and what would change it; what it
-        means for predictions. Then the result of a second comparison, if there is one.
+        Compared forms and data; certainty of the answer and changes that would alter it;
+        consequence for predictions. A fourth gives the result of a second comparison, if any.
     cautions : tuple of str
-        Limits that the reader has to bear in mind.
+        Limits of the result.
     problems : tuple of str
-        Fits that failed or did not converge; a report with any is marked in red.
+        Fits that failed or did not converge; the report marks them in red.
     advice : str
         Remedy for the problems.
     picture : Picture
         Q against load with bands.
     made_by : str
-        Command, seed, digest of the table, version.
+        Command, seed, digest of the table and version.
     """
 
     question: str
@@ -53,7 +53,7 @@ class FirstScreen:
 def first_screen(
     data: ReportData, reference: ReportData | None = None, command: str = ""
 ) -> FirstScreen:
-    """Return the first screen of a report, with a word on a second comparison if there is any."""
+    """Return the first screen of a report, with a sentence on a second comparison if given."""
     problems, table = data.problems, data.comparison.table
     sentences = [_compared(data), _how_sure(data), _consequence(data)]
     if reference is not None:
@@ -123,9 +123,9 @@ def _compared(data: ReportData) -> str:
 
 
 def prior_words(comparison: Comparison) -> str:
-    """Return the prior probabilities of the forms in words, where they are not all alike."""
+    """Return the prior probabilities of the forms in words."""
     prior = comparison.prior_probabilities
-    if math.isclose(max(prior.values()), min(prior.values())):  # equal but for rounding
+    if math.isclose(max(prior.values()), min(prior.values())):  # equal up to rounding
         return EQUAL
     return say("prior_odds", prior=prior)
 
@@ -136,12 +136,12 @@ def _how_sure(data: ReportData) -> str:
 
 
 def lead(verdict: Verdict) -> str:
-    """Return the Bayes factor and its range as one sentence, no finer than the range supports."""
+    """Return the Bayes factor and its range as a sentence, rounded as the range allows."""
     return say("bayes_factor", verdict=verdict)
 
 
 def why(verdict: Verdict) -> str:
-    """Return what a grade follows from, in a reader's words.
+    """Return the reason for a grade, with the displayed names of the forms.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def why(verdict: Verdict) -> str:
 
 
 def _consequence(data: ReportData) -> str:
-    """Say what the choice of a form changes in predictions at the table's own textures."""
+    """Say how the choice of a form changes predictions at the table's textures."""
     prob = percent(data.bands["prob"].iloc[0])
     return say("consequence", effect=data.consequence, shown=data.shown, prob=prob)
 

@@ -1,5 +1,5 @@
-# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
-"""Sections on what went in and how to read it: data, run time, glossary, versions."""
+# ruff: noqa: RUF001  (typographic minus, times and Greek are intended)
+"""Sections on inputs and background: data, forms, run time, glossary and versions."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -28,7 +28,7 @@ _FORMULAS = {
 
 
 def data_section(data: ReportData) -> list[Block]:
-    """Return what was fitted, held out and left out."""
+    """Return which rows were fitted, held out and left out."""
     table = data.comparison.table
     statuses = Counter(map(str, table.left_out.column("status")))
     left_out = "; ".join(f"{count(n, 'row')}: {status}" for status, n in statuses.items())
@@ -60,7 +60,7 @@ def data_section(data: ReportData) -> list[Block]:
 
 
 def _span(values: Any, text: Callable[[Any], str] = lambda x: number(x, 3)) -> str:
-    """Return the least and the greatest value, or the single one."""
+    """Return the range of values as text, or the only value."""
     return " to ".join(dict.fromkeys((text(min(values)), text(max(values)))))
 
 
@@ -80,19 +80,19 @@ def _counted(data: ReportData) -> str:
 
 
 def forms_section(data: ReportData) -> list[Block]:
-    """Return the model in formulas."""
+    """Return the formulas of the forms."""
     rows = [[form_name(name), *_FORMULAS[name]] for name in data.ranked if name in _FORMULAS]
     table = Table(["Form", "s(Q)", "Coefficients"], rows, text=(0, 1, 2))
     return [Text(say("forms")), table, *([Text(say("study"), "note")] * data.is_paper_sweep)]
 
 
 def goal_section(data: ReportData) -> list[Block]:
-    """Return why the analysis is Bayesian, and the rule of its verdict."""
+    """Return the reason for a Bayesian analysis, and the rule of its verdict."""
     return [Text(say("why_bayesian")), Text(say("decision_rule"))]
 
 
 def cost_section(data: ReportData) -> list[Block]:
-    """Return the target errors, and the cost of a few ways to the answer on the run's machine."""
+    """Return the target errors and the run time of alternative methods on this machine."""
     costs = data.comparison.cost
     columns: dict[str, Callable[[dict[str, Any]], str]] = {
         "Quantity": lambda row: row["task"],
@@ -108,7 +108,7 @@ def cost_section(data: ReportData) -> list[Block]:
 
 
 def glossary() -> list[list[str]]:
-    """Return units, signs and words, each with its meaning."""
+    """Return units, symbols and terms with their meaning."""
     text = files("ridgebayes.report").joinpath("templates/glossary.txt").read_text("utf-8")
     return [line.split(": ", maxsplit=1) for line in text.splitlines()]
 
@@ -119,6 +119,6 @@ def glossary_section(_: ReportData) -> list[Block]:
 
 
 def versions_section(_: ReportData) -> list[Block]:
-    """Return the versions of what made the report."""
+    """Return the versions of the software."""
     names = ", ".join(f"{name} {version}" for name, version in versions().items())
     return [Text(say("run_folder"), "note"), Text(f"{names[0].upper()}{names[1:]}.", "note")]

@@ -1,4 +1,4 @@
-"""Sections on the posteriors: coefficients, convergence, corner plots, checks."""
+"""Sections on the posteriors: coefficients, convergence, corner plots and checks."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -23,11 +23,11 @@ from ridgebayes.report.wording import (
     with_error,
 )
 
-TINY = 1e-4  # of sigma: a hundredth of a per cent of the load
+TINY = 1e-4  # values of sigma shown as "<": an error of 0.01 per cent of the load
 
 
 def coefficients_section(data: ReportData) -> list[Block]:
-    """Return every coefficient beside least squares on Q, of the study's sweep the published."""
+    """Return every coefficient, with least squares on Q, and published values if they apply."""
     n_more = sum(max(len(fit.summary) - MOST_ROWS, 0) for fit in data.comparison.fits.values())
     others = [name for name in data.ranked if name != data.shown]
     blocks: list[Block] = [
@@ -43,7 +43,7 @@ def coefficients_section(data: ReportData) -> list[Block]:
 
 
 def _tiny_sigma(data: ReportData) -> str:
-    """Say what it means where a form leaves next to no error."""
+    """Return a sentence on a sigma close to zero, if the form has one."""
     summary = data.fit.summary.set_index("parameter")["mean"]
     if not float(summary.get("sigma", np.nan)) < TINY:
         return ""
@@ -51,7 +51,7 @@ def _tiny_sigma(data: ReportData) -> str:
 
 
 def coefficients_table(data: ReportData, names: Sequence[str]) -> Table:
-    """Return the coefficients of some forms; of very many the first, and the last."""
+    """Return the coefficients of some forms; a long list keeps its first rows and the last."""
     fits, prob = data.comparison.fits, data.fit.summary["prob"].iloc[0]
     rows = []
     for name in names:
@@ -85,13 +85,13 @@ def coefficients_table(data: ReportData, names: Sequence[str]) -> Table:
         f"{percent(prob)} interval": ends,
         "Least squares on Q": squares,
     }
-    if data.is_paper_sweep:  # the published ones are those of that table
+    if data.is_paper_sweep:  # published coefficients belong to this table only
         columns["Published 2019"] = published
     return Table.of(rows, columns, text=(0, 1))
 
 
 def convergence_section(data: ReportData) -> list[Block]:
-    """Return the diagnostics of every fit, worst parameter of each."""
+    """Return the diagnostics of the worst parameter of every fit."""
     fits = data.comparison.fits
     table = Table.of(
         [fits[name] for name in data.ranked],
@@ -113,7 +113,7 @@ def convergence_section(data: ReportData) -> list[Block]:
 
 
 def _not_converged(data: ReportData, name: str) -> Text:
-    """Say what a fit lacks, and whether that matters."""
+    """Say which criteria a fit fails, and whether this matters."""
     matters = name in data.comparison.unconverged
     failures = data.comparison.fits[name].convergence_failures
     words = say("not_converged", form=name, failures=failures, matters=matters)
@@ -131,7 +131,7 @@ def repeat_section(data: ReportData) -> list[Block]:
 
 
 def sense_section(data: ReportData) -> list[Block]:
-    """Return whether the posterior makes sense against what was known before."""
+    """Return whether the posterior is plausible under the prior."""
     frame = data.against_priors
     outer = frame[(frame["prior_below"] < OUTER) | (frame["prior_below"] > 1 - OUTER)]
     odd = ", ".join(parameter_name(name) for name in outer["parameter"])
@@ -151,7 +151,7 @@ def sense_section(data: ReportData) -> list[Block]:
 
 
 def _share(share: float) -> str:
-    """Return a share in whole per cent; never 0 or 100 by rounding."""
+    """Return a share in whole per cent; rounding never gives 0 or 100."""
     return "< 1 %" if share < 0.01 else "> 99 %" if share > 0.99 else percent(round(share, 2))
 
 
@@ -184,7 +184,7 @@ def checks_section(data: ReportData) -> list[Block]:
 
 
 def prior_check(data: ReportData) -> list[Block]:
-    """Return what the priors say of the loads before the rows are known."""
+    """Return the prior predictive bands of the loads."""
     return [Picture("prior-bands", say("prior_check_caption"))]
 
 

@@ -1,4 +1,4 @@
-"""Sections on predictions: bands, held-out rows, coverage, percent errors, K, cross-validation."""
+"""Sections on predictions: bands, held-out rows, coverage, load errors, slopes and scores."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -20,9 +20,9 @@ _NEW = {
 
 
 def bands_section(data: ReportData) -> list[Block]:
-    """Return Q against load with bands, texture by texture."""
+    """Return Q against load with bands for all textures."""
     if len(data.comparison.table.textures) <= 3 or not data.preset.extras:
-        return []  # the first screen has them all, or is all that there is
+        return []  # the first screen shows all bands that are drawn
     shown = form_name(data.shown)
     alt = f"Q against load of every texture with the bands of {shown}."
     picture = Picture("bands", say("bands_caption", shown=shown), alt)
@@ -30,7 +30,7 @@ def bands_section(data: ReportData) -> list[Block]:
 
 
 def held_out_section(data: ReportData) -> list[Block]:
-    """Return the held-out rows beside their bands, inside or outside."""
+    """Return the held-out rows beside their bands."""
     loads = data.held_out
     if not len(loads):
         return []
@@ -84,7 +84,7 @@ def held_out_section(data: ReportData) -> list[Block]:
 
 
 def _firsts(rows: Sequence[Sequence[str]]) -> str:
-    """Return the first cell of each form, in words."""
+    """Return the first cell of each form as text."""
     return ", ".join(f"{form} {first}" for form, first, *_ in rows)
 
 
@@ -93,7 +93,7 @@ def _range(errors: "pd.Series[float]") -> str:
 
 
 def coverage_section(data: ReportData) -> list[Block]:
-    """Return how often bands hold textures left out, where that was counted."""
+    """Return how often bands contain left-out textures, if coverage was computed."""
     counted = data.comparison.coverage
     if not len(counted):
         return []
@@ -124,7 +124,7 @@ def coverage_section(data: ReportData) -> list[Block]:
 
 
 def errors_section(data: ReportData) -> list[Block]:
-    """Return the percent errors of each form (the study's Figs 5 and 6)."""
+    """Return the load errors of each form in per cent (the study's Figs 5 and 6)."""
     if not data.textures:
         return []
     errors = data.percent_errors[data.percent_errors["coefficients"] == "calibrated"]
@@ -144,12 +144,12 @@ def errors_section(data: ReportData) -> list[Block]:
 
 
 def slopes_section(data: ReportData) -> list[Block]:
-    """Return K against pitch, where the power law was fitted to several textures."""
+    """Return K against pitch; the figure exists if the power law was fitted to several textures."""
     return [Picture("slopes", say("slopes_caption"))]
 
 
 def score_section(data: ReportData) -> list[Block]:
-    """Return scores of whatever was left out, stacking weights, and where they disagree."""
+    """Return cross-validation scores and stacking weights, and where they disagree."""
     loo, left_out = data.comparison.loo, data.comparison.left_out
     blocks: list[Block] = []
     leaders = {}
@@ -171,7 +171,7 @@ def score_section(data: ReportData) -> list[Block]:
 
 
 def _leaders(scores: pd.DataFrame, column: str) -> tuple[str, str]:
-    """Return the form of the highest score and that of the highest weight."""
+    """Return the form of the highest score and the form of the highest weight."""
     by_score, by_weight = (
         scores["form"].iloc[int(scores[name].astype(float).fillna(-np.inf).argmax())]
         for name in (column, "stacking_weight")

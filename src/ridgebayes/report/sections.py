@@ -1,4 +1,4 @@
-"""The sections of a report in reading order: answer first, how it was reached after."""
+"""Sections of a report in reading order: first the answer, then how it was obtained."""
 
 import json
 import math
@@ -13,7 +13,7 @@ from ridgebayes.report.first_screen import first_screen
 from ridgebayes.report.wording import decimals, say, with_error
 
 _BlocksOf = Callable[[ReportData], Sequence[Block]]
-_FINGERTIP = 8, 60  # radius in mm, modulus in kPa
+_FINGERTIP_MM_KPA = 8, 60  # radius in mm, modulus in kPa
 
 
 def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
@@ -29,7 +29,7 @@ def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
     Returns
     -------
     list of Section
-        Without figures that do not apply, and sections that are empty then.
+        Figures that do not apply are left out, and so are sections that become empty.
     """
     drawn: dict[bool, Container[str]] = {
         False: gallery,
@@ -42,19 +42,19 @@ def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
             continue
         blocks: list[Block] = []
         for section, heading, blocks_of in _PARTS:
-            if section == anchor and (kept := _that_apply(blocks_of(subject.data), drawn)):
+            if section == anchor and (kept := _applicable(blocks_of(subject.data), drawn)):
                 blocks += [Heading(heading), *kept] if heading else kept
         if blocks:
             sections.append(Section(title, anchor, blocks))
     return sections
 
 
-def _that_apply(blocks: Sequence[Block], drawn: Mapping[bool, Container[str]]) -> list[Block]:
-    """Return blocks without figures that do not apply, and details that are empty then."""
+def _applicable(blocks: Sequence[Block], drawn: Mapping[bool, Container[str]]) -> list[Block]:
+    """Return blocks without figures that do not apply, and without details that become empty."""
     kept: list[Block] = []
     for block in blocks:
         if isinstance(block, Folded):
-            inner = _that_apply(block.blocks, drawn)
+            inner = _applicable(block.blocks, drawn)
             kept += [replace(block, blocks=inner)] if inner else []
         elif not isinstance(block, Picture) or block.name in drawn[block.of_reference]:
             kept.append(block)
@@ -62,12 +62,12 @@ def _that_apply(blocks: Sequence[Block], drawn: Mapping[bool, Container[str]]) -
 
 
 def own_texture(data: ReportData) -> list[Block]:
-    """Return fields for the reader's own texture, or why there are none."""
+    """Return input fields for the reader's texture, or the reason why there are none."""
     table = data.own_texture.table
     if table is None:
         return [Text(say("no_own_texture", why=data.own_texture.why), "note")]
-    # Initial values: a body such as a fingertip, with widths and a load in the calibrated ranges.
-    ranges, (radius, modulus) = table["calibrated"], _FINGERTIP
+    # Initial values describe a fingertip, with widths and a load in the calibrated ranges.
+    ranges, (radius, modulus) = table["calibrated"], _FINGERTIP_MM_KPA
     ridge, groove = (
         f"{1000 * radius * math.sqrt(math.prod(ranges[name])):.3g}"
         for name in ("a_over_R", "b_over_R")
@@ -78,7 +78,7 @@ def own_texture(data: ReportData) -> list[Block]:
 
 
 def reference_section(reference: ReportData) -> list[Block]:
-    """Return the comparison on finite-element rows, of the first-principles form as well."""
+    """Return the comparison on finite-element rows, which includes the half-plane form."""
     answer = first_screen(reference)
     blocks: list[Block] = [
         Text(say("reference")),
@@ -111,7 +111,7 @@ def _scale(reference: ReportData) -> str:
 
 
 def _folded(title: str, blocks_of: _BlocksOf) -> _BlocksOf:
-    """Return a part that opens on demand."""
+    """Return a part whose blocks open on demand."""
     return lambda data: [Folded(title, blocks_of(data))]
 
 
@@ -125,7 +125,7 @@ _TITLES = {
     "reference": "Finite-element reference",
     "appendix": "Appendix",
 }
-# Parts in reading order: section, heading if any, and what makes its blocks.
+# Parts in reading order: section, heading if any, and function that returns the blocks.
 _PARTS: tuple[tuple[str, str, _BlocksOf], ...] = (
     ("texture", "", own_texture),
     ("data", "", inputs.data_section),

@@ -1,5 +1,5 @@
-# ruff: noqa: RUF001  (typographic minus, times and Greek are meant: readers see them)
-"""Names and numbers as a reader wants them: errors to two digits, values to match, no raw NaN."""
+# ruff: noqa: RUF001  (typographic minus, times and Greek are intended)
+"""Names and numbers as text: errors with two digits, values rounded to match, a dash for NaN."""
 
 import math
 import re
@@ -29,7 +29,7 @@ COMPONENTS = {
 
 
 def say(sentence: str, **values: object) -> str:
-    """Return a sentence, or a few, of ``templates/sentences.jinja`` with values in them.
+    """Return a text of ``templates/sentences.jinja`` with values filled in.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def _sentences() -> Any:
 
 
 def form_name(name: str) -> str:
-    """Return a form's name for a reader.
+    """Return the displayed name of a form.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def form_name(name: str) -> str:
 
 
 def parameter_name(name: str) -> str:
-    """Return a parameter's symbol for a reader.
+    """Return the displayed symbol of a parameter.
 
     Examples
     --------
@@ -80,12 +80,12 @@ def parameter_name(name: str) -> str:
 
 
 def prior_name(name: str) -> str:
-    """Return the parameter whose prior is scaled, as `prior_sensitivity.csv` names it."""
+    """Return the displayed name of a prior in `prior_sensitivity.csv`."""
     return "c and c₁" if name == "c" else parameter_name(name)
 
 
 def noise_name(name: str) -> str:
-    """Return an error model in words.
+    """Return a description of an error model.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def noise_name(name: str) -> str:
 
 
 def change_text(change: str) -> str:
-    """Return a change of a prior or an error model, as a verdict names it, in a reader's words.
+    """Return a description of a change of a prior or error model named by a verdict.
 
     Examples
     --------
@@ -121,7 +121,7 @@ def change_text(change: str) -> str:
 
 
 def listed(words: Sequence[str]) -> str:
-    """Return words as a list in a sentence.
+    """Return words as an enumeration in a sentence.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def listed(words: Sequence[str]) -> str:
 
 
 def number(x: float, digits: int = 4) -> str:
-    """Return a number to some significant digits.
+    """Return a number with some significant digits.
 
     Examples
     --------
@@ -154,7 +154,7 @@ def number(x: float, digits: int = 4) -> str:
 
 
 def decimals(x: float, places: int) -> str:
-    """Return a number to a fixed number of decimals.
+    """Return a number with a fixed number of decimals.
 
     Examples
     --------
@@ -168,7 +168,7 @@ def decimals(x: float, places: int) -> str:
 
 
 def with_error(value: float, error: float, most: int = 4) -> str:
-    """Return value ± error, the error to two significant digits, at most so many decimals.
+    """Return value ± error, the error with two significant digits and at most `most` decimals.
 
     Examples
     --------
@@ -188,7 +188,7 @@ def with_error(value: float, error: float, most: int = 4) -> str:
 
 
 def probability(p: float | None) -> str:
-    """Return a probability; never 1 or 0 by rounding.
+    """Return a probability; rounding never gives 1 or 0.
 
     Examples
     --------
@@ -218,7 +218,7 @@ def percent(share: float) -> str:
 
 
 def interval(low: float, high: float, spread: float) -> str:
-    """Return an interval, to the digits that two significant ones of the spread allow.
+    """Return an interval rounded to the second significant digit of the spread.
 
     Examples
     --------

@@ -1,10 +1,10 @@
-"""How work is executed, whatever it is about: files, workers, progress and random streams.
+"""Execution of work: files, workers, progress and random streams.
 
-`atomic` has files that appear whole or not at all, and locks; `reading` reads what others made,
-with packages that may be missing; `quiet` imports arviz without its announcement; `journal` keeps
-finished parts; `pool` has workers and ordered results, `cluster` those of Dask; `progress` times
-stages, `memory` watches how much is used; `randomness` has named streams of one seed; `text` words
-for messages, `templates` whole pages. The room knows `errors` and nothing of contact or statistics.
+`atomic` writes files atomically and has locks; `reading` reads untrusted files, and imports
+optional packages; `quiet` imports ArviZ without its announcement; `journal` keeps finished parts;
+`pool` has workers and ordered results, `cluster` executors on Dask; `progress` times stages, and
+`memory` measures peak memory; `randomness` has named streams of one seed; `text` formats messages
+and `templates` whole pages. The package imports `errors` and nothing of contact or statistics.
 
 >>> from ridgebayes.runtime.pool import executor_for, map_ordered
 >>> from ridgebayes.runtime.randomness import stream

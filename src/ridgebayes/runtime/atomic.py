@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and outputs that one process at a time works on."""
+"""Atomic writing of files, and locks that give a process exclusive use of an output."""
 
 import errno
 import os
@@ -11,30 +11,30 @@ from ridgebayes.errors import InputError, OutputError, RidgebayesError
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a file beside `path` to write; it takes the name `path` when the block ends well.
+    """Yield a temporary file beside `path`, and rename it to `path` at the end of the block.
 
     Parameters
     ----------
     path : Path
-        Final name; an existing file is replaced.
+        Final name; an existing file is overwritten.
 
     Yields
     ------
     Path
-        ``.<name>.<process>.partial`` in the same folder, so that two processes never write the
-        same; gone again if the block raises.
+        Path ``.<name>.<process>.partial`` in the same folder, different for each process. The file
+        is removed if the block raises.
 
     Raises
     ------
     InputError
-        If there is no such folder.
+        If the folder does not exist.
     OutputError
         If the file cannot be written for another reason, such as a full disk.
 
     Notes
     -----
-    HDF5 does not outlive a disk that fills up under an open file: it ends the process. Such files
-    are made in memory, and written here.
+    HDF5 ends the process if the disk fills up under an open file. HDF5 files are therefore made in
+    memory, and written here.
 
     Examples
     --------
@@ -54,35 +54,35 @@ def replacing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise cannot_write(path, error) from None
     finally:
-        with suppress(OSError):  # a folder that is gone, or can only be read by now
+        with suppress(OSError):  # the folder was removed or made read-only
             partial.unlink(missing_ok=True)
 
 
 def write_text(text: str, path: Path) -> None:
-    """Write a text file whole or not at all, in UTF-8, lines ended alike on all systems."""
+    """Write a text file atomically, in UTF-8 with unchanged newlines."""
     write_bytes(text.encode(), path)
 
 
 def write_bytes(content: bytes, path: Path) -> None:
-    """Write a file whole or not at all."""
+    """Write a file atomically."""
     with replacing(path) as partial:
         partial.write_bytes(content)
 
 
 def cannot_write(path: Path, error: OSError) -> RidgebayesError:
-    """Return the error of a file that the system would not have written.
+    """Return the exception for a file that cannot be written.
 
     Parameters
     ----------
     path : Path
-        The file.
+        File that was to be written.
     error : OSError
-        Why.
+        Exception of the system.
 
     Returns
     -------
     InputError or OutputError
-        The first where there is no such folder: the name is wrong.
+        `InputError` if the folder does not exist, because the name is wrong; else `OutputError`.
 
     Examples
     --------
@@ -98,22 +98,22 @@ def cannot_write(path: Path, error: OSError) -> RidgebayesError:
 
 @contextmanager
 def exclusive_lock(path: Path) -> Iterator[None]:
-    """Keep every other process from working on an output while the block lasts.
+    """Prevent other processes from working on an output during the block.
 
     Parameters
     ----------
     path : Path
-        The output. The lock is held on ``.<name>.lock`` beside it.
+        Output to lock, by the file ``.<name>.lock`` beside it.
 
     Raises
     ------
     InputError
-        If another process holds it, or the folder cannot be written to.
+        If another process holds the lock, or the folder cannot be written to.
 
     Notes
     -----
-    The system releases the lock when a process ends, however it ended: the file that remains
-    of a killed process blocks no other process. File systems without locks exclude none.
+    The system releases the lock when the process ends in any way, so the file left by a killed
+    process blocks no other process. On a file system without locks nothing is prevented.
 
     Examples
     --------
@@ -125,11 +125,11 @@ def exclusive_lock(path: Path) -> Iterator[None]:
     ['.t.csv.lock']
     []
     """
-    from filelock import FileLock, Timeout  # loads asyncio and sqlite
+    from filelock import FileLock, Timeout  # imports asyncio and sqlite
 
     lock = FileLock(path.with_name(f".{path.name}.lock"))
     try:
-        path.parent.stat()  # filelock would make a folder that is not there
+        path.parent.stat()  # raises for a missing folder, which filelock would create
         lock.acquire(blocking=False)
     except Timeout:
         hint = "use another -o, or wait until it has ended"
@@ -141,6 +141,6 @@ def exclusive_lock(path: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(OSError):  # a folder that is gone, or can only be read by now
+        with suppress(OSError):  # the folder was removed or made read-only
             Path(lock.lock_file).unlink(missing_ok=True)
         lock.release()

@@ -1,7 +1,7 @@
-"""Finished parts of long work on disk, so that a killed sweep goes on where it was.
+"""Journal of finished parts of long work, so that a killed sweep can be resumed.
 
-One JSON file for each part, written whole or not at all, under the digest of all that decides its
-content. Python writes floats so that they come back the same to the last bit.
+Each part is a JSON file, written atomically. Its name is the digest of everything that determines
+its content. Python writes floats so that they are read back exactly.
 """
 
 import hashlib
@@ -19,17 +19,17 @@ class Journal:
     Parameters
     ----------
     folder : Path
-        Made when the first part is kept.
+        Folder, created when the first part is kept.
 
     Attributes
     ----------
     n_found, n_kept, n_damaged : int
-        Parts that were there, that were added, and that were there but cannot be trusted.
+        Number of parts that were found, added, and found to be damaged.
 
     Notes
     -----
-    A damaged part counts as missing, so that it is computed again: files are renamed into place,
-    not forced to the disk, and a machine that loses power may leave empty ones.
+    A damaged part counts as missing and is computed again. Files are renamed into place without
+    forcing them to the disk, so a power failure may leave empty files.
 
     Examples
     --------
@@ -46,16 +46,16 @@ class Journal:
         self.n_found = self.n_kept = self.n_damaged = 0
 
     def exists(self) -> bool:
-        """Return whether anything was kept."""
+        """Return whether any part was kept."""
         return self.folder.is_dir()
 
     def find(self, key: dict[str, Any]) -> Any | None:
-        """Return what was kept of a part, or None.
+        """Return the content of a part, or None if it is missing or damaged.
 
         Parameters
         ----------
         key : dict
-            All that decides the part's content, in values that JSON has.
+            Everything that determines the part's content, as values of JSON.
         """
         try:
             content = json.loads(self._path(key).read_text(encoding="utf-8"))
@@ -75,16 +75,16 @@ class Journal:
         Parameters
         ----------
         key : dict
-            As in `find`.
+            Key, see `find`.
         part : object
-            Its content, in values that JSON has.
+            Content, as values of JSON.
 
         Raises
         ------
         InputError
-            If there is no folder to make the journal's in.
+            If the parent folder does not exist.
         OutputError
-            If it cannot be written, such as on a full disk.
+            If the file cannot be written, for instance because the disk is full.
         """
         content = {"given": key, "found": part, "sha256": _digest(part)}
         path = self._path(key)
@@ -96,7 +96,7 @@ class Journal:
         self.n_kept += 1
 
     def remove(self) -> None:
-        """Remove the folder, with all that is in it."""
+        """Remove the folder and its content."""
         if self.exists():
             shutil.rmtree(self.folder)
 

@@ -1,4 +1,4 @@
-"""How much memory a job and its workers take together, at their peak."""
+"""Peak memory of a job together with its workers."""
 
 import threading
 from collections.abc import Iterator
@@ -8,34 +8,34 @@ from os import getpid
 from pathlib import Path
 
 _PROC = Path("/proc")
-_EVERY = 1.0  # seconds between two looks, each of some 10 ms
+_INTERVAL_S = 1.0  # seconds between measurements, which take some 10 ms each
 
 
 @dataclass
 class PeakMemory:
-    """The greatest sum of proportional set sizes seen so far.
+    """Largest sum of proportional set sizes measured so far.
 
     Parameters
     ----------
     in_bytes : int or None
-        None where the system does not tell (only Linux does).
+        Peak; None if the system does not provide it (only Linux does).
     """
 
     in_bytes: int | None = None
 
     def look(self) -> None:
-        """Add up this process and all below it; memory that they share counts once."""
+        """Measure this process and its descendants; shared memory counts once."""
         if (_PROC / "self/task" / str(threading.get_native_id()) / "children").exists():
             total = sum(map(_proportional_set_size, _family(getpid())))
             self.in_bytes = max(self.in_bytes or 0, total) or None
 
 
 def _family(process: int) -> list[int]:
-    """Return a process and all below it."""
+    """Return a process and its descendants."""
     family = [process]
-    for member in family:  # which grows meanwhile
+    for member in family:  # the list grows during the loop
         for path in (_PROC / str(member) / "task").glob("*/children"):
-            with suppress(OSError):  # a thread or process that has just ended
+            with suppress(OSError):  # the thread or process has ended
                 family += map(int, path.read_text().split())
     return family
 
@@ -50,11 +50,11 @@ def _proportional_set_size(process: int) -> int:
 
 @contextmanager
 def watched_memory() -> Iterator[PeakMemory]:
-    """Watch the memory of a job while the block runs."""
+    """Measure the memory of a job during the block."""
     peak, done = PeakMemory(), threading.Event()
 
     def watch() -> None:
-        while not done.wait(_EVERY):
+        while not done.wait(_INTERVAL_S):
             peak.look()
 
     peak.look()

@@ -1,8 +1,8 @@
 """Executors: this process, a pool of workers, or a Dask cluster; and results in order.
 
-A worker that dies takes nothing along but its task, which a fresh worker does again. In one
-`ProcessPoolExecutor` of many workers a death breaks all that was submitted, and nobody knows on
-which task: here each worker is an executor of its own, and a thread waits for it.
+Each worker is a `ProcessPoolExecutor` of one process, with a thread that waits for it. If a worker
+dies, only its task is lost, and a new worker repeats it. In an executor of several processes a
+death would break all submitted tasks, and the responsible task would be unknown.
 """
 
 import itertools
@@ -30,38 +30,38 @@ from ridgebayes.runtime.text import exit_text
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 _Task = TypeVar("_Task")
-# A server that has imported everything forks workers in milliseconds; without one (Windows) each
-# worker imports for itself.
+# A server that has imported everything forks workers in milliseconds. Without it (Windows) each
+# worker imports all modules.
 _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 _PACKAGE = __name__.partition(".")[0]
-# BLAS of one thread in each worker: several would fight for processors. One arena of glibc's
-# malloc: a worker has threads, and each would keep memory that it has freed.
+# One BLAS thread for each worker: several would compete for processors. One malloc arena: each
+# thread of a worker would otherwise keep memory that it has freed.
 _ENVIRONMENT = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX"), "1"
 )
-_TRIES = 3  # a task that has killed as many workers would kill the next
-# Tasks under way for each worker: one in progress, the others queued so that it never idles.
-_PER_WORKER = 4
-_MOST_UNDER_WAY = 1_000  # tasks of an executor that does not say how many workers it has
+_MAX_TRIES = 3  # a task that has killed so many workers would kill another one
+# Tasks submitted for each worker: one runs, the others are queued so that it never idles.
+_MAX_TASKS_PER_WORKER = 4
+_MAX_TASKS = 1_000  # submitted to an executor with an unknown number of workers
 
 
 class WorkerPool(futures.ThreadPoolExecutor):
-    """Processes that compute what is submitted; a task whose worker died is done again.
+    """Pool of worker processes that repeats a task if its worker died.
 
     Parameters
     ----------
     n_worker : int
-        Processes at most; each is started when there is work for it.
+        Maximum number of processes; each is started when there is work for it.
 
     Notes
     -----
-    *Cost.* Some 0.3 ms a task, and what pickling takes.
+    *Cost.* Some 0.3 ms for each task, plus pickling.
     """
 
     def __init__(self, n_worker: int) -> None:
         super().__init__(n_worker)
         self.n_worker = n_worker
-        # By the thread that waits for it.
+        # By the identifier of the thread that waits for the worker.
         self._workers: dict[int, futures.ProcessPoolExecutor] = {}
         self._starting = threading.Lock()
         self._stopped = False
@@ -70,17 +70,17 @@ class WorkerPool(futures.ThreadPoolExecutor):
     def submit(
         self, function: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs
     ) -> "futures.Future[_T]":
-        """Have a worker call a function; all has to be picklable."""
+        """Call a function on a worker; function, arguments and result have to be picklable."""
         return super().submit(self._compute, function, args, kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Take no more tasks, and end the workers when those there are done, or dropped."""
+        """Accept no more tasks, and end the workers after the submitted tasks."""
         super().shutdown(wait, cancel_futures=cancel_futures)
         while wait and self._workers:
             self._workers.popitem()[1].shutdown()
 
     def stop(self) -> None:
-        """End the workers at once, whatever they are at."""
+        """End the workers at once, even during a task."""
         with self._starting:
             self._stopped = True
             for worker in self._workers.values():
@@ -91,17 +91,17 @@ class WorkerPool(futures.ThreadPoolExecutor):
     def _compute(
         self, function: Callable[..., _T], args: tuple[object, ...], kwargs: dict[str, object]
     ) -> _T:
-        """Have this thread's worker call a function, or a fresh one in its place if it dies."""
+        """Call a function on this thread's worker, and on a new one if the worker dies."""
         message = pickle.dumps((function, args, kwargs))
         me, code = threading.get_ident(), None
-        for _ in range(_TRIES):
+        for _ in range(_MAX_TRIES):
             try:
                 with self._starting:
                     if self._stopped:
                         raise futures.CancelledError
                     if me not in self._workers:
                         context = multiprocessing.get_context(_METHOD)
-                        self._workers[me] = futures.ProcessPoolExecutor(1, context, _begin)
+                        self._workers[me] = futures.ProcessPoolExecutor(1, context, _start_worker)
                     future = self._workers[me].submit(_call, message)
                 value: _T = future.result()
                 return value
@@ -111,25 +111,25 @@ class WorkerPool(futures.ThreadPoolExecutor):
                 (process,) = worker._processes.values()
                 worker.shutdown()
                 code = process.exitcode
-        died = f"{_TRIES} worker processes died on this task, the last with {exit_text(code)}"
+        died = f"{_MAX_TRIES} worker processes died on this task, the last with {exit_text(code)}"
         raise WorkerLostError(f"{died}; they may need more memory")
 
 
 def start_server(preload: Sequence[str] = ()) -> None:
-    """Start, once, the process that imports what workers need and forks them.
+    """Start the process that imports what workers need and forks them, unless it is running.
 
-    It imports while this process goes on with its own work: the earlier, the less is waited for.
+    The server imports in parallel to this process, so an early start saves waiting.
 
     Parameters
     ----------
     preload : sequence of str, optional
-        Modules to import; those of this package that are loaded by now if not given.
+        Modules to import; if not given, the modules of this package that are already loaded.
     """
     if _METHOD != "forkserver":
-        os.environ.update(_ENVIRONMENT)  # which each worker takes over when it starts
+        os.environ.update(_ENVIRONMENT)  # inherited by each worker
         return
-    # Ctrl-C reaches the whole group of processes: server and workers start with it held back. The
-    # tracker is started before, because that start ends with the signal let through.
+    # Ctrl-C reaches the whole process group, so server and workers start with SIGINT blocked. The
+    # resource tracker is started first, because its start unblocks the signal.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
@@ -142,7 +142,7 @@ def start_server(preload: Sequence[str] = ()) -> None:
 
 
 def n_cpu() -> int:
-    """Return how many processors this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -153,13 +153,13 @@ def workers(n: int) -> Iterator[WorkerPool]:
     Parameters
     ----------
     n : int
-        Processes.
+        Number of processes.
 
     Yields
     ------
     WorkerPool
-        Executor. The end of the block drops tasks that have not started, and an error also drops
-        tasks under way. Workers never outlive their parent.
+        Executor. The end of the block drops tasks that have not started; an error also drops
+        running tasks. Workers never outlive their parent.
     """
     pool = WorkerPool(n)
     try:
@@ -172,20 +172,20 @@ def workers(n: int) -> Iterator[WorkerPool]:
 def executor_for(
     n_worker: int | None = None, scheduler: str | None = None
 ) -> AbstractContextManager[futures.Executor | None]:
-    """Give what computes tasks, as two options of a command name it.
+    """Return the executor that two options of a command select.
 
     Parameters
     ----------
     n_worker : int, optional
-        Processes on this machine.
+        Number of processes on this machine.
     scheduler : str, optional
         Address of a Dask scheduler, such as ``tcp://10.0.0.1:8786``.
 
     Returns
     -------
     context manager
-        Context of an executor, or of None where this process computes: neither given, or one
-        process.
+        Context of an executor. It is None, for computing in this process, if neither option is
+        given or `n_worker` is 1.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def executor_for(
     if scheduler is not None:
         if n_worker is not None:
             raise InputError("--workers and --scheduler: expected only one of the two, got both")
-        # Needs an optional extra.
+        # Dask is an optional dependency.
         from ridgebayes.runtime.cluster import cluster
 
         return cluster(scheduler)
@@ -210,35 +210,35 @@ def map_ordered(
     name: Callable[[_Task], str] | None = None,
     done: Callable[[_Task, _T], None] | None = None,
 ) -> Iterator[_T]:
-    """Yield what a function makes of each task, in their order, wherever they are computed.
+    """Yield the result of a function for each task, in the order of the tasks.
 
     Parameters
     ----------
     function : callable
         Function of one task; picklable if there is an executor.
     tasks : iterable
-        Taken as they are needed: no more than four for each worker are under way at a time.
+        Tasks, consumed as needed: at most four for each worker are submitted at a time.
     executor : concurrent.futures.Executor or None
-        Executor of the tasks; None is this process, one task after the other.
+        Executor of the tasks; None computes them in turn in this process.
     name : callable, optional
-        Gives a task's name to errors; "task 3" if not given.
+        Returns the name of a task for error messages; "task 3" if not given.
     done : callable, optional
-        Called with a task and its result as soon as that is there, in any order.
+        Called with a task and its result as soon as it is computed, in any order.
 
     Yields
     ------
     object
-        Results. Those that come early wait for their turn, and keep no worker waiting.
+        Results. An early result waits for its turn without keeping a worker waiting.
 
     Raises
     ------
     ComputationError
-        If workers die, so that a task cannot be computed; it is named. Whatever else a task
-        raises is passed on as soon as it comes.
+        If workers die, so that a task cannot be computed; the message names it. Other exceptions
+        of a task are raised as soon as they arrive.
     """
     n = len(tasks) if isinstance(tasks, Sized) else None
     if executor is None:
-        # One thread for BLAS, as in workers: several make small triangular systems 10 times slower.
+        # One BLAS thread, as in workers: several slow small triangular systems down tenfold.
         with threadpool_limits(1, user_api="blas"):
             for n_done, task in enumerate(tasks, start=1):
                 result = function(task)
@@ -254,8 +254,8 @@ def map_ordered(
     turn = n_done = 0
     try:
         while True:
-            n_worker = getattr(executor, "n_worker", None)  # which may change
-            most = _MOST_UNDER_WAY if n_worker is None else _PER_WORKER * max(n_worker, 1)
+            n_worker = getattr(executor, "n_worker", None)  # a cluster may grow or shrink
+            most = _MAX_TASKS if n_worker is None else _MAX_TASKS_PER_WORKER * max(n_worker, 1)
             for number, task in itertools.islice(numbered, max(most - len(under_way), 0)):
                 future = executor.submit(function, task)
                 under_way[future] = number, task
@@ -288,21 +288,21 @@ def submit_or_defer(
     *args: _P.args,
     **kwargs: _P.kwargs,
 ) -> Callable[[], _T]:
-    """Have a worker begin a call, and return what waits for its result.
+    """Submit a call, or defer it if there is no executor, and return a function for its result.
 
     Parameters
     ----------
     executor : concurrent.futures.Executor or None
-        Executor of the call; None is this process, when the result is requested.
+        Executor of the call; None makes the call in this process when the result is requested.
     function : callable
-        With its arguments picklable if there is an executor.
+        Function to call; picklable with its arguments if there is an executor.
     *args, **kwargs
-        Its arguments.
+        Arguments of the function.
 
     Returns
     -------
     callable
-        Without arguments; returns the result, or raises what the call raised.
+        Function without arguments that returns the result of the call, or raises its exception.
 
     Examples
     --------
@@ -315,27 +315,27 @@ def submit_or_defer(
     return executor.submit(function, *args, **kwargs).result
 
 
-def _begin() -> None:
-    """Leave Ctrl-C to the parent, and end when it does, however that ended: in a fresh worker."""
+def _start_worker() -> None:
+    """Prepare a new worker: ignore Ctrl-C, and exit when the parent process ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_follow, daemon=True).start()
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
 
 
-def _follow() -> None:
+def _exit_with_parent() -> None:
     parent = multiprocessing.parent_process()
-    assert parent is not None  # only the process that asked has none
+    assert parent is not None  # only the main process has no parent
     parent.join()
     os._exit(1)
 
 
 def _call(message: bytes) -> Any:
-    """Call a function: in a worker, which an error in reading the call would end."""
+    """Call a pickled function on a worker; a failure to unpickle must not end the worker."""
     try:
         function, args, kwargs = pickle.loads(message)
         return function(*args, **kwargs)
     except Exception as error:
         try:
-            pickle.loads(pickle.dumps(error))  # some errors go but do not come back
+            pickle.loads(pickle.dumps(error))  # some exceptions can be pickled but not unpickled
         except Exception:
             raise RuntimeError(f"{type(error).__name__}: {error}") from error
         raise

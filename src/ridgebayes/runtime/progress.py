@@ -10,28 +10,28 @@ from typing import Any, TextIO
 
 from ridgebayes.runtime.text import duration
 
-# Detail of progress: -1 none, 0 stages, 1 also progress within each without a terminal. Set for
-# the duration of one command, so that functions need not pass it on.
+# Detail of progress: -1 none, 0 stages, 1 also progress within stages without a terminal. It is
+# set for the duration of a command, so that functions need not pass it on.
 VERBOSITY: ContextVar[int] = ContextVar("VERBOSITY", default=0)
 _CURRENT: ContextVar["Progress | None"] = ContextVar("_CURRENT", default=None)
-# Seconds between lines on a stage that takes long, where there is no terminal.
+# Seconds between lines about a long stage if there is no terminal.
 _EVERY_S, _EVERY_S_DETAILED = 30.0, 2.0
 
 
 @dataclass
 class Progress:
-    """Times stages and reports them: a bar on a terminal, plain lines anywhere else.
+    """Timer of stages that reports them: by a bar on a terminal, else by plain lines.
 
     Parameters
     ----------
     n_stage : int
-        Stages to come, for the bar.
+        Number of stages, for the bar.
     out : text file
-        Stream of the reports; standard error, so that it never mixes with output.
+        Stream of the reports; standard error by default, so that reports never mix with output.
     name : str
-        Name of the counted work outside of stages.
+        Name of counted work outside of stages.
     began : float, optional
-        `time.perf_counter` at which the program began: what it did until now is the first stage.
+        Start of the program by `time.perf_counter`; the time since then is the first stage.
 
     Examples
     --------
@@ -50,14 +50,14 @@ class Progress:
     _bar: Any = None
     _task: Any = None
     _began: float = 0.0
-    _told: float = 0.0
+    _reported: float = 0.0
     _token: "Token[Progress | None] | None" = None
 
     def __enter__(self) -> "Progress":
         self._token = _CURRENT.set(self)
-        self._began = self._told = time.perf_counter()
+        self._began = self._reported = time.perf_counter()
         if self.out.isatty() and VERBOSITY.get() >= 0:
-            # Loaded for a terminal only: most runs in scripts never show a bar.
+            # Imported for a terminal only: scripts never show a bar.
             from rich.console import Console
             from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
             from rich.progress import Progress as Bar
@@ -84,7 +84,7 @@ class Progress:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[Callable[[float], None]]:
-        """Time the block as one stage; its times go to `stages`.
+        """Time the block as one stage, and append its times to `stages`.
 
         Parameters
         ----------
@@ -94,13 +94,13 @@ class Progress:
         Yields
         ------
         callable
-            Adds CPU seconds of workers to the stage's own.
+            Function that adds CPU seconds of workers to the stage.
         """
         if self._bar is not None:
             self._bar.update(self._task, description=name)
-        # CPU time of this thread alone: several threads may have stages at the same time.
+        # CPU time of this thread only, because stages may run on several threads at once.
         wall, cpu, elsewhere = time.perf_counter(), time.thread_time(), [0.0]
-        self.name, self._began, self._told = name, wall, wall
+        self.name, self._began, self._reported = name, wall, wall
         try:
             yield elsewhere.append
         finally:
@@ -116,17 +116,17 @@ class Progress:
             print(f"{name}: {wall:.2f} s", file=self.out, flush=True)
 
     def detail(self, text: str) -> None:
-        """Tell how far a stage is: at once on a terminal, else a line now and then."""
+        """Report the state of a stage: at once on a terminal, else as a line now and then."""
         if self._bar is not None:
             self._bar.update(self._task, description=text)
             return
         now, every = time.perf_counter(), _EVERY_S_DETAILED if VERBOSITY.get() else _EVERY_S
-        if VERBOSITY.get() >= 0 and now >= self._told + every:
-            self._told = now
+        if VERBOSITY.get() >= 0 and now >= self._reported + every:
+            self._reported = now
             print(text, file=self.out, flush=True)
 
     def count(self, n_done: int, n: int | None) -> None:
-        """Tell how many parts of a stage are done, and about how long the others will take."""
+        """Report how many parts of a stage are done, and the estimated time left."""
         text = f"{n_done} of {n}" if n is not None else f"{n_done} done"
         if n is not None and 0 < n_done < n:
             left = (time.perf_counter() - self._began) * (n - n_done) / n_done
@@ -138,12 +138,12 @@ class Progress:
 
 @contextmanager
 def untimed(name: str) -> Iterator[Callable[[float], None]]:
-    """Do nothing around a stage: what a library call has in place of `Progress.stage`."""
+    """Do nothing; replaces `Progress.stage` in library calls."""
     yield lambda seconds: None
 
 
 def tell_count(n_done: int, n: int | None = None) -> None:
-    """Tell the running command's progress, if there is one, how many parts of how many are done."""
+    """Report the number of finished parts to the running command, if there is one."""
     progress = _CURRENT.get()
     if progress is not None:
         progress.count(n_done, n)

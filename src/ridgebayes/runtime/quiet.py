@@ -1,4 +1,4 @@
-"""Import of arviz without the announcement that its 0.x line prints once a day."""
+"""Import of ArviZ without the announcement that version 0.x prints once a day."""
 
 import os
 import warnings
@@ -10,14 +10,14 @@ _ANNOUNCEMENT = r"\s*ArviZ is undergoing a major refactor"
 
 
 def import_arviz() -> ModuleType:
-    """Import arviz without its announcement of a successor, which is no concern of a run's user."""
+    """Import ArviZ without the announcement of its successor, which does not concern users."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", _ANNOUNCEMENT, FutureWarning)
         try:
             import arviz
-        except OSError:  # it notes the day in the user's cache folder, which may be read-only
+        except OSError:  # ArviZ writes the date to the user's cache folder, maybe read-only
             cache = "XDG_CACHE_HOME"
             with TemporaryDirectory() as folder, patch.dict(os.environ, {cache: folder}):
                 import arviz
-    module: ModuleType = arviz  # which of its two lines has types, the other none
+    module: ModuleType = arviz  # some versions of ArviZ have type hints, others do not
     return module

@@ -1,7 +1,7 @@
-"""Seeds and streams: every random number in the package comes from a named stream of one seed.
+"""Seeds and random streams: each random number comes from a named stream of one seed.
 
-A stream is named by labels ("hybrid", "ensemble 2"), so adding a form or an ensemble to a run
-leaves the numbers of all others as they were. There is no global random state.
+A stream is named by labels such as ("hybrid", "ensemble 2"). Adding a form or an ensemble to a run
+therefore leaves all other numbers unchanged. There is no global random state.
 """
 
 import functools
@@ -13,16 +13,16 @@ import numpy as np
 from ridgebayes._types import Rng
 from ridgebayes.errors import InputError
 
-Streams = Callable[..., np.random.Generator]  # of labels
+Streams = Callable[..., np.random.Generator]  # arguments are the labels
 
 
 def seed_of(rng: Rng) -> int:
-    """Return the integer seed behind an `rng` argument.
+    """Return the integer seed of an `rng` argument.
 
     Parameters
     ----------
     rng : int or numpy.random.Generator
-        A seed, taken as it is, or a generator, from which one seed is drawn.
+        Seed, returned unchanged, or a generator, from which one seed is drawn.
 
     Returns
     -------
@@ -47,14 +47,14 @@ def seed_of(rng: Rng) -> int:
 
 
 def seeded(rng: Rng | None) -> np.random.Generator:
-    """Return the generator that was given, one seeded by an integer, or one like no other."""
+    """Return a given generator, a generator seeded by an integer, or one with a random seed."""
     if rng is None or isinstance(rng, np.random.Generator):
         return np.random.default_rng(rng)
     return np.random.default_rng(seed_of(rng))
 
 
 def stream(seed: int, *labels: str) -> np.random.Generator:
-    """Return the random stream that `labels` name under `seed`.
+    """Return the random stream of a seed with the given labels.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def stream(seed: int, *labels: str) -> np.random.Generator:
     Returns
     -------
     numpy.random.Generator
-        Independent of the stream of any other labels.
+        Generator independent of the streams with other labels.
 
     Examples
     --------
@@ -79,7 +79,7 @@ def stream(seed: int, *labels: str) -> np.random.Generator:
 
 
 def streams(seed: int) -> Streams:
-    """Return `stream` of one seed, whose numbers go on where the last of the same labels ended.
+    """Return a cached `stream` of one seed: a repeated label continues its stream.
 
     Examples
     --------

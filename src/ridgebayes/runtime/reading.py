@@ -1,8 +1,8 @@
-"""Files that somebody else may have made: bytes, text and HDF5, bounded before they are read.
+"""Reading of untrusted files: bytes, text and HDF5, with limits that are checked first.
 
-Nothing is followed out of an HDF5 file, and a dataset costs no more memory than its numbers: HDF5
-itself trusts stated sizes, makes zeros of what was never written, and unpacks a chunk to whatever
-length comes out. h5py is imported where it is used: most commands read no such file.
+Links out of an HDF5 file are refused, and a dataset takes no more memory than its numbers. HDF5
+itself trusts stated sizes, fills missing data with zeros, and unpacks a chunk to any length. h5py
+is imported where it is used, because most commands read no HDF5 file.
 """
 
 import math
@@ -22,14 +22,14 @@ from ridgebayes.runtime.text import one_line_message
 if TYPE_CHECKING:
     import h5py
 
-LARGEST = 2**31  # bytes of a file: more is not read into memory
-# Bytes of TOML or JSON: more takes a parser minutes. And of a chunk of HDF5: all of it is unpacked
-# for a part of it.
+LARGEST = 2**31  # bytes of a file that is read into memory
+# Bytes of TOML or JSON, which would take minutes to parse above it; and bytes of an HDF5 chunk,
+# which is always unpacked as a whole.
 LARGEST_TEXT = LARGEST_CHUNK = 2**26
-_MOST_OBJECTS = 10_000  # groups and datasets; a posterior has thirty
-_STEP = 2**20  # bytes that are unpacked at a time, to be counted
+_MAX_OBJECTS = 10_000  # groups and datasets; a posterior has thirty
+_BYTES_PER_STEP = 2**20  # bytes unpacked before they are counted
 _NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
-_PADDED = 4 / 3  # of a chunk: gzip and checksums never make one longer than that
+_MAX_PACKED_SHARE = 4 / 3  # packed over unpacked bytes; gzip and checksums never need more
 
 
 def read_bytes(path: Path, most: int = LARGEST) -> bytes:
@@ -38,9 +38,9 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
     Parameters
     ----------
     path : pathlib.Path
-        The file.
+        File to read.
     most : int, optional
-        Bytes that it may have; 2 GiB if not given.
+        Maximum number of bytes; 2 GiB if not given.
 
     Returns
     -------
@@ -49,8 +49,8 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
     Raises
     ------
     InputError
-        If it is not there, is not a file (a device never ends, a pipe may never begin), is larger,
-        or cannot be read.
+        If the path does not exist, is not a regular file (a device never ends, and a pipe may
+        never begin), is too large, or cannot be read.
     """
     try:
         about = path.stat()
@@ -68,23 +68,23 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
 
 
 def read_text(path: Path, most: int = LARGEST) -> str:
-    """Return a file's text: UTF-8 with or without a byte order mark, lines ended in any way.
+    """Return the text of a file in UTF-8, with or without byte order mark, with any newlines.
 
     Raises
     ------
     InputError
-        As `read_bytes` and `decoded`.
+        See `read_bytes` and `decoded`.
     """
     return decoded(read_bytes(path, most), str(path))
 
 
 def decoded(content: bytes, where: str) -> str:
-    """Return bytes of UTF-8 as text, without a byte order mark, lines ended by newlines.
+    """Return UTF-8 bytes as text without byte order mark, with newlines converted.
 
     Raises
     ------
     InputError
-        If there is a zero byte, or it is not UTF-8: with the line.
+        If the bytes contain a zero or are not UTF-8; the message has the line.
     """
     if b"\0" in content:
         line = content[: content.index(b"\0")].count(b"\n") + 1
@@ -104,9 +104,9 @@ def read_toml(path: Path) -> Json:
     Raises
     ------
     InputError
-        As `read_text`, or if it is not TOML.
+        If the file cannot be read as text, or is not TOML.
     """
-    # A thousand brackets in each other: RecursionError.
+    # A thousand nested brackets raise RecursionError.
     with refusing(f"{path}: not TOML", RecursionError, ValueError):
         return tomllib.loads(read_text(path, LARGEST_TEXT))
 
@@ -115,18 +115,18 @@ def read_toml(path: Path) -> Json:
 def refusing(
     where: str, *kinds: type[Exception], rule: str = "", most: int = 120
 ) -> Iterator[None]:
-    """Refuse what a library cannot read, in the library's words.
+    """Convert exceptions of a library to `InputError`, with the library's message.
 
     Parameters
     ----------
     where : str
-        Beginning of the messages.
+        Beginning of the message.
     *kinds : type of Exception
-        Exceptions of the library; none for any: some libraries raise exceptions of many kinds.
+        Exceptions of the library; if none are given, all exceptions are converted.
     rule : str, optional
-        End of the messages.
+        End of the message.
     most : int, optional
-        Characters of the library's words.
+        Maximum number of characters of the library's message.
     """
     try:
         yield
@@ -144,7 +144,7 @@ def extra(module: str, name: str, needed: str) -> Any:
     Parameters
     ----------
     module : str
-        The module.
+        Name of the module.
     name : str
         Name of the extra that installs it.
     needed : str
@@ -153,7 +153,7 @@ def extra(module: str, name: str, needed: str) -> Any:
     Raises
     ------
     InputError
-        If it is not installed.
+        If the module is not installed.
     """
     try:
         import_module(module.partition(".")[0])
@@ -163,20 +163,20 @@ def extra(module: str, name: str, needed: str) -> Any:
 
 
 def check_tree(file: "h5py.File", where: str) -> None:
-    """Refuse a file with anything but groups and datasets of numbers and text, all of them in it.
+    """Refuse an HDF5 file with other content than groups and datasets of numbers and text.
 
     Parameters
     ----------
     file : h5py.File
-        Open for reading.
+        File open for reading.
     where : str
-        Name that messages show.
+        Name for messages.
 
     Raises
     ------
     InputError
-        If it has links, virtual or external data, objects or types of other kinds, too many or too
-        large datasets, or datasets of which parts are missing.
+        If it has links, virtual or external data, unknown objects or types, too many or too large
+        datasets, or incomplete datasets.
     """
     import h5py
 
@@ -190,8 +190,8 @@ def check_tree(file: "h5py.File", where: str) -> None:
                 raise InputError(f"{here} is a link; expected none")
             item = group[key]
             place = h5py.h5o.get_info(item.id).addr
-            if place in seen or len(seen) >= _MOST_OBJECTS:
-                raise InputError(f"{here}: expected each object once, at most {_MOST_OBJECTS}")
+            if place in seen or len(seen) >= _MAX_OBJECTS:
+                raise InputError(f"{here}: expected each object once, at most {_MAX_OBJECTS}")
             seen.add(place)
             if isinstance(item, h5py.Group):
                 groups.append(item)
@@ -205,21 +205,21 @@ def check_tree(file: "h5py.File", where: str) -> None:
 
 
 def check_inside(data: Any, where: str, *, text: bool = False) -> None:
-    """Refuse what is not a dataset of plain numbers in this file.
+    """Refuse an object that is not a dataset of numbers stored in this file.
 
     Parameters
     ----------
     data : h5py.Dataset
-        Or anything else that stands in a file.
+        Dataset, or any other object of a file.
     where : str
-        Name that messages show.
+        Name for messages.
     text : bool, optional
-        Whether text will do as well.
+        Whether text is allowed too.
 
     Raises
     ------
     InputError
-        If it is a group, stands in another file, or holds anything else.
+        If the object is a group, is stored in another file, or holds other data.
     """
     import h5py
 
@@ -233,24 +233,24 @@ def check_inside(data: Any, where: str, *, text: bool = False) -> None:
 
 
 def check_stored(data: "h5py.Dataset", where: str) -> None:
-    """Refuse a dataset of which parts are not there, or one that costs more than its numbers.
+    """Refuse an incomplete dataset, or one that takes more memory than its numbers.
 
     Parameters
     ----------
     data : h5py.Dataset
-        In the file itself, see `check_inside`.
+        Dataset stored in the file, see `check_inside`.
     where : str
-        Name that messages show.
+        Name for messages.
 
     Raises
     ------
     InputError
-        If parts are missing, a chunk is too large, or it would unpack to more than it states.
+        If parts are missing, a chunk is too large, or it would unpack to more than its stated size.
     """
     import h5py
 
     properties = data.id.get_create_plist()
-    if properties.get_layout() != h5py.h5d.CHUNKED:  # a compact one stands in its own header
+    if properties.get_layout() != h5py.h5d.CHUNKED:  # contiguous, or compact in the header
         compact = properties.get_layout() == h5py.h5d.COMPACT
         if data.size and not compact and data.id.get_offset() is None:
             raise InputError(f"{where}: 0 of 1 pieces are stored; expected all of them")
@@ -268,7 +268,7 @@ def check_stored(data: "h5py.Dataset", where: str) -> None:
 
 
 def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: str) -> None:
-    """Refuse gzip that unpacks to more than its chunk, before HDF5 does it."""
+    """Refuse a gzip chunk that would unpack to more than its stated size, before unpacking it."""
     from h5py import h5z
 
     at = filters.index(h5z.FILTER_DEFLATE)
@@ -278,11 +278,11 @@ def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: 
         raise InputError(f"{where}: filters {filters}; expected gzip with shuffle and checksums")
     most = size + 4 * len(before)
 
-    # An exception inside HDF5's own loop becomes another error, so the checks run after it.
+    # HDF5's loop replaces exceptions raised inside it, so the checks run afterwards.
     chunks: list[Any] = []
     data.id.chunk_iter(chunks.append)
     for chunk in chunks:
-        if chunk.size > _PADDED * size + 1024:
+        if chunk.size > _MAX_PACKED_SHARE * size + 1024:
             packed = f"a chunk of {chunk.size} packed bytes"
             raise InputError(f"{where}: {packed}; expected at most {most}")
         mask, packed = data.id.read_direct_chunk(chunk.chunk_offset)
@@ -295,12 +295,12 @@ def _fits(packed: bytes, most: int) -> bool:
     unpack, n = zlib.decompressobj(), 0
     try:
         while packed and not unpack.eof:
-            n += len(unpack.decompress(packed, _STEP))
+            n += len(unpack.decompress(packed, _BYTES_PER_STEP))
             if n > most:
                 return False
             packed = unpack.unconsumed_tail
     except zlib.error:
-        return True  # which HDF5 refuses
+        return True  # HDF5 refuses it
     return True
 
 

@@ -1,4 +1,4 @@
-"""Text of templates, which lie in the folder ``templates`` of a room."""
+"""Rendering of templates in the ``templates`` folder of a package."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -8,16 +8,16 @@ if TYPE_CHECKING:
 
 
 def rendered(room: str, template: str, **values: object) -> str:
-    """Return a template of a room with values in it; of HTML they are escaped.
+    """Return a rendered template; values in HTML are escaped.
 
     Parameters
     ----------
     room : str
         Package, such as ``ridgebayes.fea``.
     template : str
-        File in its folder, such as ``deck.inp.jinja``.
+        File name, such as ``deck.inp.jinja``.
     **values
-        By name.
+        Values by name.
     """
     return environment_of(room, template).get_template(template).render(values)
 
@@ -25,8 +25,8 @@ def rendered(room: str, template: str, **values: object) -> str:
 def environment_of(
     room: str, template: str, finalize: Callable[[object], object] | None = None
 ) -> "Environment":
-    """Return what renders a template of a room; `finalize` is what each value goes through."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # which few commands need
+    """Return the environment of a template; `finalize` is applied to each value."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # few commands need it
 
     return Environment(
         loader=PackageLoader(room),

@@ -1,4 +1,4 @@
-"""Words for messages: one line, cut where it would swamp them, with nothing unseen in them."""
+"""Text of messages: quoted values, shortened labels, and numbers in words."""
 
 import math
 import platform
@@ -9,16 +9,16 @@ from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 
 MINUS = "\N{MINUS SIGN}"
-# Packages that numbers depend on, and files and figures.
-_SOLVING = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz")
-_SHOWING = ("xarray", "corner", "matplotlib")
-_MOST_DIGITS = 6  # of a number in a label that is shown as it is
-LONGEST_VALUE = 200  # characters of a value of a file
-_UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # controls, such as those of writing right to left
+# Packages that numbers depend on, and packages for files and figures.
+_COMPUTING_PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz")
+_OUTPUT_PACKAGES = ("xarray", "corner", "matplotlib")
+_MAX_DIGITS = 6  # longer numbers in a label are rounded
+LONGEST_VALUE = 200  # characters shown of a value from a file
+_INVISIBLE = ("Cc", "Cf", "Cs", "Zl", "Zp")  # Unicode categories, with marks that reverse text
 
 
 def clipped(text: str) -> str:
-    """Return text in quotes, cut where it would swamp a message.
+    """Return text in quotes, shortened to fit into a message.
 
     Examples
     --------
@@ -29,7 +29,7 @@ def clipped(text: str) -> str:
 
 
 def shown_value(value: object) -> str:
-    """Return a value of a TOML file as messages show it.
+    """Return the text of a value from a TOML file for a message.
 
     Examples
     --------
@@ -38,14 +38,14 @@ def shown_value(value: object) -> str:
     """
     try:
         text = re.sub(r"\n\s*", " ", repr(value))  # arrays have several lines
-    # Thousands of tables in each other, or an integer of thousands of digits.
+    # Nesting a thousand levels deep, or an integer of thousands of digits.
     except (RecursionError, ValueError):
         return "a value that is too deeply nested or too long"
     return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
 
 
 def visible(text: str) -> str:
-    r"""Return text with characters that do not show, or turn what follows, as their codes.
+    r"""Return text with invisible and text-reversing characters replaced by their codes.
 
     Examples
     --------
@@ -55,12 +55,12 @@ def visible(text: str) -> str:
     if text.isascii() and text.isprintable():
         return text
     return "".join(
-        ascii(c)[1:-1] if unicodedata.category(c) in _UNSEEN and c != "\n" else c for c in text
+        ascii(c)[1:-1] if unicodedata.category(c) in _INVISIBLE and c != "\n" else c for c in text
     )
 
 
 def short_label(text: str, n_digit: int = 5, most: int = 40) -> str:
-    """Return a label as tables and figures show it: long decimals rounded, and no longer than most.
+    """Return a label for tables and figures: long decimals rounded, and at most `most` characters.
 
     Examples
     --------
@@ -72,20 +72,20 @@ def short_label(text: str, n_digit: int = 5, most: int = 40) -> str:
 
     def rounded(number: re.Match[str]) -> str:
         digits = number[0].replace(".", "").lstrip("0")
-        return f"{float(number[0]):.{n_digit}g}" if len(digits) > _MOST_DIGITS else number[0]
+        return f"{float(number[0]):.{n_digit}g}" if len(digits) > _MAX_DIGITS else number[0]
 
     shown = re.sub(r"\d+\.\d+", rounded, text)
     return shown if len(shown) <= most else shown[: most - 1] + "…"
 
 
 def one_line_message(error: Exception, most: int = 120) -> str:
-    """Return what an error says as one line, cut off at a length, that ends in no blank."""
+    """Return the message of an exception as one line of at most `most` characters."""
     text = getattr(error, "strerror", None) or str(error) or type(error).__name__
     return " ".join(text.split())[:most].strip()
 
 
 def duration(seconds: float) -> str:
-    """Return a time as a person says it.
+    """Return a duration in a suitable unit.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def duration(seconds: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share in per cent, to two digits where it is under 100 %.
+    """Return a share in per cent, with two digits below 100 %.
 
     Examples
     --------
@@ -127,7 +127,7 @@ def percent(share: float) -> str:
 
 
 def count(n: int, noun: str, plural: str | None = None) -> str:
-    """Return a number of things in words that agree.
+    """Return a number with a noun in the matching singular or plural.
 
     Examples
     --------
@@ -138,7 +138,7 @@ def count(n: int, noun: str, plural: str | None = None) -> str:
 
 
 def some_of(words: Iterable[str], most: int, n: int | None = None) -> str:
-    """Return the first of some words, and how many more there are, of n if those are not all.
+    """Return the first words and the number of the others, out of n words in total.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def some_of(words: Iterable[str], most: int, n: int | None = None) -> str:
 
 
 def exit_text(code: int | None) -> str:
-    """Say how a process ended: by a signal where its exit code is negative.
+    """Return how a process ended: by a signal if its exit code is negative.
 
     Examples
     --------
@@ -164,9 +164,9 @@ def exit_text(code: int | None) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python, this package and those its numbers and figures depend on."""
+    """Return the versions of Python, this package, and packages that results depend on."""
     by_package = {"python": platform.python_version()}
-    for name in (*_SOLVING, *_SHOWING):
+    for name in (*_COMPUTING_PACKAGES, *_OUTPUT_PACKAGES):
         try:
             by_package[name] = version(name)
         except PackageNotFoundError:

@@ -1,7 +1,7 @@
-"""Scenes to numbers: transition loads as tables, and what a body does under given loads.
+"""Simulation of scenes: tables of transition loads, and contact at given loads.
 
-Knows scenes, mechanics and tables; nothing that samples. `generation.generate` gives a
-`ContactTable`, `responses.contact_at_loads` what happens between transitions:
+`generation.generate` returns a `ContactTable`, and `responses.contact_at_loads` the contact between
+transitions. The package imports scenes, mechanics and tables, but no sampling:
 
 >>> from ridgebayes.scene.scene import Scene
 >>> from ridgebayes.simulate.generation import generate

@@ -1,4 +1,4 @@
-"""Contact of a scene under given loads: counts, contact, penetration, the force on each ridge."""
+"""Contact of a scene at given loads: counts, widths, penetration, and forces on ridges."""
 
 import math
 import os
@@ -33,7 +33,7 @@ RESPONSE_COLUMNS += _LAST
 FORCE_COLUMNS = [*_FIRST, "land", "ridge", "left_over_R", "right_over_R", "share"]
 FORCE_COLUMNS += ["mean_pressure_over_E", *_LAST]
 EDGE_COLUMNS = [*_FIRST, "land", "ridge", "side", "x_over_R", "K", "G", "lateral_force", "status"]
-_N_OFFSET = 32  # of a uniform one: means over these are returned
+_N_OFFSETS = 32  # over which quantities are averaged for a uniform offset
 
 
 def contact_at_loads(
@@ -48,43 +48,44 @@ def contact_at_loads(
     Parameters
     ----------
     scene : Scene or path
-        Textures and Poisson's ratio; its own load does not matter.
+        Textures and Poisson's ratio; the scene's load is not used.
     p_over_E : array_like of float, shape (n_load,), dimensionless
         Loads per projected area over Young's modulus.
     solver : {"auto", "half-plane", "two-scale"}
-        Whether to simulate what the scene calls for, or all that it gives, at small strain or at
-        large deformation of the body.
+        ``"half-plane"`` (small strain) and ``"two-scale"`` (large deformation of the body) simulate
+        all effects in the scene, ``"auto"`` those that matter.
     rel_tol : float, optional
         Tolerance of contact ends.
 
     Returns
     -------
     pandas.DataFrame
-        A row a texture and load, (n_texture n_load,) in all. Columns texture, p_over_E, Q (ridges
-        in contact), contact_fraction (length in contact between its outermost ends),
-        half_width_over_R (half of that distance), approach_over_R (relative to the surface at a
-        distance R), penetration_over_R (deepest, into any groove), rel_se
-        (relative standard error of the load; that of lengths is about half of it; 0 at small
-        strain), status: if not ``"ok"`` it says what failed, and the numbers of that row must not
-        be used. For an offset ``"uniform"`` all are means over 32 offsets, and Q is not whole.
+        One row for each texture and load, (n_texture n_load,) in all. Columns texture, p_over_E, Q
+        (ridges in contact), contact_fraction (length in contact between its outermost ends),
+        half_width_over_R (half the distance between them), approach_over_R (relative to the surface
+        at a distance R), penetration_over_R (deepest, into any groove), rel_se (relative standard
+        error of the load; that of lengths is about half of it; 0 at small strain), status
+        (``"ok"``, or the reason why the numbers of the row must not be used). For an offset
+        ``"uniform"`` all values are means over 32 offsets, so Q need not be an integer.
 
     Raises
     ------
     InputError
         If a load is not finite, positive and at most 1e300, the solver is unknown, or the contact
-        of a texture cannot be solved for even roughly.
+        of a texture cannot be estimated.
 
     Notes
     -----
-    *Validity.* No friction. "half-plane" is for small strain: within 1 % of finite strain up to
-    p/E = 0.015, for moderate grooves. "two-scale" goes to p/E = 0.5; `status` marks loads above
-    those that were compared with finite elements. "auto" is as for `generate`, but two-scale where
-    that would use finite elements; if nu is under 0.3, half-plane to p/E = 0.1. Contacts of very
-    many ridges are not computed, and `status` says so.
+    *Validity.* Friction is neglected. "half-plane" is for small strain: within 1 % of finite strain
+    up to p/E = 0.015, for moderate grooves. "two-scale" is for p/E up to 0.5; `status` marks loads
+    above those compared with finite elements. "auto" is as for `generate`, with two-scale instead
+    of finite elements; if nu is below 0.3, half-plane up to p/E = 0.1. The status marks contacts
+    of too many ridges, which are not computed.
 
-    *Accuracy.* In a mean count, each change of the count is misplaced by at most 1/64 pitch.
+    *Accuracy.* In a mean count, the position of each change of the count errs by at most 1/64
+    pitch.
 
-    *Cost.* Milliseconds a texture and load; 32 times that for a uniform offset.
+    *Cost.* Milliseconds for a texture and load; 32 times that for a uniform offset.
 
     Examples
     --------
@@ -123,12 +124,12 @@ def ridge_forces(
     Parameters
     ----------
     scene : Scene or path
-        Textures and Poisson's ratio; its own load does not matter.
+        Textures and Poisson's ratio; the scene's load is not used.
     p_over_E : array_like of float, shape (n_load,), dimensionless
         Loads per projected area over Young's modulus.
     solver : {"auto", "half-plane", "two-scale"}
-        Whether to simulate what the scene calls for, or all that it gives, at small strain or at
-        large deformation of the body.
+        ``"half-plane"`` (small strain) and ``"two-scale"`` (large deformation of the body) simulate
+        all effects in the scene, ``"auto"`` those that matter.
     rel_tol : float, optional
         Tolerance of contact ends.
 
@@ -138,18 +139,17 @@ def ridge_forces(
         Columns texture, p_over_E, land (``ridge`` or ``floor``), ridge (its number, or that of
         the ridge to the left of a floor), left_over_R, right_over_R (ends of contact), share (of
         the load), mean_pressure_over_E, penetration_over_R (into the groove to the right), rel_se
-        (as of `contact_at_loads`), status.
-        For a symmetric position only the right half is given; the left half is its mirror image. A
-        load that could not be computed has one row, and its status says why.
+        (see `contact_at_loads`), status. A symmetric position has only the right half. A load that
+        could not be computed has one row, whose status gives the reason.
 
     Raises
     ------
     InputError
-        As `contact_at_loads`, or if a texture's offset is ``"uniform"``.
+        See `contact_at_loads`; also if a texture's offset is ``"uniform"``.
 
     Notes
     -----
-    *Validity.* As `contact_at_loads`.
+    *Validity.* See `contact_at_loads`.
 
     Examples
     --------
@@ -159,7 +159,7 @@ def ridge_forces(
     >>> found["ridge"].tolist(), found["share"].round(6).tolist()
     ([0], [0.5])
     """
-    scene = _of_known_offset(scene)
+    scene = _scene_with_offset(scene)
     rows = []
     for label, load, (solution,), scale in _solved(scene, p_over_E, solver, rel_tol):
         profile, pressing, grooves = solution.profile, solution.pressing, solution.penetrations
@@ -181,13 +181,13 @@ def edge_forces(
 ) -> pd.DataFrame:
     """Return the forces on the edges of every contact, and the net lateral force on the body.
 
-    On a sharp corner in full contact the pressure ends like K/sqrt(2 pi r), and
-    G = (1 - nu^2) K^2/(2 E) is a force on the body per length: from the ridge into the groove.
+    At a sharp corner in full contact the pressure is singular like K/sqrt(2 pi r), and
+    G = (1 - nu^2) K^2/(2 E) is a force on the body per length, from the ridge into the groove.
 
     Parameters
     ----------
     scene : Scene or path
-        Textures and Poisson's ratio; its own load does not matter. All that it gives is simulated.
+        Textures and Poisson's ratio; the scene's load is not used. All its effects are simulated.
     p_over_E : array_like of float, shape (n_load,), dimensionless
         Loads per projected area over Young's modulus.
     rel_tol : float, optional
@@ -196,29 +196,29 @@ def edge_forces(
     Returns
     -------
     pandas.DataFrame
-        Rows are edges from left to right. Columns texture, p_over_E, land (``ridge`` or ``floor``),
-        ridge (its number, or that of the ridge to the left of a floor), side (-1 left, 1 right),
-        x_over_R (where contact ends, from the body's axis), K (over E sqrt(R)), G (over E R),
-        lateral_force (net, on the body, over E R: the load is 2 p/E), status. K and G are 0 where
-        contact ends on a ridge's top, or the corner is round. A load that could not be computed
-        has one row, and its status says why.
+        Edges from left to right. Columns texture, p_over_E, land (``ridge`` or ``floor``), ridge
+        (its number, or that of the ridge to the left of a floor), side (-1 left, 1 right), x_over_R
+        (end of contact, from the body's axis), K (over E sqrt(R)), G (over E R), lateral_force (net
+        force on the body, over E R: the load is 2 p/E), status. K and G are 0 if contact ends on a
+        ridge's top, or the corner is round. A load that could not be computed has one row, whose
+        status gives the reason.
 
     Raises
     ------
     InputError
-        As `contact_at_loads`, or if a texture's offset is ``"uniform"``.
+        See `contact_at_loads`; also if a texture's offset is ``"uniform"``.
 
     Notes
     -----
-    *Validity.* Small strain: as "half-plane" of `contact_at_loads`. The resistance of edges to
-    sliding is not computed here: see `docs/derivations/edges.md`.
+    *Validity.* Small strain, as for "half-plane" in `contact_at_loads`. The resistance of edges to
+    sliding is not included: see `docs/derivations/edges.md`.
 
-    *Accuracy.* The lateral force is that of the pressure's centroid. With sharp corners it is the
-    sum of side G to 1e-6 of the sum of G.
+    *Accuracy.* The lateral force is computed from the pressure's centroid. With sharp corners it
+    equals the sum of side times G to 1e-6 of the sum of G.
 
     Examples
     --------
-    Off centre the edges no longer balance:
+    For an offset body the forces of edges do not balance:
 
     >>> from ridgebayes.scene.scene import Texture
     >>> scene = Scene(textures=(Texture(a_over_R=0.012, b_over_R=0.03, offset=0.2),))
@@ -229,7 +229,7 @@ def edge_forces(
     >>> bool(abs(net - found["lateral_force"].iloc[0]) < 1e-6 * found["G"].sum())
     True
     """
-    scene = _of_known_offset(scene)
+    scene = _scene_with_offset(scene)
     rows = []
     for label, load, (solution,), _ in _solved(scene, p_over_E, "half-plane", rel_tol):
         if not solution.segments:
@@ -243,8 +243,8 @@ def edge_forces(
     return pd.DataFrame(rows, columns=EDGE_COLUMNS)
 
 
-def _of_known_offset(source: Scene | str | os.PathLike[str]) -> Scene:
-    """Return a scene, or raise InputError where a texture's offset is uniform."""
+def _scene_with_offset(source: Scene | str | os.PathLike[str]) -> Scene:
+    """Return a scene, or raise InputError if a texture's offset is uniform."""
     scene = as_scene(source)
     if any(texture.offset == "uniform" for texture in scene.textures):
         raise InputError("offset: expected a number, got 'uniform' (forces depend on the offset)")
@@ -261,10 +261,10 @@ def _error(load: float, profile: Profile, scale: float, scene: Scene) -> float:
 def _solved(
     scene: Scene, p_over_E: ArrayLike, solver: str, rel_tol: float
 ) -> Iterator[tuple[str, float, tuple[ContactSolution, ...], float]]:
-    """Yield each texture's label and load with its solutions: one, or one an offset.
+    """Yield each texture's label and load with its solutions, one for each offset.
 
-    The last is the load over that of the half-plane that does the same; pressures and what hangs
-    into grooves under them are larger by it.
+    The last item is the load over the equivalent half-plane load; pressures and penetrations are
+    larger by this factor.
     """
     try:
         loads = np.atleast_1d(np.asarray(p_over_E, dtype=np.float64))
@@ -279,7 +279,7 @@ def _solved(
     profiles = [full_profile(texture) for texture in scene.textures]
     solvers = [solver] * len(profiles)
     if solver == "auto":
-        # Pressures are of the ridges even where transition loads would not notice these.
+        # Forces on ridges need ridges, even if these have no effect on transition loads.
         sharp = [Profile(texture.a_over_R, texture.b_over_R) for texture in scene.textures]
         plans = plan(scene)
         profiles = [planned.profile or none for planned, none in zip(plans, sharp, strict=True)]
@@ -287,7 +287,7 @@ def _solved(
         solvers = ["two-scale" if high else planned.solver for planned in plans]
     for texture, profile, chosen in zip(scene.textures, profiles, solvers, strict=True):
         label = texture_label(texture.a_over_R, texture.b_over_R)
-        offsets = offsets_between(_N_OFFSET) if texture.offset == "uniform" else [profile.offset]
+        offsets = offsets_between(_N_OFFSETS) if texture.offset == "uniform" else [profile.offset]
         places = [replace(profile, offset=offset) for offset in offsets]
         by_body = np.ones_like(loads)
         if solver == "auto" and scene.nu < two_scale.LEAST_NU:
@@ -303,7 +303,7 @@ def _solved(
 def _pressed(
     profile: Profile, scene: Scene, loads: FloatArray, by_body: FloatArray, rel_tol: float
 ) -> list[ContactSolution]:
-    """Return the contact at each load; that of the half-plane at the load over `by_body`."""
+    """Return the contact at each load, from a half-plane at the load over `by_body`."""
     within = np.isfinite(by_body)
     W = load_factor(scene.nu) * loads[within] / by_body[within]
     checked = two_scale.checked(scene.ogden)

@@ -1,4 +1,4 @@
-"""Loads of one texture: which solver, which transitions, what it said of each."""
+"""Transition loads of one texture: choice of the solver, transitions and their status."""
 
 import importlib.metadata
 import math
@@ -22,45 +22,45 @@ if TYPE_CHECKING:
     from ridgebayes.contact.cylinder.cylinder import Cylinder, Transition
 
 SOLVERS = ("auto", "hertz", "half-plane", "two-scale", "cylinder-linear", "cylinder-fe")
-# A texture asking for more is a slip of units; beyond the solver's cap rows have no load anyway.
+# More transitions in a texture indicate wrong units; above the solver's cap rows have no load.
 _MAX_TRANSITIONS = 65_536
-_N_OFFSET = 8  # of a uniform one, a curve each
+_N_OFFSETS = 8  # curves that represent a uniform offset
 
-# Q, loads and status of one texture's transitions up to p/E.
+# Q, loads and status of a texture's transitions up to p/E.
 _Rows: TypeAlias = "tuple[IntArray, FloatArray, NDArray[np.str_]]"
-# The first n transitions: loads and status.
+# Returns loads and status of the first n transitions.
 _Solver: TypeAlias = "Callable[[TextureTask, int], tuple[FloatArray, tuple[str, ...]]]"
-# Is given each cylinder and its transitions.
+# Called with each cylinder and its transitions.
 CylinderVisitor: TypeAlias = "Callable[[Texture, Cylinder, Sequence[Transition]], None]"
 
 
 @cache
 def versions() -> dict[str, str]:
-    """Return versions of what computes loads: another one may change their last digits."""
+    """Return the versions of packages that compute loads, as they may change the last digits."""
     names = ("ridgebayes", "numpy", "scipy", "scikit-fem")
     return {name: importlib.metadata.version(name) for name in names}
 
 
 @dataclass(frozen=True)
 class TextureTask:
-    """All that decides the curves of one texture; small enough to be sent to a process.
+    """Everything that determines the curves of a texture, small enough to send to a process.
 
     Parameters
     ----------
     number : int
         Number of the texture in its scene, from 1.
     scene : Scene
-        Scene of this texture alone.
+        Scene of this texture only.
     planned : bool
-        Whether to decide which effects are simulated; all that are given if not.
+        Whether to choose the simulated effects; otherwise all effects in the scene are simulated.
     solver : str
         One of `SOLVERS`, as for `ridgebayes.generate`.
     rel_tol : float, scalar, dimensionless
-        Wanted relative error of each load.
+        Requested relative error of each load.
     meshes : tuple of int
-        Edges of finite elements a ridge, finest first: where one stops, the next goes on.
+        Finite-element edges per ridge, finest first: where a mesh fails, the next continues.
     version : str
-        Version of this package, where the task was made.
+        Version of this package that created the task.
     """
 
     number: int
@@ -73,16 +73,16 @@ class TextureTask:
 
     @property
     def texture(self) -> Texture:
-        """The texture."""
+        """Texture of the task."""
         return self.scene.textures[0]
 
     @property
     def p_max(self) -> float:
-        """Its highest load."""
+        """Highest load of the texture."""
         return self.scene.highest_load(self.texture)
 
     def at_half_plane_load(self) -> "TextureTask":
-        """Return the task up to the load under which a half-plane does what the body does."""
+        """Return the task with its highest load converted to that of an equivalent half-plane."""
         nu, ogden = self.scene.nu, self.scene.ogden
         p_max = float(two_scale.half_plane_load(self.p_max, nu, ogden))
         if math.isnan(p_max):
@@ -93,12 +93,12 @@ class TextureTask:
 
     @property
     def where(self) -> str:
-        """Words for it in messages."""
+        """Name of the texture for messages."""
         a, b = self.texture.a_over_R, self.texture.b_over_R
         return f"scene: textures[{self.number}] = ({a!r}, {b!r})"
 
     def given(self) -> Json:
-        """Return the same for a journal: not its number, which may change."""
+        """Return the task as a journal's key, without its number, which may change."""
         return {
             "versions": versions(),
             "scene": self.scene.model_dump(mode="json"),
@@ -112,27 +112,27 @@ class TextureTask:
 def transition_curves(
     task: TextureTask, planned: Plan, pressed: "CylinderVisitor | None" = None
 ) -> Iterator[Json]:
-    """Yield the curves of a texture: one, or several where its offset is any, or meshes change.
+    """Yield the curves of a texture: several for a uniform offset, or if meshes change.
 
     Parameters
     ----------
     task : TextureTask
-        The texture and how its loads are computed.
+        Texture and options of the solver.
     planned : Plan
-        Effects that are simulated.
+        Simulated effects.
     pressed : callable, optional
         As for `ridgebayes.generate`.
 
     Yields
     ------
     dict
-        Columns of the contact table, in values that JSON has: a number or text where all rows
-        have the same, else a list.
+        Columns of the contact table as values of JSON: a number or text if all rows are equal,
+        else a list.
 
     Raises
     ------
     InputError
-        If the texture has no transition, or over 65,536, under the load.
+        If the texture has no transition, or over 65,536, below the load.
     """
     texture, scene, solver = task.texture, task.scene, task.solver
     chosen = planned.solver if solver == "auto" else solver
@@ -141,7 +141,7 @@ def transition_curves(
     if profile is None and (by_elements or two_scales):
         profile = full_profile(texture)
     if solver == "hertz" or profile is None:
-        yield _curve(task, _many(task, _hertz), "hertz", "effects=none")
+        yield _curve(task, _first_transitions(task, _hertz), "hertz", "effects=none")
         return
     names = _simulated(task, planned, chosen)
     if "material" not in names:
@@ -152,23 +152,23 @@ def transition_curves(
         yield _curve(task, _linear(task), solver, f"{effects}+finite-body", edges=edges)
         return
     is_any = profile.offset and texture.offset == "uniform"
-    offsets = offsets_between(_N_OFFSET) if is_any else [profile.offset]
+    offsets = offsets_between(_N_OFFSETS) if is_any else [profile.offset]
     for offset in offsets:
         here = replace(profile, offset=offset)
         if by_elements:
             for rows, edges, body, reached in _elements(here, task):
                 rounded = body.profile != here
-                how = f"{effects} corners=a/{1 / _ROUNDED:g}" if rounded else effects
+                how = f"{effects} corners=a/{1 / _CORNER_OVER_A:g}" if rounded else effects
                 curve = _curve(task, rows, "cylinder-fe", how, offset, edges)
                 if rounded:
-                    curve |= {"rel_se": math.hypot(curve["rel_se"], _ROUNDED_SE)}
+                    curve |= {"rel_se": math.hypot(curve["rel_se"], _CORNER_SE)}
                 yield curve
                 if pressed is not None:
                     pressed(texture, body, reached)
             continue
         sharp, how = here == Profile(here.a, here.b), f"{effects} rel_tol={task.rel_tol:g}"
         with_reach = task.at_half_plane_load() if two_scales else task
-        rows = _many(with_reach, _half_plane) if sharp else _events(here, with_reach)
+        rows = _first_transitions(with_reach, _half_plane) if sharp else _events(here, with_reach)
         curve = _curve(task, rows, "half-plane", how, offset)
         yield _two_scale(curve, here, task.scene.ogden) if two_scales else curve
 
@@ -209,12 +209,12 @@ def _curve(
 
 
 def offsets_between(n: int) -> list[float]:
-    """Return n offsets that represent all others, in pitches: the other half is mirrored."""
+    """Return n offsets in pitches that represent all offsets; the others are mirror images."""
     return [(i + 0.5) / (2 * n) for i in range(n)]
 
 
 def optional_effects(texture: Texture) -> list[str]:
-    """Return the effects that a texture gives beyond its ridges."""
+    """Return the effects of a texture other than its ridges."""
     effects = {
         "offset": texture.offset != 0.0,
         "groove floor": texture.groove_depth_over_R is not None,
@@ -223,33 +223,33 @@ def optional_effects(texture: Texture) -> list[str]:
     return [name for name, on in effects.items() if on]
 
 
-# Edges a ridge of the mesh, and the relative error of its loads: docs/validation/cylinder.md. Where
-# the fine one's rim cannot pass a corner a coarser one can: what slides is less than its edge.
+# Relative error of loads by the number of mesh edges per ridge: docs/validation/cylinder.md. If a
+# fine mesh cannot pass a corner, a coarser one may, because the rim slides by less than its edge.
 ELEMENTS_SE = {48: 5e-4, 24: 1e-3, 10: 4e-3}
-# Past a sharp corner the last mesh goes on with round ones, whose loads are some 0.1 % off.
-_ROUNDED, _ROUNDED_SE = 0.05, 2e-3
+# If the last mesh stops at a sharp corner, it continues with round ones: an error of some 0.1 %.
+_CORNER_OVER_A, _CORNER_SE = 0.05, 2e-3
 
 
 def _two_scale(curve: Json, profile: Profile, ogden: Ogden) -> Json:
-    """Return a curve of half-plane loads at the loads that do so at large deformation."""
+    """Return a curve of half-plane loads converted to large deformation by two scales."""
     nu = curve["nu"]
     loads = two_scale.load_of(curve["p_over_E"], nu, ogden)
     error = two_scale.relative_error(loads, profile, nu, ogden)
-    said = [
+    statuses = [
         two_scale.UNCHECKED if status == "ok" and p > two_scale.checked(ogden) else status
         for status, p in zip(curve["status"], loads.tolist(), strict=True)
     ]
-    rows = {"p_over_E": loads.tolist(), "rel_se": np.nan_to_num(error).tolist(), "status": said}
+    rows = {"p_over_E": loads.tolist(), "rel_se": np.nan_to_num(error).tolist(), "status": statuses}
     source = curve["source"].replace(" half-plane ", " two-scale ", 1)
     return curve | rows | {"solver": "two-scale", "source": source}
 
 
 def friction_refused(scene: Scene, planned: Plan, solver: str) -> str:
-    """Say what is wrong with leaving out friction; nothing if it may be."""
+    """Return a message if friction must not be neglected, or an empty text if it may be."""
     friction = next((effect for effect in planned.effects if effect.name == "friction"), None)
-    wanted = max(scene.relative or 0.0, FINITE_ELEMENT_ERROR if solver == "auto" else 0.0)
+    limit = max(scene.relative or 0.0, FINITE_ELEMENT_ERROR if solver == "auto" else 0.0)
     by_elements = (planned.solver if solver == "auto" else solver) == "cylinder-fe"
-    if friction is None or by_elements or friction.estimate <= wanted:
+    if friction is None or by_elements or friction.estimate <= limit:
         return ""
     return (
         f"friction = {scene.friction!r}: changes loads by up to {friction.estimate:.2g}, "
@@ -258,8 +258,8 @@ def friction_refused(scene: Scene, planned: Plan, solver: str) -> str:
     )
 
 
-def _many(task: TextureTask, solve: _Solver) -> _Rows:
-    """Return the transitions of one texture up to the load, by a solver of the first n of them."""
+def _first_transitions(task: TextureTask, solve: _Solver) -> _Rows:
+    """Return a texture's transitions up to the load, by a solver of the first n transitions."""
     pitch, p_max = task.texture.a_over_R + task.texture.b_over_R, task.p_max
     n_transitions, loads = 8, np.zeros(0)
     while not (loads.size and loads[-1] > p_max):
@@ -275,7 +275,7 @@ def _many(task: TextureTask, solve: _Solver) -> _Rows:
 
 
 def _events(profile: Profile, task: TextureTask) -> _Rows:
-    """Return the transitions of any profile up to the load: a table holds those from Q = 4 on."""
+    """Return the transitions of any profile up to the load; a table starts at Q = 4."""
     from ridgebayes.contact.reaching import reaching_loads  # loaded on use
 
     factor, W_max = load_factor(task.scene.nu), load_factor(task.scene.nu) * task.p_max
@@ -290,24 +290,25 @@ def _events(profile: Profile, task: TextureTask) -> _Rows:
 def _elements(
     profile: Profile, task: TextureTask
 ) -> "Iterator[tuple[_Rows, int, Cylinder, list[Transition]]]":
-    """Yield the transitions by finite elements, mesh by mesh; what was found, and why no more."""
-    # scikit-fem takes its time to load: only where it is used.
+    """Yield transitions by finite elements, mesh by mesh; the last status gives a failure."""
+    # scikit-fem takes long to import.
     from ridgebayes.contact.cylinder.cylinder import MOST_FAILURES, Cylinder, transition_curve
 
-    last, scene, p_max = 3, task.scene, task.p_max  # a table holds transitions from Q = 4 on
+    last, scene, p_max = 3, task.scene, task.p_max  # a table starts at Q = 4
     after: Transition | None = None
     for edges in task.meshes:
         final = edges == task.meshes[-1]
         rounds = final and edges != task.meshes[0] and not profile.corner
-        here = replace(profile, corner=_ROUNDED * profile.a) if rounds else profile
+        here = replace(profile, corner=_CORNER_OVER_A * profile.a) if rounds else profile
         body = Cylinder(
             here, p_max=p_max, nu=scene.nu, friction=scene.friction, edges=edges, ogden=scene.ogden
         )
         reached: list[Transition] = []
-        # A mesh that takes all steps at a sharp corner never passes it: see validation/cylinder.md.
+        # A mesh that takes all Newton steps at a sharp corner will not pass it: see
+        # docs/validation/cylinder.md.
         tries = MOST_FAILURES if final or profile.corner else 2
         curve = transition_curve(body, p_max, seen=reached.append, most_failures=tries, after=after)
-        # With friction loads depend on the way, and every transition is a stop.
+        # With friction loads depend on the path, so the next mesh has to stop at every transition.
         after = reached[-1] if reached and not scene.friction else after
         (Q, p_over_E), status = curve[:2], np.array(curve[2], dtype=np.str_)
         done = bool(np.all(status == "ok"))
@@ -323,10 +324,10 @@ def _elements(
 
 
 def _filled(p_over_E: FloatArray, pitch_over_R: float, nu: float) -> FloatArray:
-    """Estimate missing loads, to know which rows without one belong under the scene's load.
+    """Return loads with estimates for missing ones, to decide which rows are below the load.
 
-    They grow nearly as k^2 from the last that was computed; without any, grooves are too narrow
-    to matter and the smooth body's half-width is k pitches.
+    Loads grow nearly as k^2 from the last computed load. If none was computed, grooves are too
+    narrow to matter, and the half-width of the smooth body is k pitches.
     """
     k = np.arange(1, p_over_E.size + 1)
     computed = np.flatnonzero(~np.isnan(p_over_E))
@@ -339,7 +340,7 @@ def _filled(p_over_E: FloatArray, pitch_over_R: float, nu: float) -> FloatArray:
 
 def _linear(task: TextureTask) -> _Rows:
     """Return the transitions at small strain, by finite elements."""
-    # scikit-fem takes its time to load: only where it is used.
+    # scikit-fem takes long to import.
     from ridgebayes.contact.cylinder.small_strain import small_strain_transitions
 
     a, b, p_max = task.texture.a_over_R, task.texture.b_over_R, task.p_max

@@ -1,8 +1,8 @@
-"""The contact table: its columns, their rules, its files, and the tables of the package.
+"""Contact tables: columns, validation and files, and the tables shipped with the package.
 
-`columns` has the contract, `rules` finds every cell that breaks it, `files` reads and writes, and
-`table` has the record that everything else works on, `ContactTable`. `datafiles` finds the embedded
-data. The room knows `errors` and `runtime`.
+`columns` defines the columns, `rules` finds all cells that violate a rule, `files` reads and writes
+tables, and `table` defines `ContactTable`, on which the rest of the package works. `datafiles`
+finds the embedded data. The package imports only `errors` and `runtime`.
 
 >>> import pandas as pd
 >>> from ridgebayes.table.table import read_table

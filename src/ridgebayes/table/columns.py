@@ -1,4 +1,4 @@
-"""The column contract of a contact table, the check of a header, and messages on bad cells."""
+"""Columns of a contact table, check of the header, and messages about invalid cells."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,16 +10,16 @@ from ridgebayes._types import BoolArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import clipped
 
-if TYPE_CHECKING:  # scenes take their bounds from here, and need no pandas
+if TYPE_CHECKING:  # scenes import this module without pandas
     import pandas as pd
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the contract.
+    """Definition of a column of a table.
 
-    A column whose `default` is None is required. One that is not `always_written` is left out of
-    a file in which every row holds the default.
+    A column whose `default` is None is required. A column that is not `always_written` is omitted
+    from a file if every row has the default.
     """
 
     name: str
@@ -33,10 +33,10 @@ class Column:
 TRANSITION, COUNT = "transition", "count"
 CALIBRATION, HELD_OUT = "calibration", "held-out"
 OK = "ok"
-_MOST_NAMED, _LONGEST = 50, 80  # columns that messages list, and characters of each
-LARGEST_Q = 2**53  # beyond it a Q read as a float is no longer a definite integer
+_MAX_COLUMNS_LISTED, _MAX_LENGTH = 50, 80  # in messages; characters of each name
+LARGEST_Q = 2**53  # integers up to it are exact as floats
 
-# Within these a load of any countable Q, and of none but the first, is a float of full precision.
+# Within these limits the load of any countable Q is a float of full precision.
 LEAST_WIDTH, LARGEST_WIDTH, LARGEST_LOAD = 1e-50, 1e50, 1e300
 
 _FREE = "any text on one line"
@@ -113,21 +113,21 @@ CURVE = ("a_over_R", "b_over_R", "nu", "offset_over_R", "source", "solver", "ser
 
 
 def check_header(names: Sequence[Any], where: str, contract: Sequence[Column] = COLUMNS) -> None:
-    """Refuse columns that cannot be told apart or are not all there.
+    """Refuse a header with nameless, repeated or missing columns.
 
     Parameters
     ----------
     names : sequence of str
-        The columns of a table, in any order.
+        Column names of a table, in any order.
     where : str
-        Name that messages show.
+        Name for messages.
     contract : sequence of Column, optional
-        Columns of the table's kind; a contact table's if not given.
+        Column definitions; those of a contact table if not given.
 
     Raises
     ------
     InputError
-        If a column has no name, a name stands twice, or a required column is missing.
+        If a column has no name, a name occurs twice, or a required column is missing.
 
     Examples
     --------
@@ -137,16 +137,16 @@ def check_header(names: Sequence[Any], where: str, contract: Sequence[Column] = 
     ridgebayes.errors.InputError: fea.csv, header: missing column p_over_E;
     the columns are 'a_over_R', 'b_over_R', 'Q', 'p'
     """
-    there = ", ".join(repr(name)[:_LONGEST] for name in names[:_MOST_NAMED]) or "none"
-    if len(names) > _MOST_NAMED:
-        there += f" and {len(names) - _MOST_NAMED} more"
+    there = ", ".join(repr(name)[:_MAX_LENGTH] for name in names[:_MAX_COLUMNS_LISTED]) or "none"
+    if len(names) > _MAX_COLUMNS_LISTED:
+        there += f" and {len(names) - _MAX_COLUMNS_LISTED} more"
     before: set[str] = set()
     for i, name in enumerate(names, start=1):
         rule = "each column must stand once" if name in before else None
         if not isinstance(name, str) or not name:
             rule = "must have a name, as text"
         if rule is not None:
-            at = f"column {i} = {repr(name)[:_LONGEST]}"
+            at = f"column {i} = {repr(name)[:_MAX_LENGTH]}"
             raise InputError(f"{where}, header: {at}: {rule}; the columns are {there}")
         before.add(name)
     required = [column.name for column in contract if column.default is None]
@@ -161,14 +161,14 @@ def check_header(names: Sequence[Any], where: str, contract: Sequence[Column] = 
         )
 
 
-SHOWN = 20  # a message a person can still read; the rest is counted
+SHOWN = 20  # cells listed in a message; the others are counted
 
 
 @dataclass(frozen=True)
 class RawTable:
-    """Cells as they came in, with what a message needs to point at them.
+    """Unchecked cells of a table with the information for messages about them.
 
-    `lines` are the file's, of the rows, where it has lines.
+    `lines` holds the line number of each row, if the table is a text file.
     """
 
     frame: "pd.DataFrame"
@@ -176,12 +176,12 @@ class RawTable:
     lines: IntArray | None = None
 
     def place(self, row: int) -> str:
-        """Return the words for a row counted from 0."""
+        """Return the location of a row, counted from 0, for a message."""
         line = "" if self.lines is None else f" (line {self.lines[row]})"
         return f"{self.where}, row {row + 1}{line}"
 
     def shown(self, row: int, column: str) -> str:
-        """Return a cell as it was typed."""
+        """Return a cell as typed."""
         cell: Any = self.frame[column].iloc[row] if column in self.frame else ""
         if isinstance(cell, str):
             return clipped(cell) if cell else "(empty)"
@@ -189,26 +189,26 @@ class RawTable:
 
 
 class Findings:
-    """Cells that break a rule; only the first broken rule of each cell is reported."""
+    """Cells that violate a rule; only the first violated rule of each cell is reported."""
 
     def __init__(self, n_row: int) -> None:
         self.n_row = n_row
         self.bad: dict[str, BoolArray] = {}
-        self._told: list[tuple[IntArray, str, str, IntArray | None]] = []
+        self._added: list[tuple[IntArray, str, str, IntArray | None]] = []
 
     def add(
         self, broken: BoolArray | IntArray, column: str, rule: str, other: IntArray | None = None
     ) -> None:
-        """Note rows by a mask or by their numbers; ``{other}`` in the rule is a row beside each."""
+        """Add rows by mask or number; ``{other}`` in the rule stands for a second row of each."""
         seen = self.bad.setdefault(column, np.zeros(self.n_row, dtype=bool))
         rows = np.flatnonzero(broken) if broken.dtype == bool else broken.astype(np.int64)
         fresh = ~seen[rows]
         if fresh.any():
             seen[rows] = True
-            self._told.append((rows[fresh], column, rule, None if other is None else other[fresh]))
+            self._added.append((rows[fresh], column, rule, None if other is None else other[fresh]))
 
     def sound(self, *columns: str) -> BoolArray:
-        """Return where none of the columns broke a rule so far, shape (n_row,)."""
+        """Return the rows without findings in the columns so far, shape (n_row,)."""
         fine = np.ones(self.n_row, dtype=bool)
         for column in columns:
             if column in self.bad:
@@ -216,22 +216,22 @@ class Findings:
         return fine
 
     def __bool__(self) -> bool:
-        return bool(self._told)
+        return bool(self._added)
 
     def complaints(self) -> Iterator[tuple[str, str, IntArray, IntArray | None]]:
-        """Yield column, rule, the rows that break it, and the rows that replace ``{other}``."""
-        for rows, column, rule, other in self._told:
+        """Yield column, rule, the rows that violate it, and the rows that replace ``{other}``."""
+        for rows, column, rule, other in self._added:
             yield column, rule, rows, other
 
     def message(self, raw: RawTable) -> str:
-        """Return one line a cell, in the order of the file, the first twenty of them."""
-        rows = np.concatenate([rows for rows, *_ in self._told])
-        which = np.repeat(np.arange(len(self._told)), [len(rows) for rows, *_ in self._told])
+        """Return a message with a line for each cell in the order of the file, at most twenty."""
+        rows = np.concatenate([rows for rows, *_ in self._added])
+        which = np.repeat(np.arange(len(self._added)), [len(rows) for rows, *_ in self._added])
         order = np.lexsort((which, rows))
         lines = []
         for i in order[:SHOWN]:
             row = int(rows[i])
-            at, column, rule, other = self._told[which[i]]
+            at, column, rule, other = self._added[which[i]]
             if other is not None:
                 rule = rule.format(other=int(other[np.flatnonzero(at == row)[0]]) + 1)
             lines.append(f"{raw.place(row)}: {column} = {raw.shown(row, column)}: {rule}")
@@ -239,7 +239,7 @@ class Findings:
 
 
 def listed(where: str, lines: list[str], n_cell: int, n_row: int) -> str:
-    """Return the lines below a headline, with the rest counted."""
+    """Return a headline and the lines below it, with the number of omitted lines."""
     cells, verb = ("1 value", "breaks") if n_cell == 1 else (f"{n_cell} values", "break")
     if n_cell > len(lines):
         lines = [*lines, f"... and {n_cell - len(lines)} more"]

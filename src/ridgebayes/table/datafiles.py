@@ -1,4 +1,4 @@
-"""Where the data that ships with the package lies: inside a wheel, or beside a source checkout."""
+"""Location of the data shipped with the package, in a wheel or a source checkout."""
 
 from pathlib import Path
 
@@ -27,12 +27,12 @@ def data_path(name: str) -> Path:
     Returns
     -------
     pathlib.Path
-        The existing file.
+        Path of the existing file.
 
     Raises
     ------
     InputError
-        If no file of that name was shipped.
+        If the file is not shipped.
     """
     for root in _ROOTS:
         if (root / name).is_file():
@@ -41,7 +41,7 @@ def data_path(name: str) -> Path:
 
 
 def paper_sweep() -> ContactTable:
-    """Return the embedded default table: the study's nine textures, and a held-out one.
+    """Return the embedded default table: the study's nine textures and a held-out texture.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def paper_sweep() -> ContactTable:
     Raises
     ------
     InputError
-        If the file was not shipped.
+        If the file is not shipped.
 
     Examples
     --------
@@ -63,18 +63,18 @@ def paper_sweep() -> ContactTable:
 
 
 def reference_fe() -> ContactTable:
-    """Return finite-strain finite-element loads, on which a run compares the forms a second time.
+    """Return finite-strain finite-element loads, on which runs compare the forms a second time.
 
     Returns
     -------
     ContactTable
-        For calibration the study's nine textures by this package's finite elements; held out, two
-        of them by CalculiX, an independent program.
+        The study's nine textures for calibration, computed by this package's finite elements; two
+        of them held out, computed by the independent program CalculiX.
 
     Raises
     ------
     InputError
-        If a file was not shipped.
+        If a file is not shipped.
 
     Examples
     --------

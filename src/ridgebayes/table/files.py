@@ -1,4 +1,4 @@
-"""Contact tables in files: to raw cells, and from a canonical frame."""
+"""Reading of contact tables into unchecked cells, and writing of canonical frames."""
 
 import csv
 import hashlib
@@ -21,13 +21,13 @@ from ridgebayes.runtime.text import clipped
 from ridgebayes.table.columns import COLUMNS, SHOWN, Column, RawTable, check_header, listed
 
 SUFFIXES = (".csv", ".parquet")
-MOST_CELLS = 10**8  # of Parquet: a small file of repeated values may hold any number of rows
+MOST_CELLS = 10**8  # in a Parquet file, where few bytes can hold any number of equal rows
 
 
 def raw_cells(
     source: object, where: str, record: str, contract: Sequence[Column] = COLUMNS
 ) -> RawTable:
-    """Return the cells of rows or of a file; InputError, in terms of `record`, if it is neither."""
+    """Return the cells of a data frame or file; other sources raise InputError with `record`."""
     if isinstance(source, pd.DataFrame):
         return RawTable(source.copy(), where)
     if isinstance(source, str | os.PathLike):
@@ -43,21 +43,21 @@ def read_raw(path: Path, contract: Sequence[Column] = COLUMNS) -> RawTable:
     Parameters
     ----------
     path : pathlib.Path
-        Ends in ``.csv`` (UTF-8, comma, one header line) or ``.parquet``.
+        Path ending in ``.csv`` (UTF-8, comma, one header line) or ``.parquet``.
     contract : sequence of Column, optional
-        Columns of the table's kind; a contact table's if not given.
+        Column definitions; those of a contact table if not given.
 
     Returns
     -------
     RawTable
-        The cells, unchecked.
+        Unchecked cells.
 
     Raises
     ------
     InputError
-        If the suffix is unknown, the file is not there, is a folder, cannot be read, is empty, is
-        not UTF-8, or has rows of another length than its header; for Parquet also if pyarrow is
-        missing or refuses the file.
+        If the suffix is unknown, the file does not exist, is a folder, cannot be read, is empty,
+        is not UTF-8, or has rows of another length than its header; for Parquet also if pyarrow is
+        missing or cannot read the file.
     """
     suffix, where = _suffix(path), str(path)
     if os.path.isdir(path):  # noqa: PTH112, as `Path.is_dir` fails on a name that is too long
@@ -67,7 +67,7 @@ def read_raw(path: Path, contract: Sequence[Column] = COLUMNS) -> RawTable:
 
 
 def check_name(path: Path) -> None:
-    """Refuse a name that no table can be written under, before there is one.
+    """Check early that a table can be written under a name.
 
     Parameters
     ----------
@@ -84,21 +84,21 @@ def check_name(path: Path) -> None:
 
 
 def write_frame(frame: pd.DataFrame, path: Path) -> None:
-    """Write a frame as CSV or Parquet, whole or not at all.
+    """Write a frame as CSV or Parquet, atomically.
 
     Parameters
     ----------
     frame : pandas.DataFrame
         Table to write, without its index.
     path : pathlib.Path
-        Ends in ``.csv`` or ``.parquet``; an existing file is replaced.
+        Path ending in ``.csv`` or ``.parquet``; an existing file is overwritten.
 
     Raises
     ------
     InputError
         If the suffix is unknown, the folder does not exist, or pyarrow is missing.
     OutputError
-        If the file cannot be written, such as on a full disk.
+        If the file cannot be written, for instance because the disk is full.
     """
     check_name(path)
     with replacing(path) as part:
@@ -109,14 +109,14 @@ def write_frame(frame: pd.DataFrame, path: Path) -> None:
 
 
 def frame_digest(frame: pd.DataFrame, contract: Sequence[Column] = COLUMNS) -> str:
-    """Return the SHA-256 of a canonical frame, the user's own columns in order of name.
+    """Return the SHA-256 of a canonical frame, with additional columns sorted by name.
 
     Parameters
     ----------
     frame : pandas.DataFrame
-        Every column of the contract and any others.
+        Every column of the contract, and additional columns.
     contract : sequence of Column, optional
-        Columns of the table's kind; a contact table's if not given.
+        Column definitions; those of a contact table if not given.
 
     Returns
     -------
@@ -129,7 +129,7 @@ def frame_digest(frame: pd.DataFrame, contract: Sequence[Column] = COLUMNS) -> s
         cells = frame[name]
         hashed.update(json.dumps([name, len(cells)]).encode())
         if cells.dtype.kind in "iuf":
-            # + 0.0 makes -0.0 and 0.0 the same bytes; every NaN becomes the same NaN.
+            # + 0.0 gives -0.0 the bytes of 0.0, and all NaN become the same NaN.
             values = cells.to_numpy(dtype=np.float64, na_value=np.nan) + 0.0
             hashed.update(np.where(np.isnan(values), np.nan, values).astype("<f8").tobytes())
         else:
@@ -153,14 +153,14 @@ def _pyarrow(where: str) -> Any:
 
 
 def read_arrow(content: bytes, where: str) -> Any:
-    """Read a Parquet file into pyarrow's table, bounded before it is unpacked.
+    """Read a Parquet file into pyarrow's table, after a check of its size.
 
     Parameters
     ----------
     content : bytes
-        The file.
+        Content of the file.
     where : str
-        Name that messages show.
+        Name for messages.
 
     Returns
     -------
@@ -169,14 +169,14 @@ def read_arrow(content: bytes, where: str) -> Any:
     Raises
     ------
     InputError
-        If pyarrow is missing or refuses the file, or it holds over 10^8 cells.
+        If pyarrow is missing or cannot read the file, or it holds over 10^8 cells.
     """
     parquet = _pyarrow(where)
-    # pyarrow lets out exceptions of many kinds on what is no Parquet file.
+    # pyarrow raises exceptions of many types for a damaged file.
     with refusing(f"{where}: not a readable Parquet file"):
         file = parquet.ParquetFile(io.BytesIO(content))
         width = max(len(file.schema_arrow), 1)
-        # Rows are counted by group: the total that a file states may be wrong.
+        # Rows are counted by group, because the total stated by the file may be wrong.
         groups = range(file.metadata.num_row_groups)
         n_row = sum(file.metadata.row_group(i).num_rows for i in groups)
         if fits := n_row * width <= MOST_CELLS:
@@ -191,15 +191,15 @@ def read_arrow(content: bytes, where: str) -> Any:
 
 def _parquet(content: bytes, where: str) -> RawTable:
     table = read_arrow(content, where)
-    with refusing(f"{where}: not a readable Parquet file"):  # of what pandas makes nothing
+    with refusing(f"{where}: not a readable Parquet file"):  # pandas may fail to convert it
         frame = table.to_pandas()
-    # A named index is a column that another program set apart (pandas keeps 4, 6, 8 as a range
-    # outside the columns); one without a name only counts rows.
+    # A named index is a column (pandas keeps 4, 6, 8 as a range outside the columns). An index
+    # without a name only counts rows.
     named = [name for name in frame.index.names if name is not None]
     return RawTable(frame.reset_index(named) if named else frame, where)
 
 
-# Text that is a number and loses nothing by becoming one: "007", "+1" and longer ones stay text.
+# Text that can become a number without loss: "007", "+1" and longer numbers stay text.
 _PLAIN_NUMBER = r"-?(?:0|[1-9]\d{0,15})(?:\.\d+)?(?:[eE][+-]?\d{1,3})?|"
 
 
@@ -209,22 +209,22 @@ def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) ->
     Parameters
     ----------
     content : bytes
-        The file: UTF-8 with or without a byte-order mark, commas, one header line. Blank lines are
-        passed over.
+        UTF-8 with or without a byte-order mark, commas and one header line. Blank lines are
+        skipped.
     where : str
-        Name that messages show.
+        Name for messages.
     contract : sequence of Column, optional
-        Columns of the table's kind; a contact table's if not given.
+        Column definitions; those of a contact table if not given.
 
     Returns
     -------
     RawTable
-        The cells, unchecked; cells of the user's own columns that are all numbers are numbers.
+        Unchecked cells; additional columns of numbers only are converted to numbers.
 
     Raises
     ------
     InputError
-        If the bytes are not UTF-8, hold a NUL, or hold nothing; if a column is missing or stands
+        If the bytes are not UTF-8, contain a NUL, or are empty; if a column is missing or occurs
         twice; if a quote is not closed, or a row has another number of cells than the header.
     """
     text = decoded(content, where)
@@ -232,14 +232,14 @@ def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) ->
         raise InputError(f"{where}: the file is empty")
     cells = records(text, where)
     header = next(cells)[1]
-    # Before the rows: with another separator every row would look ragged.
+    # The header is checked first: with another separator every row would look ragged.
     check_header(header, where, contract)
     even = even_lines(text, ",", len(header))
     if even is None:
         rows = list(cells)
         frame = pd.DataFrame(_whole_rows(rows, header, where), columns=header, dtype=str)
         lines = np.array([line for line, _ in rows], dtype=np.int64)
-    else:  # the same cells in two thirds of the time and memory: tables may have a million rows
+    else:  # pandas needs two thirds of the time and memory, for tables of a million rows
         options: dict[str, Any] = {"header": 0, "dtype": str, "keep_default_na": False}
         frame, lines = pd.read_csv(io.StringIO(text), names=header, **options), even[1:] + 1
     extra_names = set(header) - {column.name for column in contract}
@@ -248,7 +248,7 @@ def raw_csv(content: bytes, where: str, contract: Sequence[Column] = COLUMNS) ->
 
 
 def even_lines(text: str, separator: str, n_column: int) -> IntArray | None:
-    """Return the lines, from 0, that are not empty, if each has so many cells and no quotes."""
+    """Return the lines, from 0, that are not empty, or None if cells are quoted or rows ragged."""
     code = np.frombuffer(f"{text}\n".encode(), dtype=np.uint8)
     ends, marks = (np.flatnonzero(code == ord(mark)) for mark in ("\n", separator))
     n_mark = np.diff(np.searchsorted(marks, ends), prepend=0)
@@ -263,7 +263,7 @@ def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, 
     Raises
     ------
     InputError
-        If a quote is not closed or stands inside a cell.
+        If a quote is not closed or occurs inside a cell.
     """
     lines = (match[0] for match in re.finditer(r"[^\n]*\n|[^\n]+", text))  # without a copy
     reader = csv.reader(lines, delimiter=separator, strict=True)
@@ -280,7 +280,7 @@ def records(text: str, where: str, separator: str = ",") -> Iterator[tuple[int, 
 def _whole_rows(
     rows: list[tuple[int, list[str]]], header: list[str], where: str
 ) -> list[list[str]]:
-    """Return rows as long as the header; refuse others."""
+    """Return the cells of rows; refuse rows of another length than the header."""
     width, columns = len(header), [*header, f"beyond {header[-1]}"]
     bad = [(i, *row) for i, row in enumerate(rows, start=1) if len(row[1]) != width]
     if bad:
@@ -294,7 +294,7 @@ def _whole_rows(
 
 
 def lossless(cells: "pd.Series[str]") -> "pd.Series[str] | pd.Series[float]":
-    """Return a column of text as numbers, if all of it is and none loses anything by it.
+    """Return a column of text as numbers, if every cell can be converted without loss.
 
     Examples
     --------

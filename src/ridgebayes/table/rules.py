@@ -1,4 +1,4 @@
-"""The rules of a contact table: every cell that breaks one is found before anything is said."""
+"""Rules of a contact table; all violations are collected before they are reported."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -21,21 +21,21 @@ Check = Callable[[RawTable], tuple[pd.DataFrame, Findings]]
 def validated(
     raw: RawTable, check: Check, columns: Sequence[Column] = contract.COLUMNS
 ) -> pd.DataFrame:
-    """Return the canonical frame of a table.
+    """Validate the cells of a table and return its canonical frame.
 
     Parameters
     ----------
     raw : RawTable
-        Cells as they came in.
+        Unchecked cells.
     check : callable
-        Returns the frame and the cells that break a rule, such as `checked`.
+        Returns the frame and the cells that violate a rule, such as `checked`.
     columns : sequence of Column, optional
-        Contract of the table's kind; a contact table's if not given.
+        Column definitions; those of a contact table if not given.
 
     Raises
     ------
     InputError
-        If a column is missing, there are no rows, or a cell breaks a rule.
+        If a column is missing, there are no rows, or a cell violates a rule.
     """
     check_header(list(raw.frame.columns), raw.where, columns)
     if not len(raw.frame):
@@ -47,24 +47,24 @@ def validated(
 
 
 def checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
-    """Turn raw cells into the canonical frame and find every cell that breaks a rule.
+    """Convert cells to the canonical frame and find all cells that violate a rule.
 
     Parameters
     ----------
     raw : RawTable
-        Cells as they came in; the header was checked before.
+        Unchecked cells below a checked header.
 
     Returns
     -------
     frame : pandas.DataFrame
-        Every column of the contract in its order, defaults filled, then the user's own. To be
-        used only if there are no findings.
+        Columns of the contract in their order with defaults filled in, then additional columns.
+        Valid only if there are no findings.
     findings : Findings
-        The cells that break a rule.
+        Cells that violate a rule.
 
     Notes
     -----
-    *Cost*: array operations only, as long as number columns hold numbers.
+    *Cost*: array operations only, if number columns hold numbers.
     """
     typed, empty, findings = read_cells(raw.frame, contract.COLUMNS)
     _check_cells(typed, empty, findings)
@@ -77,7 +77,7 @@ def checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
 
 
 def read_number(cells: pd.DataFrame, column: Column, findings: Findings) -> tuple[Any, BoolArray]:
-    """Return values, defaults filled, and where the cell was empty."""
+    """Return the numbers of a column, with defaults filled in, and a mask of empty cells."""
     default = np.nan if column.default is None else column.default
     if column.name not in cells:
         return np.full(len(cells), default), np.ones(len(cells), dtype=bool)
@@ -88,7 +88,7 @@ def read_number(cells: pd.DataFrame, column: Column, findings: Findings) -> tupl
 
 
 def read_text(cells: pd.DataFrame, column: Column, findings: Findings) -> tuple[Any, BoolArray]:
-    """Return text, defaults filled, and where the cell was empty."""
+    """Return the text of a column, with defaults filled in, and a mask of empty cells."""
     if column.name not in cells:
         words = pd.Series(column.default, index=range(len(cells)), dtype=str)
         return words, np.ones(len(cells), dtype=bool)
@@ -99,7 +99,7 @@ def read_text(cells: pd.DataFrame, column: Column, findings: Findings) -> tuple[
 
 
 def own_column(cells: "pd.Series[Any]", name: str, findings: Findings) -> "pd.Series[Any]":
-    """Return a column of the user's own: numbers, truth values and dates as they are, else text."""
+    """Return an additional column: numbers, truth values and dates unchanged, else as text."""
     if cells.dtype.kind in "biufM":
         return cells
     words = as_text(cells)
@@ -108,7 +108,7 @@ def own_column(cells: "pd.Series[Any]", name: str, findings: Findings) -> "pd.Se
 
 
 def _check_one_line(words: "pd.Series[Any]", name: str, findings: Findings) -> None:
-    # A line break or a NUL does not come back from every CSV reader as it went in.
+    # Some CSV readers change line breaks and NUL characters.
     codes, distinct = pd.factorize(words)
     control = pd.Series(distinct).str.contains(_CONTROL, regex=True).to_numpy(dtype=bool)
     findings.add(control[codes], name, "must be text on one line")
@@ -117,7 +117,7 @@ def _check_one_line(words: "pd.Series[Any]", name: str, findings: Findings) -> N
 def read_cells(
     frame: pd.DataFrame, columns: Sequence[Column]
 ) -> tuple[dict[str, Any], dict[str, BoolArray], Findings]:
-    """Return columns by name, which cells of the contract's are empty, and which cannot be read."""
+    """Return all columns by name, masks of empty cells, and the cells that cannot be converted."""
     cells = frame.reset_index(drop=True)
     findings = Findings(len(cells))
     typed: dict[str, Any] = {}
@@ -132,7 +132,7 @@ def read_cells(
 
 
 def _check_cells(typed: dict[str, Any], empty: dict[str, BoolArray], findings: Findings) -> None:
-    """Find the cells that are wrong by themselves or beside others of their row."""
+    """Find cells that are invalid by themselves or given other cells of their row."""
     for name in ("a_over_R", "b_over_R", "Q"):
         findings.add(empty[name], name, "must not be empty or NaN")
     nu, kind, role, status = typed["nu"], typed["kind"], typed["role"], typed["status"]
@@ -151,7 +151,7 @@ def _check_cells(typed: dict[str, Any], empty: dict[str, BoolArray], findings: F
         findings.add(broken, name, contract.RULES[name])
 
     ok = (status == contract.OK).to_numpy()
-    # " OK" is not `ok`: it would quietly leave the row out of every fit.
+    # A status " OK" would silently exclude the row from every fit.
     nearly = status.str.strip().str.lower().eq(contract.OK).to_numpy() & ~ok
     findings.add(nearly, "status", "expected exactly 'ok', or a description of the failure")
 
@@ -173,13 +173,13 @@ def _check_cells(typed: dict[str, Any], empty: dict[str, BoolArray], findings: F
 
 
 def check_labels(typed: dict[str, Any], texture: IntArray, findings: Findings) -> None:
-    """Fill empty labels; find one label on two textures, which no result could tell apart.
+    """Fill in empty labels, and find labels shared by two textures.
 
     `texture` holds a code of (a_over_R, b_over_R) for each row.
     """
     a, b, label = typed["a_over_R"], typed["b_over_R"], typed["texture"]
     first = np.unique(texture, return_index=True)[1]
-    # Python runs per distinct texture, not per row.
+    # The loop runs over distinct textures instead of rows.
     names = pd.Series([texture_label(a[i], b[i]) for i in first], dtype=object).astype(str)
     filled = label.mask((label == "").to_numpy(), names.take(texture).reset_index(drop=True))
     typed["texture"] = filled
@@ -193,7 +193,7 @@ def check_labels(typed: dict[str, Any], texture: IntArray, findings: Findings) -
 
 
 def check_curves(typed: dict[str, Any], texture: IntArray, findings: Findings) -> None:
-    """Find what stands twice in a curve, and loads that do not rise with Q; as `check_labels`."""
+    """Find repeated counts in a curve, and loads that do not rise with Q."""
     use = (typed["kind"] == contract.TRANSITION) & (typed["status"] == contract.OK)
     sound = findings.sound(*contract.REQUIRED, *contract.CURVE, "kind", "status")
     rows = np.flatnonzero(use.to_numpy() & sound)
@@ -219,19 +219,19 @@ def check_curves(typed: dict[str, Any], texture: IntArray, findings: Findings) -
     tell(same_Q, "Q", "each Q must stand once in a curve, and row {other} has it too")
     rises, reached = same_curve & ~same_Q, "must rise with Q along a curve: row {other} has"
     tell(rises & (p[now] < p[before]), "p_over_E", f"{reached} a lower Q")
-    # A load step went over two corners: that it was here is known of the first one alone.
+    # A load step that passes two corners locates only the first of them.
     two_counts = f"{reached} a lower Q and this load; of one load step, keep the lowest Q"
     tell(rises & (p[now] == p[before]), "p_over_E", two_counts)
 
 
-# Numbers as people write them; `float` alone would also take "1_000" and non-Latin digits.
+# Numbers as people write them; `float` would also accept "1_000" and non-Latin digits.
 _NUMBER = re.compile(
     r"\s*[+-]?((\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?|inf|infinity|nan)\s*", re.I | re.A
 )
 
 
 def shortest(value: float) -> str:
-    """Return the shortest text that reads back as this number.
+    """Return the shortest text that reads back as the same number.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def shortest(value: float) -> str:
 
 
 def texture_label(a_over_R: float, b_over_R: float) -> str:
-    """Return the label of a texture that was given none.
+    """Return the default label of a texture.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def texture_label(a_over_R: float, b_over_R: float) -> str:
     Returns
     -------
     str
-        ``a<A>_b<B>`` from the shortest exact decimals, so that two textures never share it.
+        ``a<A>_b<B>`` with the shortest exact decimals, which is unique for each texture.
 
     Examples
     --------
@@ -273,12 +273,12 @@ def texture_label(a_over_R: float, b_over_R: float) -> str:
 
 
 def row_codes(*columns: Any) -> IntArray:
-    """Give each row of some columns a number, equal for equal rows, by first appearance.
+    """Return the number of each distinct row of some columns in order of first appearance.
 
     Parameters
     ----------
     *columns : array_like, shape (n_row,), any unit
-        Numbers or text, one array a column.
+        Numbers or text, one array for each column.
 
     Returns
     -------
@@ -298,7 +298,7 @@ def row_codes(*columns: Any) -> IntArray:
 
 
 def as_numbers(cells: "pd.Series[Any]") -> tuple[FloatArray, BoolArray, BoolArray]:
-    """Turn the raw cells of a column into numbers.
+    """Convert the cells of a column to numbers.
 
     Parameters
     ----------
@@ -308,12 +308,12 @@ def as_numbers(cells: "pd.Series[Any]") -> tuple[FloatArray, BoolArray, BoolArra
     Returns
     -------
     values : numpy.ndarray of float, shape (n_row,), in the unit of the column
-        NaN where there is no number.
+        Values; NaN for cells without a number.
     empty : numpy.ndarray of bool, shape (n_row,)
-        Where the cell is empty.
+        Mask of empty cells.
     text : numpy.ndarray of bool, shape (n_row,)
-        Where the cell holds something that is not a number (a typed ``nan`` is one: it is
-        neither empty nor text).
+        Mask of cells that hold something other than a number; a typed ``nan`` is neither empty nor
+        text.
 
     Examples
     --------
@@ -325,11 +325,11 @@ def as_numbers(cells: "pd.Series[Any]") -> tuple[FloatArray, BoolArray, BoolArra
     if cells.dtype.kind in "iuf":
         values = cells.to_numpy(dtype=np.float64, na_value=np.nan)
         return values, empty, np.zeros(len(cells), dtype=bool)
-    if isinstance(cells.dtype, pd.StringDtype):  # each text once
+    if isinstance(cells.dtype, pd.StringDtype):  # each distinct text is converted once
         codes, distinct = pd.factorize(cells, use_na_sentinel=False)
         once = as_numbers(pd.Series(distinct, dtype=object))
         return once[0][codes], once[1][codes], once[2][codes]
-    # One Python call a cell: only columns that are not plain numbers come here.
+    # One Python call for each cell: columns of plain numbers have returned above.
     values = np.full(len(cells), np.nan)
     text = np.zeros(len(cells), dtype=bool)
     for i, cell in enumerate(cells.astype(object)):
@@ -346,17 +346,17 @@ def as_numbers(cells: "pd.Series[Any]") -> tuple[FloatArray, BoolArray, BoolArra
 
 
 def as_text(cells: "pd.Series[Any]") -> "pd.Series[Any]":
-    """Turn the raw cells of a column into text.
+    """Convert the cells of a column to text.
 
     Parameters
     ----------
     cells : pandas.Series, shape (n_row,)
-        Anything; numbers become their shortest decimals, so that series 1 and 1.0 are the same.
+        Any values; numbers become their shortest decimals, so that series 1 and 1.0 are equal.
 
     Returns
     -------
     pandas.Series of str, shape (n_row,)
-        Empty text where a cell is empty.
+        Text of the cells; empty for empty cells.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""`ContactTable`: the loads at which ridges were reached, validated once, at the door."""
+"""`ContactTable`: validated loads at which ridges were reached."""
 
 import os
 from collections.abc import Sequence
@@ -18,21 +18,21 @@ from ridgebayes.table.columns import CALIBRATION, COLUMNS, CURVE, HELD_OUT, OK, 
 from ridgebayes.table.files import frame_digest, raw_cells, write_frame
 from ridgebayes.table.rules import checked, validated
 
-if TYPE_CHECKING:  # heavy
+if TYPE_CHECKING:  # slow to import
     from matplotlib.axes import Axes
 
-_SAME_LOAD = ("a_over_R", "b_over_R", "nu", "offset_over_R", "Q", "kind", "p_over_E_lower")
-_LEAST_CURVE = 3  # rows of a curve, for it to count as a copy
+_LOAD_KEY = ("a_over_R", "b_over_R", "nu", "offset_over_R", "Q", "kind", "p_over_E_lower")
+_MIN_ROWS_COPY = 3  # rows of a curve that counts as a copy of another
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ValidatedTable(Tabular):
-    """Rows that keep the rules of a contract of columns.
+    """Table of rows that satisfy the rules of its columns.
 
     Parameters
     ----------
     where : str, optional
-        File or name that messages show.
+        File or name for messages.
     """
 
     _frame: pd.DataFrame
@@ -41,16 +41,16 @@ class ValidatedTable(Tabular):
 
     @property
     def frame(self) -> pd.DataFrame:
-        """A copy of the rows: contract columns in their order, all filled, then the user's own."""
+        """A copy of the rows: contract columns in their order, all filled, then other columns."""
         return self._frame.copy()
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return a copy of the rows, as `frame`.
+        """Return a copy of the rows; see `frame`.
 
         Returns
         -------
         pandas.DataFrame, shape (n_row, n_column)
-            Contract columns in their order, all filled, then the user's own.
+            Contract columns in their order, all filled in, then other columns.
         """
         return self.frame
 
@@ -61,33 +61,33 @@ class ValidatedTable(Tabular):
         return len(self._frame)
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the whole table or nothing; optional columns without content are left out.
+        """Write the table atomically; optional columns that hold only defaults are left out.
 
         Parameters
         ----------
         path : str or path
-            Ends in ``.csv`` or ``.parquet``; an existing file is replaced. CSV has no types: text
-            of the user's own columns that looks like numbers comes back as numbers.
+            Path ending in ``.csv`` or ``.parquet``; an existing file is overwritten. CSV has no
+            types: text in other columns that looks like numbers is read back as numbers.
 
         Raises
         ------
         InputError
             If the suffix is unknown, the folder does not exist, or pyarrow is missing.
         OutputError
-            If the file cannot be written, such as on a full disk.
+            If the file cannot be written, for instance because the disk is full.
         """
         optional = [c for c in self.contract if c.default is not None and not c.always_written]
         silent = [c.name for c in optional if self._frame[c.name].isin([c.default]).all()]
         write_frame(self._frame.drop(columns=silent), Path(path))
 
     def digest(self) -> str:
-        """Return the SHA-256 of the content: equal for equal rows in equal order.
+        """Return the SHA-256 of the content, which is equal for equal rows in equal order.
 
         Returns
         -------
         str
-            64 hexadecimal digits, whatever the file format, the order of columns, and whether
-            defaults were written or left out.
+            64 hexadecimal digits, independent of the file format, the order of columns, and whether
+            defaults are written.
         """
         return frame_digest(self._frame, self.contract)
 
@@ -96,15 +96,15 @@ class ValidatedTable(Tabular):
 class ContactTable(ValidatedTable):
     """Validated rows of the contact table.
 
-    `ContactTable.from_frame` and `read_table` make it. Your own columns follow those of the
-    contract:
+    Tables are created by `ContactTable.from_frame` and `read_table`. Additional columns follow the
+    contract's columns:
 
     ================== ============================================================================
     a_over_R, b_over_R ridge and groove width over the radius: finite, > 0
     Q                  proximal edges in contact: an even integer (odd only off centre), >= 4 for a
                        transition, >= 2 for a count
-    p_over_E           load at which that Q was reached (transition) or seen (count): finite, > 0;
-                       may be empty only where `status` is not ``ok``
+    p_over_E           load at which Q was reached (transition) or seen (count): finite, > 0;
+                       may be empty only if `status` is not ``ok``
     p_over_E_lower     optional: last load at which Q was not yet reached: 0 <= lower <= p_over_E
     rel_se             optional: known relative standard error of the load, independent from row to
                        row: >= 0; default 0
@@ -121,16 +121,16 @@ class ContactTable(ValidatedTable):
     Parameters
     ----------
     where : str, optional
-        File or name that messages show.
+        File or name for messages.
 
     Notes
     -----
     A curve is the ``ok`` transitions of one texture, nu, offset, source, solver and series. Its
     loads rise strictly with Q, and each Q occurs once.
 
-    A texture is its (a_over_R, b_over_R). One label on two textures is refused, because results
-    are named by label. One texture under two labels is accepted (two samples of one geometry):
-    results are named by the first of them, see `labels`.
+    A texture is its (a_over_R, b_over_R). A label must not name two textures, because results are
+    named by label. A texture may have two labels (two samples of one geometry); results are named
+    by the first, see `labels`.
 
     Examples
     --------
@@ -168,18 +168,18 @@ class ContactTable(ValidatedTable):
             Columns of the contract in any order; the index is ignored. NaN, None and empty text are
             empty cells.
         where : str, optional
-            Name that messages show.
+            Name for messages.
 
         Returns
         -------
         ContactTable
-            A copy: later changes of `frame` do not reach it.
+            Table with a copy of the rows.
 
         Raises
         ------
         InputError
-            If `frame` is no DataFrame, or a rule is broken: one message that lists every bad cell
-            with row (from 1), column, value and rule, the first twenty shown and the rest counted.
+            If `frame` is not a DataFrame, or a rule is violated. One message lists the invalid
+            cells with row (from 1), column, value and rule; it shows twenty and counts the rest.
         """
         if not isinstance(frame, pd.DataFrame):
             kind = type(frame).__name__
@@ -187,17 +187,17 @@ class ContactTable(ValidatedTable):
         return cls(validated(RawTable(frame.copy(), where), checked), where)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw Q against load as steps, one curve per texture, without rows that are not ``ok``.
+        """Draw Q against load as steps, one curve per texture, for rows with status ``ok``.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure's if not given.
+            Axes to draw on; those of a new figure if not given.
 
         Returns
         -------
         matplotlib.axes.Axes
-            The axes drawn on.
+            Axes drawn on.
         """
         ok = self._frame[self._ok]
         if ok.empty:
@@ -217,12 +217,12 @@ class ContactTable(ValidatedTable):
         Parameters
         ----------
         name : str
-            Name of a column of the contract, or of a column of the user's own.
+            Name of a column of the contract, or of an additional column.
 
         Returns
         -------
         numpy.ndarray, shape (n_row,), in the unit of the column
-            Read-only: numbers, or text as objects.
+            Read-only numbers, or text as objects.
 
         Raises
         ------
@@ -239,31 +239,31 @@ class ContactTable(ValidatedTable):
 
     @property
     def calibration(self) -> "ContactTable":
-        """The rows to fit: status ok, role calibration. May be empty."""
+        """Rows to fit: status ok and role calibration. The table may be empty."""
         return self._where(self._ok & (self._frame["role"] == CALIBRATION).to_numpy())
 
     @property
     def held_out(self) -> "ContactTable":
-        """The rows to predict and compare, never to fit: status ok, role held-out."""
+        """Rows to predict and compare but not to fit: status ok and role held-out."""
         return self._where(self._ok & (self._frame["role"] == HELD_OUT).to_numpy())
 
     @property
     def left_out(self) -> "ContactTable":
-        """The rows whose status is not ok; messages count them."""
+        """Rows whose status is not ok, which are not used."""
         return self._where(~self._ok)
 
     @property
     def repeated(self) -> "ContactTable":
-        """The rows to fit of curves whose loads are all those of another curve, to all digits.
+        """Rows to fit of curves whose loads all occur in another curve, with all digits equal.
 
-        They are fitted like any other, so what was measured once counts twice. Curves of fewer than
-        three rows are not told: repeats that are read to two digits have loads in common by chance.
+        They are fitted like other rows, so a load measured once may count twice. Curves of fewer
+        than three rows are not reported: repeats read to two digits may agree by chance.
         """
         rows, frame = self.calibration, self.calibration._frame
         codes = pd.DataFrame(
             {
                 name: frame.groupby(list(keys), sort=False, dropna=False).ngroup()
-                for name, keys in (("curve", CURVE), ("load", (*_SAME_LOAD, "p_over_E")))
+                for name, keys in (("curve", CURVE), ("load", (*_LOAD_KEY, "p_over_E")))
             }
         )
         shared = codes[codes.duplicated("load", keep=False)]
@@ -271,10 +271,10 @@ class ContactTable(ValidatedTable):
         pairs_of_curves = pairs.groupby(["curve_x", "curve_y"]).size().rename("n").reset_index()
         size = codes["curve"].value_counts()
         other, later = (pairs_of_curves[name].map(size) for name in ("curve_x", "curve_y"))
-        # The later one of two equal curves; else the curve that lies within the other.
+        # The later of two equal curves is the copy; else the curve contained in the other.
         is_copy = (later < other) | (pairs_of_curves["curve_x"] < pairs_of_curves["curve_y"])
         whole = pairs_of_curves.loc[
-            (pairs_of_curves["n"] == later) & (later >= _LEAST_CURVE) & is_copy, "curve_y"
+            (pairs_of_curves["n"] == later) & (later >= _MIN_ROWS_COPY) & is_copy, "curve_y"
         ]
         return rows._where(codes["curve"].isin(whole).to_numpy())
 
@@ -287,13 +287,13 @@ class ContactTable(ValidatedTable):
 
     @property
     def textures(self) -> tuple[tuple[float, float], ...]:
-        """The distinct (a_over_R, b_over_R), in order of first appearance."""
+        """Distinct (a_over_R, b_over_R) in order of first appearance."""
         pairs = self._frame[["a_over_R", "b_over_R"]].drop_duplicates()
         return tuple((float(a), float(b)) for a, b in pairs.to_numpy())
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The label of each of `textures`: the first it has in the table."""
+        """Label of each of `textures`: its first label in the table."""
         kept = self._frame.drop_duplicates(["a_over_R", "b_over_R"])["texture"]
         return tuple(str(label) for label in kept)
 
@@ -304,20 +304,20 @@ def read_table(source: ContactTable | pd.DataFrame | str | os.PathLike[str]) -> 
     Parameters
     ----------
     source : str, path, pandas.DataFrame or ContactTable
-        A ``.csv`` file (UTF-8, commas, one header line), a ``.parquet`` file, or the rows
-        themselves. `ContactTable` describes the columns; one is returned as it is.
+        A ``.csv`` file (UTF-8, commas, one header line), a ``.parquet`` file, or the rows. See
+        `ContactTable` for the columns. A ContactTable is returned unchanged.
 
     Returns
     -------
     ContactTable
-        The validated table; defaults are filled in, and nothing is dropped or repaired.
+        Validated table with defaults filled in; no row is dropped or repaired.
 
     Raises
     ------
     InputError
-        If the source is none of these, the file cannot be read, or a rule is broken; the message
-        names file, row, column, value and rule of every bad cell (the first twenty shown, the rest
-        counted).
+        If the source is of another type, the file cannot be read, or a rule is violated. The
+        message gives file, row, column, value and rule of each invalid cell; it shows twenty and
+        counts the rest.
 
     Examples
     --------

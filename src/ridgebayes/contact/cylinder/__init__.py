@@ -1,9 +1,9 @@
-"""The soft cylinder on rigid ridges by finite elements, at small and at finite strain.
+"""Soft cylinder on rigid ridges by finite elements, at small and at finite strain.
 
-`material`, `mesh` and `solid` are the body, `faces` the rigid side, `surface` the gaps between,
-`contact_problem` both together, `newton` its equilibrium, `cylinder` the transitions;
-`small_strain` has those of a linear body, `fields` writes states to files. Knows profiles; no
-scene, no table.
+`material`, `mesh` and `solid` describe the body, `faces` the rigid side, `surface` the gaps between
+them, and `contact_problem` both together. `newton` finds equilibria, `cylinder` transitions.
+`small_strain` has the transitions of a linear body, and `fields` writes states to files. The
+package imports profiles, but neither scenes nor tables.
 
 >>> from ridgebayes.contact.cylinder.cylinder import Cylinder
 >>> from ridgebayes.contact.rigid_profile import Profile

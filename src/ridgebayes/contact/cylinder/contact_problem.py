@@ -1,4 +1,4 @@
-"""A body against rigid faces: gaps of all segments, and the forces of their pressures on it."""
+"""A body against rigid faces: gaps of all segments, and forces of the contact pressures."""
 
 import math
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ from ridgebayes.contact.cylinder.faces import Corner, Faces
 from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.contact.cylinder.surface import Hits, cast, distance, kink, shapes
 
-_AHEAD = 0.05  # how far rays look for the body, over R
-_UNDER = 3  # edges of the rim under one segment, that its pressure couples
+_MAX_AHEAD = 0.05  # over R; distance over which rays look for the body
+_N_COUPLED = 3  # edges of the rim above a segment, which its pressure couples
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A body pressed on rigid faces.
+    """State of a body pressed on rigid faces.
 
     Parameters
     ----------
@@ -49,11 +49,11 @@ class Gaps:
     Parameters
     ----------
     gap : ndarray of float, shape (n_segment,), over R
-        Mean over each segment; infinite where a ray of it misses the body.
+        Mean over each segment; infinite if one of its rays misses the body.
     normal, along : scipy.sparse.csr_array, shape (n_segment, 2 n_node)
         Derivative of each segment's integrated gap, and of its integrated slip.
     slip : ndarray of float, shape (n_segment,), over R^2
-        Integrated slip since the state before.
+        Integrated slip since the previous state.
     """
 
     gap: FloatArray
@@ -63,22 +63,22 @@ class Gaps:
     _hits: Hits
     _segment: IntArray  # of each hit
     _weight: FloatArray
-    _node: IntArray  # of the rim at kinks of the gap,
-    _kink_segment: IntArray  # the segments they lie over,
-    _kinks: FloatArray  # and their part of the second derivative, shape (n, 2, 2)
+    _node: IntArray  # nodes of the rim at kinks of the gap
+    _kink_segment: IntArray  # segments below the kinks
+    _kinks: FloatArray  # second derivatives at the kinks, shape (n, 2, 2)
 
 
 class ContactProblem:
-    """A body, the rigid faces under it, and where it is held.
+    """Body, the rigid faces under it, and its fixed displacements.
 
     Parameters
     ----------
     solid : Solid
-        The body.
+        Body.
     faces : Faces
-        The rigid side.
+        Rigid side.
     held : ndarray of bool, shape (n_node, 2)
-        Displacements that are zero.
+        Mask of displacements fixed to zero.
     friction : float, optional
         Coulomb's coefficient.
     """
@@ -92,9 +92,9 @@ class ContactProblem:
 
     @cached_property
     def free(self) -> IntArray:
-        """Degrees of freedom that are not held, in the order in which to eliminate them."""
-        n = len(self._rim) - _UNDER + 1
-        strips = np.stack([self._rim[i : i + n] for i in range(_UNDER)], axis=1).reshape(n, -1)
+        """Free degrees of freedom in the order of elimination."""
+        n = len(self._rim) - _N_COUPLED + 1
+        strips = np.stack([self._rim[i : i + n] for i in range(_N_COUPLED)], axis=1).reshape(n, -1)
         order = elimination_order([self.solid.nodes, strips], self.solid.n_node)
         dofs = np.stack([2 * order, 2 * order + 1], axis=-1).ravel()
         return np.asarray(dofs[~self.held.ravel()[dofs]])
@@ -110,18 +110,18 @@ class ContactProblem:
         return (self.solid.points + state.u)[self._rim]
 
     def gaps(
-        self, state: State, before: State, left_out: np.ndarray, *, ahead: float = _AHEAD
+        self, state: State, before: State, left_out: np.ndarray, *, ahead: float = _MAX_AHEAD
     ) -> Gaps:
         """Measure the gaps of all segments.
 
         Parameters
         ----------
         state : State
-            Present state of the body.
+            Current state of the body.
         before : State
-            State from which slip is counted.
+            State from which slip is measured.
         left_out : ndarray of bool, shape (n_segment,)
-            Segments whose gaps are not looked at: infinite.
+            Segments to ignore, whose gaps are set to infinity.
         ahead : float, optional, over R
             Distance over which rays look for the body.
         """
@@ -133,7 +133,7 @@ class ContactProblem:
         gap = np.bincount(segment, weight * hits.gap, n) / self.faces.length
         missing = np.bincount(segment, minlength=n) < np.bincount(rays.segment, minlength=n)
         gap[missing | left_out] = math.inf
-        # Where the next ray meets the next edge, the gap has a kink at the node between them.
+        # The gap has a kink at the node between two edges that are met by consecutive rays.
         face = rays.face[hits.ray]
         next_edge = (np.diff(hits.edge) == 1) & (np.diff(hits.ray) == 1)
         after = np.flatnonzero(next_edge & (np.diff(face) == 0))
@@ -143,7 +143,7 @@ class ContactProblem:
         along = weight[:, None, None] * shapes(hits.s)[:, :, None] * hits.tangent[:, None, :]
         slip = np.zeros(n)
         if self.friction:
-            # The body that is here now was there before, both as the ridges see it.
+            # Movement of the body's points since the previous state, relative to the ridges.
             there = np.einsum("nk,nki->ni", shapes(hits.s), self.rim(before)[hits.edge])
             there[:, 1] += state.rise - before.rise
             moved = np.einsum("ni,ni->n", hits.tangent, rays.point[hits.ray] - there)
@@ -159,17 +159,17 @@ class ContactProblem:
         return np.asarray(gaps.normal.T @ state.pressure + gaps.along.T @ state.shear)
 
     def load(self, state: State, gaps: Gaps) -> float:
-        """Return the force upwards: the line load over E R of what is meshed."""
+        """Return the upward force: the line load over E R of the meshed part."""
         return float(self.force(state, gaps) @ self.up)
 
     def contact_stiffness(
         self, state: State, gaps: Gaps, *, share: float = 1.0
     ) -> sparse.csr_array:
-        """Return the derivative of the rigid side's force by the nodes.
+        """Return the derivative of the contact force by the nodes.
 
-        The term of the pressures is the second derivative of their work, which enters the body's
-        potential with a minus sign. A share below 1, of the positive part of this term, makes the
-        potential more convex.
+        The pressures contribute the second derivative of their work, which enters the potential
+        with a minus sign. A share below 1 reduces the positive part of this contribution, which
+        makes the potential more convex.
         """
         on_hit, on_kink = state.pressure[gaps._segment], state.pressure[gaps._kink_segment]
         if share < 1.0:

@@ -1,8 +1,8 @@
-"""The full cylinder on parallel ridges: its transitions, one after another.
+"""Soft cylinder on parallel ridges: its transitions in order of load.
 
-The ridges rise towards the body. Each transition is solved for as a point: the rise at which the
-next ridge's corner touches, so that no load increment enters its load. On the way there the
-distance of that corner shrinks in steps that grow and shrink with Newton's.
+The ridges rise towards the body. Each transition is the rise at which the corner of the next ridge
+touches the body, so no load increment enters its load. On the way the distance of this corner is
+reduced in steps whose length is adapted to the number of Newton steps.
 """
 
 import math
@@ -30,38 +30,42 @@ from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 
-# Length of the segment at a sharp corner, in edges: the body's edge cannot follow the turn. Shorter
-# ones hold the body on the corner, longer ones let it sink in; this leaves 0.05 % of a load.
+# Length of the segment at a sharp corner, in edges, because the body's edge cannot follow the turn.
+# Shorter segments hold the body on the corner, longer ones let it sink in: the error is 0.05 % of a
+# load.
 CORNER = 0.4
-SEGMENT = 1.25  # edges: other segments; shorter ones would ask more than edges can give
-_ARC = 8  # segments of a round corner
-_FIRST_STEP, _LEAST_STEP = 0.1, 1e-3  # of the corner's distance
-# A share of the corner's distance: with friction, on which loads depend, first steps are no longer,
-# without it twice as long. Where the rim snaps past sharp corners shorter steps take as many.
-_LONG = 0.25
-_FEW, _MANY = 6, 10  # Newton steps, of which fewer let that distance double, and more halve it
-_PASSING = 1e4  # tolerances by which states between transitions may be off: 10^-5 of the load
-# Solves that fail on the way to a transition; one without an equilibrium in all steps counts twice:
-# it costs as much as five that find one.
+SEGMENT = 1.25  # edges: length of other segments; shorter ones are not resolved by the edges
+_ARC_SEGMENTS = 8  # segments of a round corner
+_FIRST_SHARE, _MIN_SHARE = 0.1, 1e-3  # step as a share of the corner's distance
+# A share of the corner's distance: with friction first steps are no longer, because loads depend on
+# the path, without friction twice as long. Where the rim snaps past sharp corners, shorter steps
+# need as many Newton steps.
+_LONG_SHARE = 0.25
+# Fewer Newton steps than these double the share, more than the last halve it if it is long.
+_FEW_STEPS, _MANY_STEPS = 6, 10
+# Tolerances by which a state between transitions may be off, a part in 10^5 of the load.
+_LOOSE_TOLERANCES = 1e4
+# Failed solves on the way to a transition. One that takes all Newton steps counts twice, because it
+# costs as much as five successful solves.
 MOST_FAILURES = 16
-_MOST_ELEMENTS = 40_000
-_LOOSER = 0.3  # growth of edges away from ridges
+_MAX_ELEMENTS = 40_000
+_GROWTH = 0.3  # of edge lengths with distance from the ridges
 
 
 @dataclass(frozen=True, eq=False)
 class Transition:
-    """A transition: the body just touches a further ridge.
+    """Transition at which the body just touches another ridge.
 
     Parameters
     ----------
     ridge : int
         Number of the ridge.
     Q : int
-        Ridges touched from here on.
+        Number of ridges touched from this load on.
     p_over_E : float
         Load.
     state : State
-        The body there.
+        State of the body at the transition.
     """
 
     ridge: int
@@ -71,27 +75,27 @@ class Transition:
 
 
 class Cylinder:
-    """A soft cylinder on rigid ridges; lengths over its radius, stresses over Young's modulus.
+    """Soft cylinder on rigid ridges; lengths over its radius, stresses over Young's modulus.
 
     Parameters
     ----------
     profile : Profile or None
-        The rigid side; None is a flat.
+        Rigid profile; None is a flat.
     nu : float, optional
         Poisson's ratio.
     p_max : float
-        Largest load that will be asked for: the mesh is made for it.
+        Largest load p/E for which the mesh is made.
     friction : float, optional
         Coulomb's coefficient.
     edges : float, optional
-        Edges of the rim over a ridge's width.
+        Number of edges of the rim over a ridge's width.
     ogden : tuple of (float, float), optional
-        As of `Material`; neo-Hookean if not given.
+        Terms of `Material`; neo-Hookean if not given.
 
     Raises
     ------
     InputError
-        If a value breaks its rule, or the mesh would have over 40,000 elements.
+        If a value is out of range, or the mesh would have over 40,000 elements.
     """
 
     def __init__(
@@ -111,15 +115,15 @@ class Cylinder:
         self.profile = profile
         self.mirrored = profile is None or profile.mirrored
         material = Material(nu, ogden)
-        # Wider than the half-plane's: bodies on ridges reach further, and mesh costs little there.
+        # Wider than on a half-plane: a body on ridges reaches farther, and extra mesh is cheap.
         self._reach = min(1.2 * float(hertz.half_width(p_max, nu=nu)) + 0.02, 1.2)
         sizes = _Sizes.of(profile, self._reach, edges, p_max)
         mesh = disk_mesh(sizes.at, both_sides=not self.mirrored)
         n = mesh.mesh.t.shape[1]
-        if n > _MOST_ELEMENTS:
+        if n > _MAX_ELEMENTS:
             raise InputError(
                 f"{n} elements at {edges:g} edges a ridge; expected at most "
-                f"{_MOST_ELEMENTS}: fewer edges, a lower load or rounder corners need less"
+                f"{_MAX_ELEMENTS}: fewer edges, a lower load or rounder corners need less"
             )
         if profile is None:
             self._height = -1.0
@@ -130,12 +134,12 @@ class Cylinder:
             faces = ridge_faces(profile, numbers, self._height, sizes.resolution)
         solid = Solid(mesh, material)
         held = np.zeros((solid.n_node, 2), dtype=bool)
-        # The mid-plane of a whole body may widen, but its middle stays in place.
+        # The mid-plane of a whole body may widen, but its middle is fixed.
         middle = np.intersect1d(mesh.axis, mesh.mid_plane)
         held[mesh.axis if self.mirrored else middle, 0] = True
         held[mesh.mid_plane, 1] = True
         self.problem = ContactProblem(solid, Faces(faces), held, friction=friction)
-        # A half model carries half the load; p is line load over 2 R.
+        # A half model carries half the load; p is the line load over 2 R.
         self._per_load = 1.0 if self.mirrored else 0.5
 
     def unloaded(self) -> State:
@@ -149,17 +153,17 @@ class Cylinder:
 
     @property
     def first_count(self) -> int:
-        """Ridges touched from the smallest load on."""
+        """Number of ridges touched at the smallest load."""
         over_a_groove = self.profile is not None and self.profile.offset == 0.0
         return 2 if over_a_groove else 1
 
     def at_load(self, p_over_E: float, start: State) -> State:
-        """Return the state at a load, from one at another.
+        """Return the state at a load, starting from the state at another load.
 
         Raises
         ------
         NotConvergedError
-            If none was found, saying at which load.
+            If no equilibrium is found; the message has the load.
         """
         now, state = self.p_over_E(start), start
         step = p_over_E - now
@@ -186,21 +190,21 @@ class Cylinder:
         p_max : float, scalar, dimensionless
             Largest load over E.
         most_failures : int, optional
-            After so many solves without an equilibrium on the way to one it is given up; one that
-            has taken all of Newton's steps counts twice.
+            Number of failed solves on the way to a transition after which it is given up. A solve
+            that takes all Newton steps counts twice.
         after : Transition, optional
-            Transition on another mesh: only later ones are yielded, and the way to them does not
-            stop at earlier ones.
+            Transition found on another mesh. Only later transitions are yielded, and the solver
+            does not stop at earlier ones.
 
         Raises
         ------
         NotConvergedError
-            If the next ridge could not be reached; the message has the load and the reason.
+            If the next ridge is not reached; the message has the load and the reason.
         """
         profile = self.profile
         if profile is None:
             return
-        state, step = self.unloaded(), _FIRST_STEP
+        state, step = self.unloaded(), _FIRST_SHARE
         low = high = 0
         if not profile.mirrored:
             low = high = min((0, -1), key=lambda k: abs(proximal_corner(profile, k, 0).centre[0]))
@@ -215,24 +219,24 @@ class Cylinder:
             count = self.first_count + (2 * high if self.mirrored else high - low)
             load = self.p_over_E(state)
             yield Transition(corner.ridge, count, load, state)
-            # Loads grow by more than the square of the corners' distance: a smooth body's do so,
-            # grooves make it more, and at finite strain it is still 1 % more at p/E = 0.06.
+            # Loads grow at least as the square of the corners' distance: as the square for a smooth
+            # body, faster with grooves, and still 1 % faster at finite strain and p/E = 0.06.
             corners = self._ahead(profile, low, high)
             further = min(abs(next_corner.centre[0]) for next_corner in corners)
             if 0.99 * load * (further / abs(corner.centre[0])) ** 2 > p_max:
                 return
 
     def _ahead(self, profile: Profile, low: int, high: int) -> list[Corner]:
-        """Return the corners that may be reached next, ridges low to high being touched."""
+        """Return the corners that may be reached next while ridges low to high are touched."""
         numbers = [high + 1] if self.mirrored else [low - 1, high + 1]
         return [proximal_corner(profile, number, self._height) for number in numbers]
 
     def _next(
         self, state: State, corners: list[Corner], p_max: float, step: float, most_failures: int
     ) -> tuple[State, Corner, float] | None:
-        """Return the state that touches one of some corners first; None beyond the load.
+        """Return the state that touches the first of some corners; None above the largest load.
 
-        In steps of the corner's distance of which the first is given, the next returned.
+        `step` is the first share of the corner's distance; the next share is returned too.
         """
         rubbed = self.problem.friction > 0
         apart = [self.problem.corner_distance(state, corner)[0] for corner in corners]
@@ -240,31 +244,33 @@ class Cylinder:
         whole, now = apart[which], 1.0
         failures = 0
         while True:
-            goal = now - step if now - step > _LEAST_STEP else 0.0
+            goal = now - step if now - step > _MIN_SHARE else 0.0
             control = Control("corner", goal * whole, corners[which])
             try:
-                enough = _PASSING if goal and not rubbed else 1.0
+                enough = _LOOSE_TOLERANCES if goal and not rubbed else 1.0
                 there, n = solve(self.problem, state, control, enough=enough)
             except NotConvergedError as failed:
                 step /= 3
                 failures += 2 if isinstance(failed, OutOfStepsError) else 1
-                if step < _LEAST_STEP or failures >= most_failures:
+                if step < _MIN_SHARE or failures >= most_failures:
                     why = f"at p/E = {self.p_over_E(state):.5g}: {failed}"
                     raise NotConvergedError(why) from None
                 continue
             apart = [self.problem.corner_distance(there, corner)[0] for corner in corners]
             sooner = int(np.argmin(apart))
             if sooner != which and apart[sooner] < 0:
-                # Another corner came first: from the state before, towards that one.
+                # Another corner came first: go towards it from the previous state.
                 which = sooner
                 whole, now = self.problem.corner_distance(state, corners[which])[0], 1.0
                 continue
             state, now = there, goal
             if self.p_over_E(state) > p_max:
                 return None
-            step *= 2.0 if n < _FEW else 0.5 if n > _MANY and step >= _LONG else 1.0
+            step *= (
+                2.0 if n < _FEW_STEPS else 0.5 if n > _MANY_STEPS and step >= _LONG_SHARE else 1.0
+            )
             if now == 0.0:
-                return state, corners[which], min(step, _LONG if rubbed else 2 * _LONG)
+                return state, corners[which], min(step, _LONG_SHARE if rubbed else 2 * _LONG_SHARE)
 
 
 def transition_curve(
@@ -280,23 +286,22 @@ def transition_curve(
     Parameters
     ----------
     body : Cylinder
-        On ridges.
+        Body on ridges.
     p_max : float, scalar, dimensionless
         Largest load over E.
     seen : callable, optional
-        Is given each transition when it is found.
+        Called with each transition when it is found.
     most_failures, after : optional
-        As of `Cylinder.transitions`.
+        See `Cylinder.transitions`.
 
     Returns
     -------
     Q : ndarray of int, shape (n,)
-        Ridges touched from each load on.
+        Number of ridges touched from each load on.
     p_over_E : ndarray of float, shape (n,), dimensionless
-        Loads, rising; NaN where none was found.
+        Loads, rising; NaN if none was found.
     status : tuple of str
-        ``ok``; where no equilibrium was found there is one more row that says at which load and
-        why, and none after it.
+        ``ok``. If no equilibrium is found, a last row gives the load and the reason.
     """
     rows: list[tuple[int, float, str]] = []
     try:
@@ -314,30 +319,30 @@ def transition_curve(
 
 @dataclass(frozen=True)
 class _Sizes:
-    """Wanted lengths of the rim's edges, and of the segments above them."""
+    """Target lengths of the rim's edges, and of the segments of the rigid side."""
 
     at_corner: float
     resolution: Resolution
-    spans: FloatArray = field(repr=False)  # of ridges on the right half, (n, 2)
-    windows: FloatArray = field(repr=False)  # of what meets their corners, (n, 2)
+    spans: FloatArray = field(repr=False)  # intervals of ridges on the right half, (n, 2)
+    windows: FloatArray = field(repr=False)  # parts of the rim that meet their corners, (n, 2)
 
     @classmethod
     def of(cls, profile: Profile | None, reach: float, edges: float, p_max: float) -> "_Sizes":
         if profile is None:
             edge = reach / (6 * edges)
             spans = np.array([[0.0, reach]])
-            return cls(edge, Resolution(edge, _ARC, SEGMENT * edge, edge), spans, spans)
+            return cls(edge, Resolution(edge, _ARC_SEGMENTS, SEGMENT * edge, edge), spans, spans)
         edge = min(profile.a, 4 * profile.b, 0.5 * reach) / edges
         segments = [profile.ridge(k) for k in _ridges_within(profile, reach)]
         spans = np.array([sorted((abs(segment.start), abs(segment.stop))) for segment in segments])
-        at_corner, arc = edge, _ARC
+        at_corner, arc = edge, _ARC_SEGMENTS
         if profile.corner:
             quarter = profile.corner * math.pi / 2
-            arc = max(round(_ARC * edges / 24), 2, math.ceil(quarter / (SEGMENT * edge)))
+            arc = max(round(_ARC_SEGMENTS * edges / 24), 2, math.ceil(quarter / (SEGMENT * edge)))
             at_corner = min(quarter / arc / SEGMENT, edge)
         resolution = Resolution(CORNER * edge, arc, SEGMENT * edge, edge)
         # Points on a corner under load were nearer the axis before, by some 0.25 to 0.5 p/E of
-        # their distance; a little farther out while the load is small.
+        # their distance; while the load is small, they were slightly farther out.
         far = spans.ravel()
         around = 1.5 * profile.corner + 3 * at_corner
         outside = 0.1 * np.minimum(far, 1.0) ** 3
@@ -345,24 +350,24 @@ class _Sizes:
         return cls(at_corner, resolution, spans, windows)
 
     def at(self, theta: FloatArray) -> FloatArray:
-        """Return wanted lengths at angles: fine where ridges press, finer at their corners."""
-        # A point of the rim comes to lie between its arc length and its abscissa, or beyond.
+        """Return target lengths at angles: short on ridges, shorter at their corners."""
+        # A point of the rim moves between its arc length and its abscissa, or slightly farther.
         edge = self.resolution.edge
         slack = 0.3 * np.minimum(theta, 1.0) ** 3 + 2 * edge
-        length = edge + _LOOSER * np.maximum(_outside(self.spans, theta) - slack, 0.0)
+        length = edge + _GROWTH * np.maximum(_outside(self.spans, theta) - slack, 0.0)
         if self.at_corner < edge:
-            length = np.minimum(length, self.at_corner + _LOOSER * _outside(self.windows, theta))
+            length = np.minimum(length, self.at_corner + _GROWTH * _outside(self.windows, theta))
         return np.asarray(length)
 
 
 def _outside(spans: FloatArray, theta: FloatArray) -> FloatArray:
-    """Return how far angles are from the nearest of some intervals, 0 inside."""
+    """Return the distance of angles from the nearest of some intervals, 0 inside."""
     away = np.maximum(spans[:, :1] - theta, theta - spans[:, 1:])
     return np.asarray(np.maximum(away, 0.0).min(axis=0))
 
 
 def _ridges_within(profile: Profile, reach: float) -> range:
-    """Return the numbers of the ridges that begin within reach of the axis."""
+    """Return the numbers of the ridges that begin within a distance of the axis."""
     first, last = 0 if profile.mirrored else -1, 0
     while profile.ridge(last + 1).start < reach:
         last += 1

@@ -1,7 +1,7 @@
-"""Elimination in the body's sparse stiffness, in an order that is found once for a mesh.
+"""Factorisation of the body's sparse stiffness, with one elimination order for a mesh.
 
-Contact changes which nodes of the rim are coupled, but hardly the fill-in. One order, of all nodes
-that may touch, serves every state. A new order would take a quarter of each factorisation.
+Contact changes which nodes of the rim are coupled, but hardly the fill-in. The order is computed
+once for all nodes that may touch; a new order would take a quarter of each factorisation.
 """
 
 from collections.abc import Sequence
@@ -12,23 +12,23 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from ridgebayes._types import IntArray
 
-_RELAX, _PANEL = 1, 2  # columns; SuperLU's larger defaults pay off for denser factors
+_RELAX_COLUMNS, _PANEL_COLUMNS = 1, 2  # SuperLU's larger defaults suit denser factors
 
 
 def elimination_order(groups: Sequence[IntArray], n: int) -> IntArray:
-    """Return the order in which to eliminate nodes, by least degree.
+    """Return the elimination order of nodes by minimum degree.
 
     Parameters
     ----------
     groups : sequence of ndarray of int, shape (n_group, n_member)
-        Nodes that are coupled with each other, in arrays for each size of group.
+        Nodes that are coupled with each other, one array for each size of group.
     n : int
         Number of nodes.
 
     Returns
     -------
     ndarray of int, shape (n,)
-        All nodes, the first to be eliminated first.
+        All nodes in the order of elimination.
 
     Examples
     --------
@@ -47,16 +47,16 @@ def elimination_order(groups: Sequence[IntArray], n: int) -> IntArray:
 
 
 def factorise(matrix: sparse.csr_array, order: IntArray, *, pivoting: bool) -> SuperLU:
-    """Return the factors of a part of a matrix.
+    """Return the LU factors of a part of a matrix.
 
     Parameters
     ----------
     matrix : scipy.sparse.csr_array, shape (n, n)
-        The stiffness.
+        Stiffness.
     order : ndarray of int, shape (n_part,)
-        Rows and columns of the part, the first to be eliminated first.
+        Rows and columns of the part in the order of elimination.
     pivoting : bool
-        Whether rows may change places, as they must where the matrix is not symmetric.
+        Whether rows may be exchanged, which an unsymmetric matrix needs.
 
     Raises
     ------
@@ -67,6 +67,6 @@ def factorise(matrix: sparse.csr_array, order: IntArray, *, pivoting: bool) -> S
         sparse.csc_array(matrix)[order][:, order],
         permc_spec="NATURAL",
         diag_pivot_thresh=1e-3 if pivoting else 0.0,
-        relax=_RELAX,
-        panel_size=_PANEL,
+        relax=_RELAX_COLUMNS,
+        panel_size=_PANEL_COLUMNS,
     )

@@ -1,7 +1,7 @@
-"""The rigid side as faces cut into segments: tops, round corners, walls and floors.
+"""Rigid side as faces divided into segments: tops, round corners, walls and floors.
 
-Contact pressure lives on these segments, constant on each. The ends of a top are ends of segments:
-a sharp corner needs no node of the body's mesh under it, wherever the body slides to.
+The contact pressure is constant on each segment. The ends of a top are ends of segments, so a sharp
+corner needs no node of the body's mesh, wherever the body slides.
 """
 
 import math
@@ -13,28 +13,28 @@ import numpy as np
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
-_GAUSS = 3  # points between kinks, where the gap is smooth
-_GROWTH = 0.25  # of segments, with distance from the nearest corner
-_WALL = 0.5  # a wall without a floor ends this many groove widths down
-_BEHIND = 0.02  # how far the body may be inside the rigid side on the way, over R
-_NEAR = 10.0  # of a face's longest segment: nodes further away are no kinks of gaps that close
+_N_GAUSS = 3  # quadrature points between kinks, where the gap is smooth
+_GROWTH = 0.25  # of segment lengths with distance from the nearest corner
+_WALL_DEPTH = 0.5  # groove widths; depth of a wall without a floor
+_MAX_BEHIND = 0.02  # over R; depth of the body inside the rigid side during the solution
+_NEAR_SEGMENTS = 10.0  # longest segments of a face; farther nodes are no kinks of closing gaps
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """How finely the rigid side is cut; lengths over R.
+    """Lengths of the segments of the rigid side, over R.
 
     Parameters
     ----------
     corner : float
         Length of segments at sharp corners.
     arc : int
-        Segments of a round corner.
+        Number of segments of a round corner.
     most : float
-        Length of the longest on a ridge.
+        Largest length on a ridge.
     edge : float
-        Length of the body's edges. A sharp corner's wall begins so far down: above, edges that
-        turn around the corner are on neither side of it.
+        Length of the body's edges. The wall at a sharp corner begins at this depth: edges that
+        turn around the corner are on neither of its sides.
     """
 
     corner: float
@@ -45,24 +45,24 @@ class Resolution:
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """A straight or round part of the rigid side, cut into segments.
+    """Straight or round part of the rigid side, divided into segments.
 
     Parameters
     ----------
     origin : ndarray of float, shape (2,)
-        A point of the straight line, or the centre of the circle.
+        Point of the straight line, or centre of the circle.
     angle : float
         Angle of a straight face, whose normal is (sin, cos) of the angle.
     radius : float
         Radius of a round face; 0 for a straight face.
     breaks : ndarray of float, shape (n + 1,)
         Ends of segments, rising: distance from the origin along (cos, -sin) of the angle, or
-        the normal's angle itself.
+        the angle of the normal.
     ridge : int or None
-        Number of the ridge it belongs to; None of floors.
+        Number of the face's ridge; None for floors.
     below : float or None
-        Height of the sharp corner that a wall hangs from. A body that has slipped into the ridge
-        by less than its depth under the corner has come through the wall, by more from above.
+        Height of the sharp corner at the top of a wall. A body point inside the ridge came through
+        the wall if it is farther below the corner than inside the wall, otherwise from above.
     """
 
     origin: FloatArray
@@ -78,7 +78,7 @@ class Face:
         return self.radius or 1.0
 
     def at(self, where: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return points and normals, shape (n, 2)."""
+        """Return points and normals at places along the face, shape (n, 2)."""
         angle = where if self.radius else np.full_like(where, self.angle)
         normal = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
         if self.radius:
@@ -87,7 +87,7 @@ class Face:
         return self.origin + where[:, None] * tangent, normal
 
     def of(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return where points project to, and their distance from the face; shape (n,)."""
+        """Return the places to which points project, and their distance from the face; (n,)."""
         x = point - self.origin
         if self.radius:
             return np.arctan2(x[:, 0], x[:, 1]), np.hypot(x[:, 0], x[:, 1]) - self.radius
@@ -108,12 +108,12 @@ class Rays:
 
 
 class Faces:
-    """All faces, and their segments in one row.
+    """All faces, with their segments numbered consecutively.
 
     Parameters
     ----------
     faces : sequence of Face
-        The rigid side.
+        Faces of the rigid side.
     """
 
     def __init__(self, faces: Sequence[Face]) -> None:
@@ -131,13 +131,13 @@ class Faces:
         return len(self.length)
 
     def of_ridge(self, number: int) -> np.ndarray:
-        """Return which segments belong to a ridge, shape (n_segment,)."""
+        """Return a mask of the segments of a ridge, shape (n_segment,)."""
         return np.array([face.ridge == number for face in self.faces])[self.face]
 
     def frames(
         self, point: FloatArray, face: IntArray, rise: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return tangents and normals of faces where points project to, and length over distance.
+        """Return tangents and normals at the projections of points, and the projection's rate.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class Faces:
         tangent, normal : ndarray of float, shape (n, 2)
             Unit tangents and normals of the faces at the projections.
         per_length : ndarray of float, shape (n,)
-            How far the projection moves on the face as the point moves along it.
+            Movement of the projection along the face for a unit movement of the point.
         """
         radius = self._radius[face]
         out = point - self._origin[face] - np.array([0.0, rise])
@@ -165,7 +165,7 @@ class Faces:
         return tangent, normal, np.where(is_round, radius / np.where(is_round, far, 1.0), 1.0)
 
     def rays(self, nodes: FloatArray, rise: float) -> Rays:
-        """Return quadrature points for a rim whose gap has kinks at some nodes.
+        """Return quadrature points for a rim whose gap has kinks at the given nodes.
 
         Parameters
         ----------
@@ -174,12 +174,12 @@ class Faces:
         rise : float, over R
             Rise of the ridges.
         """
-        x, w = np.polynomial.legendre.leggauss(_GAUSS)
+        x, w = np.polynomial.legendre.leggauss(_N_GAUSS)
         some: list[tuple[FloatArray, ...]] = []
         up = np.array([0.0, rise])
         for number, face in enumerate(self.faces):
             place, apart = face.of(nodes - up)
-            near = _NEAR * face.measure * float(np.diff(face.breaks).max())
+            near = _NEAR_SEGMENTS * face.measure * float(np.diff(face.breaks).max())
             kinks = place[np.abs(apart) < near]
             kinks = kinks[(kinks > face.breaks[0]) & (kinks < face.breaks[-1])]
             breaks = np.unique(np.concatenate([face.breaks, kinks]))
@@ -188,9 +188,9 @@ class Faces:
             weight = (0.5 * face.measure * width * w).ravel()
             segment = np.searchsorted(face.breaks, where) - 1 + self._first[number]
             point, normal = face.at(where)
-            behind = np.full(len(where), _BEHIND)
+            behind = np.full(len(where), _MAX_BEHIND)
             if face.below is not None:
-                behind = np.minimum(face.below - point[:, 1], _BEHIND)
+                behind = np.minimum(face.below - point[:, 1], _MAX_BEHIND)
             number_of = np.full(len(where), number)
             some.append((point + up, normal, weight, segment, number_of, behind))
         return Rays(*(np.concatenate([columns[i] for columns in some]) for i in range(6)))
@@ -198,7 +198,7 @@ class Faces:
 
 @dataclass(frozen=True)
 class Corner:
-    """The corner of a ridge that the body reaches first: centre of its arc, and radius."""
+    """Corner of a ridge that the body reaches first: centre and radius of its arc."""
 
     ridge: int
     centre: tuple[float, float]
@@ -231,14 +231,14 @@ def proximal_corner(profile: Profile, number: int, height: float) -> Corner:
 def ridge_faces(
     profile: Profile, numbers: range, height: float, resolution: Resolution
 ) -> list[Face]:
-    """Cut ridges and the floors between them.
+    """Divide ridges and the floors between them into segments.
 
     Parameters
     ----------
     profile : Profile
-        The rigid side; only the right half of a mirrored profile is cut.
+        Rigid profile; only the right half of a mirrored profile is used.
     numbers : range
-        Ridges.
+        Numbers of the ridges.
     height : float
         Height of the ridges' tops.
     resolution : Resolution
@@ -264,7 +264,7 @@ def ridge_faces(
 
 
 def plate(width: float, most: float) -> Face:
-    """Cut the right half of a flat under the disk into segments of at most a length."""
+    """Divide the right half of a flat under the disk into segments of limited length."""
     breaks = np.linspace(0.0, width, math.ceil(width / most) + 1)
     return Face(np.array([0.0, -1.0]), 0.0, 0.0, breaks, 0)
 
@@ -273,7 +273,7 @@ def _ridge(
     profile: Profile, segment: RigidSegment, height: float, resolution: Resolution
 ) -> Iterator[Face]:
     r, number = segment.corner, segment.ridge
-    depth = min(profile.depth, max(_WALL * profile.b, 2 * r))
+    depth = min(profile.depth, max(_WALL_DEPTH * profile.b, 2 * r))
     at_corner = r * math.pi / 2 / resolution.arc if r else resolution.corner
     cut_up = _graded if r else cut
     start, stop = segment.flat
@@ -298,7 +298,7 @@ def _ridge(
 
 
 def cut(length: float, first: float, last: float, most: float) -> FloatArray:
-    """Return breaks from 0 to length: a segment of each given end, and equal ones between."""
+    """Return breaks from 0 to length: end segments of the given lengths, equal ones between."""
     if length <= 2 * (first + last):
         return np.linspace(0.0, length, 5)
     between = length - first - last
@@ -307,7 +307,7 @@ def cut(length: float, first: float, last: float, most: float) -> FloatArray:
 
 
 def _graded(length: float, first: float, last: float, most: float) -> FloatArray:
-    """Return breaks from 0 to length: segments of about first, growing, then about last."""
+    """Return breaks from 0 to length whose segments grow from both ends up to a limit."""
     fine = np.linspace(0.0, length, 4001)
     size = np.minimum(np.minimum(first + _GROWTH * fine, last + _GROWTH * (length - fine)), most)
     count = np.concatenate([[0.0], np.cumsum(0.5 * (1 / size[1:] + 1 / size[:-1]))]) * fine[1]

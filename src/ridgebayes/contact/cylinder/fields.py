@@ -1,4 +1,4 @@
-"""A pressed cylinder for other programs: XDMF files, and a table of its contact."""
+"""Output of a pressed cylinder: XDMF files of its fields, and a table of its contact."""
 
 import io
 from collections.abc import Sequence
@@ -18,27 +18,27 @@ from ridgebayes.runtime.atomic import replacing
 
 
 def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> None:
-    """Write states of what is meshed, at undeformed points, as nine-node quadrilaterals.
+    """Write states of the meshed part, at undeformed points, as nine-node quadrilaterals.
 
     Point data are the `nodal_fields`. Only the right half of a mirrored profile is meshed.
 
     Parameters
     ----------
     cylinder : Cylinder
-        The body.
+        Body.
     states : sequence of State
-        A time series, whose time is p/E.
+        Time series, whose time is p/E.
     path : pathlib.Path
-        Ends in ``.xdmf``; an existing file is replaced. Its numbers are in a file beside it, of
-        the same name but ``.h5``: move both together. Each appears whole or not at all, the
-        ``.h5`` first.
+        Path ending in ``.xdmf``; an existing file is overwritten. The numbers are in a file of the
+        same name with the suffix ``.h5``: move both together. Each file is written atomically, the
+        ``.h5`` file first.
 
     Raises
     ------
     InputError
         If there is no state, or the folder does not exist.
     OutputError
-        If a file cannot be written, such as on a full disk.
+        If a file cannot be written, for instance because the disk is full.
     """
     if not states:
         raise InputError(f"{path}: no state to write")
@@ -46,27 +46,27 @@ def write_fields(cylinder: Cylinder, states: Sequence[State], path: Path) -> Non
     from meshio.xdmf import TimeSeriesWriter
 
     solid = cylinder.problem.solid
-    side, content = path.with_suffix(".h5"), io.BytesIO()  # a full disk ends HDF5 on a file
+    side, content = path.with_suffix(".h5"), io.BytesIO()  # in memory: a full disk ends HDF5
     with replacing(path) as partial, replacing(side) as numbers:
         writer = TimeSeriesWriter(partial)
-        # Entered as a context it would open a file in the current folder, named as the partial one.
+        # As a context manager it would open a file in the current folder.
         writer.h5_filename, writer.h5_file = side.name, h5py.File(content, "w")
         with writer.h5_file:
-            # VTK's order of nodes is scikit-fem's: corners, edges from each to the next, centre.
+            # VTK and scikit-fem order nodes alike: corners, consecutive edges, centre.
             writer.write_points_cells(_with_z(solid.points), [("quad9", solid.nodes)])
             for state in states:
                 writer.write_data(cylinder.p_over_E(state), nodal_fields(cylinder, state))
             writer.__exit__()
-        numbers.write_bytes(content.getvalue())  # a view would hold it open
+        numbers.write_bytes(content.getvalue())  # a view would keep the buffer open
 
 
 def nodal_fields(cylinder: Cylinder, state: State) -> dict[str, FloatArray]:
-    """Compute what `write_fields` writes.
+    """Compute the fields that `write_fields` writes.
 
     Parameters
     ----------
     cylinder : Cylinder
-        The body.
+        Body.
     state : State
         State of the body.
 
@@ -74,10 +74,10 @@ def nodal_fields(cylinder: Cylinder, state: State) -> dict[str, FloatArray]:
     -------
     dict of str to ndarray of float
         ``displacement``, shape (n_node, 3), over R; ``pressure``, shape (n_node,), over E: minus
-        the mean of the three normal stresses, positive in compression; ``cauchy_stress``, shape
-        (n_node, 9), over E, row by row; ``volume_ratio``, shape (n_node,): J. All but the first
-        are bilinear fits in each element to its quadrature points, averaged where elements meet;
-        near a sharp corner they depend on the mesh.
+        the mean normal stress, positive in compression; ``cauchy_stress``, shape (n_node, 9), over
+        E, row by row; ``volume_ratio``, shape (n_node,): J. All except the displacement are
+        bilinear fits to the quadrature points of each element, averaged at shared nodes. Near a
+        sharp corner they depend on the mesh.
     """
     solid = cylinder.problem.solid
     F, mean = solid.gradients(state.u), solid.pressures(state.p)
@@ -101,17 +101,17 @@ def surface_table(cylinder: Cylinder, state: State) -> pd.DataFrame:
     Parameters
     ----------
     cylinder : Cylinder
-        The body.
+        Body.
     state : State
         State of the body.
 
     Returns
     -------
     pandas.DataFrame
-        A row a segment: ``ridge``, its number, missing on floors; ``x``, ``y``,
-        its middle, over R; ``length``, over R; ``normal_x``, ``normal_y``, towards the body;
-        ``pressure``, on the body along that normal, and ``shear``, on it along (normal_y,
-        -normal_x), over E. Mirrored profiles have the right half only.
+        One row for each segment: ``ridge``, its number, missing on floors; ``x``, ``y``, its
+        middle, over R; ``length``, over R; ``normal_x``, ``normal_y``, towards the body;
+        ``pressure`` on the body along this normal, and ``shear`` along (normal_y, -normal_x), over
+        E. Mirrored profiles have only the right half.
     """
     faces, parts = cylinder.problem.faces, []
     for face in faces.faces:
@@ -131,10 +131,10 @@ def _with_z(plane: FloatArray) -> FloatArray:
 
 
 def _at_nodes(solid: Solid, values: FloatArray) -> FloatArray:
-    """Return averages at nodes of values at quadrature points, (n_element, n_point, ...)."""
+    """Return nodal averages of values at quadrature points, shape (n_element, n_point, ...)."""
     points, weights = solid.quadrature
-    # Weighted least squares leave out what vanishes at two Gauss points a direction, where the
-    # gradient of a quadratic is most accurate.
+    # Weighted least squares ignore terms that vanish at the 2 x 2 Gauss points, where the gradient
+    # of a quadratic is most accurate.
     root = np.sqrt(weights)
     fit = np.linalg.pinv(root[:, None] * _bilinear(points)) * root
     to_nodes = _bilinear(ElementQuad2.doflocs.T) @ fit

@@ -1,8 +1,8 @@
-"""Stress and stiffness of the body in plane strain: Ogden's at any strain.
+"""Stress and stiffness of an Ogden material in plane strain, at any strain.
 
-The mean stress is a field of its own, p, so that nothing becomes infinite at nu = 0.5; its equation
-is J - 1 - p/K = 0. This module has the other equations: the stress P(F, p) and its
-derivative by F, on arrays of deformation gradients, shape (..., 2, 2), in units of E.
+The mean stress p is a separate field, so nothing becomes infinite at nu = 0.5; its equation is
+J - 1 - p/K = 0. This module has the other equations: the stress P(F, p) and its derivative by F, on
+arrays of deformation gradients, shape (..., 2, 2), in units of E.
 """
 
 from dataclasses import dataclass
@@ -12,22 +12,22 @@ import numpy as np
 from ridgebayes._types import NEO_HOOKEAN, FloatArray, Ogden
 from ridgebayes.errors import InputError
 
-_NEAR, _N_TAYLOR = 0.1, 6
+_NEAR_STRETCH, _N_TAYLOR = 0.1, 6
 
 
 @dataclass(frozen=True)
 class Material:
-    """An isotropic body of Young's modulus 1.
+    """Isotropic material of Young's modulus 1.
 
     Parameters
     ----------
     nu : float, scalar, dimensionless
         Poisson's ratio, 0 to 0.5, both included.
     ogden : tuple of (float, float), optional
-        Terms of W = sum of 2 mu c/m^2 (J^(-m/3) (l1^m + l2^m + 1) - 3), + K/2 (J - 1)^2: c, a share
-        of the shear modulus mu, and m, the exponent of the stretches l1 and l2. One term of m = 2
-        is neo-Hookean; those of m = 2 and -2 are Mooney and Rivlin's, in plane strain at nu = 0.5
-        the same. Larger exponents stiffen.
+        Terms (c, m) of W = sum of 2 mu c/m^2 (J^(-m/3) (l1^m + l2^m + 1) - 3), + K/2 (J - 1)^2: c
+        is a share of the shear modulus mu, and m the exponent of the stretches l1 and l2. A single
+        term with m = 2 is neo-Hookean. Terms with m = 2 and -2 give the Mooney-Rivlin material,
+        which equals it in plane strain at nu = 0.5. Larger exponents stiffen.
     """
 
     nu: float = 0.5
@@ -39,12 +39,12 @@ class Material:
 
     @property
     def mu(self) -> float:
-        """Shear modulus over Young's."""
+        """Shear modulus over Young's modulus."""
         return 0.5 / (1.0 + self.nu)
 
     @property
     def compressibility(self) -> float:
-        """1/K times Young's modulus: 3 (1 - 2 nu), zero where the volume cannot change."""
+        """Young's modulus over K: 3 (1 - 2 nu), zero for an incompressible material."""
         return 3.0 * (1.0 - 2.0 * self.nu)
 
     def stress(self, F: FloatArray, p: FloatArray) -> FloatArray:
@@ -62,13 +62,13 @@ class Material:
         tangent = 2.0 * by_s * eye4 + 2.0 * by_sJ * mixed
         tangent = tangent + 4.0 * by_ss * np.einsum("...ij,...kl->...ijkl", F, F)
         tangent = tangent + by_JJ * np.einsum("...ij,...kl->...ijkl", cof, cof)
-        # The cofactor is linear: its derivative is that of unit gradients.
+        # The cofactor is linear in F, so its derivative is the cofactor of unit gradients.
         return np.asarray(tangent + (by_J + p[four]) * cofactor(eye4))
 
     def _slopes(self, F: FloatArray) -> FloatArray:
-        """Return derivatives of the energy without its last part, shape (5, ...).
+        """Return the derivatives of the energy without its volumetric part, shape (5, ...).
 
-        By s = F:F of the plane F, by J, its determinant, and the second by ss, sJ and JJ.
+        By s = F:F of the plane F, by its determinant J, and the second by ss, sJ and JJ.
         """
         square, J = np.einsum("...ij,...ij->...", F, F), jacobian(F)
         total = np.zeros((5, *J.shape))
@@ -78,9 +78,9 @@ class Material:
 
 
 def _ogden_slopes(square: FloatArray, J: FloatArray, exponent: float) -> FloatArray:
-    """Return the derivatives of J^(-m/3) (l1^m + l2^m + 1), m the exponent, as of `_slopes`.
+    """Return the derivatives of J^(-m/3) (l1^m + l2^m + 1) in the order of `Material._slopes`.
 
-    With c = F:F/2J, the sum of both stretches' powers is 2 J^(m/2) T(c), T(cosh t) = cosh(m t/2).
+    The exponent is m. With c = F:F/2J, l1^m + l2^m = 2 J^(m/2) T(c), where T(cosh t) = cosh(m t/2).
     """
     c, third, sixth = 0.5 * square / J, exponent / 3.0, exponent / 6.0
     T, dT, ddT = _chebyshev(c, 0.5 * exponent)
@@ -98,14 +98,14 @@ def _ogden_slopes(square: FloatArray, J: FloatArray, exponent: float) -> FloatAr
 
 
 def _chebyshev(c: FloatArray, n: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return T(c) = cosh(n arccosh c) of c >= 1, any real n, and its first two derivatives."""
+    """Return T(c) = cosh(n arccosh c) for c >= 1 and real n, and its first two derivatives."""
     above = np.maximum(c - 1.0, 0.0)
     s = np.arccosh(1.0 + above)
-    near = s < _NEAR / max(abs(n), 1.0)  # where both stretches are nearly the same
+    near = s < _NEAR_STRETCH / max(abs(n), 1.0)  # both stretches are nearly equal
     far = np.where(near, 1.0, s)
     T, dT = np.cosh(n * s), n * np.sinh(n * far) / np.sinh(far)
     ddT = (n**2 * T - c * dT) / np.sinh(far) ** 2  # Chebyshev's equation
-    # Taylor's series about c = 1.
+    # Taylor series about c = 1.
     terms = np.cumprod([(n**2 - j**2) / ((2 * j + 1) * max(j, 1)) for j in range(_N_TAYLOR)])
     dT = np.where(near, np.polynomial.polynomial.polyval(above, terms), dT)
     second = np.polynomial.polynomial.polyder(terms)

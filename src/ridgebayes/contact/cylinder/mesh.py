@@ -1,8 +1,8 @@
-"""Graded quadrilateral meshes of a disk, finest along the part of its rim that is pressed.
+"""Graded quadrilateral meshes of a disk, finest along the pressed part of its rim.
 
-A core of three blocks in each quarter, and around it a ring in polar coordinates, whose columns
-split in three on their way to the rim: every transition is made of quadrilaterals, so that no mesh
-generator is needed. Edges are quadratic and follow the circle.
+A core of three blocks in each quarter is surrounded by a ring in polar coordinates, whose columns
+split in three towards the rim. All elements are quadrilaterals, so no mesh generator is needed.
+Edges are quadratic and follow the circle.
 """
 
 import math
@@ -15,15 +15,15 @@ from skfem import MeshQuad, MeshQuad2
 
 from ridgebayes._types import FloatArray, IntArray
 
-_CORE = 0.45  # radius of the core over that of the disk
-_FEWEST = 6  # columns of the core along a quarter of its rim
-_TALL = 1.5  # height of elements over their width
-_LAYER = 2.0  # depth at which columns of a width split, in that width: 1 costs 0.4 % of a load
+_CORE_RADIUS = 0.45  # over the radius of the disk
+_MIN_COLUMNS = 6  # of the core along a quarter of its rim
+_HEIGHT_OVER_WIDTH = 1.5  # of elements
+_SPLIT_DEPTH = 2.0  # depth at which columns split, over their width; 1 costs 0.4 % of a load
 
 
 @dataclass(frozen=True, eq=False)
 class DiskMesh:
-    """A part of the disk of radius 1 around the origin, pressed from below.
+    """Part of the disk of radius 1 around the origin, pressed from below.
 
     Parameters
     ----------
@@ -55,39 +55,39 @@ def disk_mesh(
     Parameters
     ----------
     size : callable
-        Wanted length of the rim's edges, over the radius, at angles from the lowest point, shape
-        (n,), 0 to pi/2; of both sides where both are meshed.
+        Returns the target length of the rim's edges, over the radius, at angles from the lowest
+        point, shape (n,), 0 to pi/2. It is used for both sides if both are meshed.
     refine : int, optional
-        Makes the core's elements smaller by at least this factor, the rim's being given by `size`.
+        Factor by which the core's elements are at least refined; `size` determines the rim.
     both_sides : bool, optional
-        Mesh x < 0 too, the mirror image.
+        Whether to mesh x < 0 too, as the mirror image.
 
     Returns
     -------
     DiskMesh
-        Elements are about as long as wide where they are finest, and edges at most as long as
-        wanted; their neighbours inside grow with depth.
+        Mesh whose finest elements are about as long as wide, with edges at most as long as the
+        target; elements inside grow with depth.
     """
     ring: list[FloatArray] = []
     smallest = float(np.min(size(np.linspace(0.0, math.pi / 2, 20_001))))
-    n_core, n_level = _columns(smallest, _FEWEST * refine)
+    n_core, n_level = _columns(smallest, _MIN_COLUMNS * refine)
     edges = np.linspace(0.0, math.pi / 2, n_core + 1)
     width = edges[1]
-    depth = 1.0 - _CORE
+    depth = 1.0 - _CORE_RADIUS
 
     def add(theta: Sequence[FloatArray], radius: Sequence[float]) -> None:
-        """Add quadrilaterals of one shape, their corners counter-clockwise."""
+        """Add quadrilaterals of one shape, with corners counter-clockwise."""
         angle, r = np.column_stack(theta), np.array(radius)
         ring.append(np.stack([r * np.sin(angle), -r * np.cos(angle)], axis=-1))
 
     def rows(stop: float) -> None:
         low, high = edges[:-1], edges[1:]
-        n = max(round((depth - stop) / (_TALL * width)), 1)
+        n = max(round((depth - stop) / (_HEIGHT_OVER_WIDTH * width)), 1)
         for inner, outer in pairwise(1.0 - np.linspace(depth, stop, n + 1)):
             add((low, low, high, high), (inner, outer, outer, inner))
 
     for _ in range(n_level):
-        reach = _LAYER * width
+        reach = _SPLIT_DEPTH * width
         below = 0.8 * width / 3  # height of the row in which columns split
         rows(reach)
         edges = _split(edges, size, (1.0 - reach, 1.0 - reach + below), add)
@@ -100,7 +100,7 @@ def disk_mesh(
 
 
 def _columns(smallest: float, fewest: int) -> tuple[int, int]:
-    """Choose the columns of the core and the number of splits that give the finest width."""
+    """Return the number of columns of the core and of splits that give the finest width."""
     return min(
         (
             (n, level)
@@ -118,7 +118,7 @@ def _split(
     radii: tuple[float, float],
     add: Callable[[Sequence[FloatArray], Sequence[float]], None],
 ) -> FloatArray:
-    """Add a row in which columns wider than wanted split in three; return the edges above it."""
+    """Add a row in which too wide columns split in three; return the edges above it."""
     low, high = edges[:-1], edges[1:]
     width = high - low
     at = low[:, None] + np.linspace(0.0, 1.0, 9) * width[:, None]
@@ -137,12 +137,12 @@ def _split(
 
 
 def _core(n: int) -> FloatArray:
-    """Return the quadrilaterals of the core: a square and two blocks from it to the ring."""
+    """Return the quadrilaterals of the core: a square, and two blocks between it and the ring."""
     m = n // 2
-    side = 0.55 * _CORE
+    side = 0.55 * _CORE_RADIUS
     grid = np.linspace(0.0, side, m + 1)
     theta = np.linspace(0.0, math.pi / 2, n + 1)
-    arc = _CORE * np.column_stack([np.sin(theta), -np.cos(theta)])
+    arc = _CORE_RADIUS * np.column_stack([np.sin(theta), -np.cos(theta)])
     across = np.column_stack([grid, np.full(m + 1, -side)])
     inner = np.concatenate([across, np.column_stack([np.full(m, side), -grid[-2::-1]])])
     n_row = max(m // 2, 1)
@@ -159,7 +159,7 @@ def _cells(grid: FloatArray) -> FloatArray:
 
 
 def _joined(quads: FloatArray) -> DiskMesh:
-    """Join quadrilaterals at their common corners, and bend the edges of the ring."""
+    """Join quadrilaterals at their common corners, and curve the edges of the ring."""
     corners = quads.reshape(-1, 2)
     keys = np.round(corners * 1e9).astype(np.int64)
     _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -174,7 +174,7 @@ def _joined(quads: FloatArray) -> DiskMesh:
     mesh = MeshQuad2(points, mesh.t)
     on_rim = np.hypot(*points[:, facets]).min(axis=0) > 1.0 - 1e-9
     ends = facets[:, on_rim]
-    # The middle of an edge has a clear angle, also where the rim ends and begins at the top.
+    # The angle of an edge's middle is unique, also where the rim starts and ends at the top.
     x, y = points[:, middle[on_rim]]
     theta = np.arctan2(x, -y)
     first, last = points[:, ends[0]], points[:, ends[1]]
@@ -186,10 +186,10 @@ def _joined(quads: FloatArray) -> DiskMesh:
 
 
 def _halfway(points: FloatArray) -> FloatArray:
-    """Return the middle of some points, shape (2, n_point, n): in polar coordinates in the ring."""
+    """Return the means of points, shape (2, n_point, n), in polar coordinates in the ring."""
     straight = points.mean(axis=1)
     radius = np.hypot(*points)
-    ring = radius.min(axis=0) > _CORE - 1e-9
+    ring = radius.min(axis=0) > _CORE_RADIUS - 1e-9
     direction = (points / np.maximum(radius, 1e-300)).mean(axis=1)
     direction /= np.maximum(np.hypot(*direction), 1e-300)
     value: FloatArray = np.where(ring, radius.mean(axis=0) * direction, straight)

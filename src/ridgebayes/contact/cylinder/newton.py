@@ -1,12 +1,12 @@
-"""Equilibrium of a body pressed on rigid faces, by Newton's method on all unknowns at once.
+"""Equilibrium of a body pressed on rigid faces, by Newton's method for all unknowns at once.
 
-On each segment of the rigid side the mean gap is zero, or the pressure is; with friction the slip
-is zero, or the shear is the friction's. Each step solves the linear complementarity problem for the
-pressures. Multipliers are condensed with a finite stiffness that enters the steps alone, not the
-answer.
+On each segment of the rigid side either the mean gap or the pressure is zero. With friction, either
+the slip is zero or the shear equals the friction. Each step solves a linear complementarity problem
+for the pressures. Contact constraints are condensed with a finite stiffness, which affects the
+steps but not the solution.
 
-One more equation sets how far the ridges rise: that rise itself, the load, or the distance between
-the body and a corner. The last makes a transition a point to solve for.
+One more equation determines the rise of the ridges: the rise itself, the load, or the distance
+between the body and a corner is given. The last makes a transition a point to solve for.
 """
 
 import math
@@ -23,40 +23,40 @@ from ridgebayes.contact.cylinder.line_search import best_part
 from ridgebayes.contact.cylinder.material import jacobian
 from ridgebayes.contact.cylinder.solid import Assembled, InvertedError
 
-# Stiffness of condensed multipliers, in E per length of a segment: its inverse is the error of a
-# step, its size times rounding that of the linear solve.
-_STIFF = 1e4
-_MOST_STEPS, _FRICTION_STEPS = 30, 15  # and pivots of a step; with friction segments change kind
-_PATIENCE = 6  # steps or pivots in which all that are wrong change; then one at a time
-# Shares of the part that contact takes from the stiffness: at 0.9 most bodies between two places on
-# a corner are stable, and soft directions keep most of their length; at 0 they do not.
-_SHARES = (1.0, 0.9, 0.0)
-# Over R; and over R^2, of an element's volume: the first transition moves by 2e-8 of its load.
+# Stiffness of condensed constraints, in E per length of a segment. Its inverse is the error of a
+# step; its product with the rounding error is the error of the linear solution.
+_PENALTY = 1e4
+_MAX_STEPS, _FRICTION_STEPS = 30, 15  # also pivots of a step; with friction segments change kind
+_PATIENCE = 6  # steps or pivots in which all wrong segments change; then one at a time
+# Shares of the destabilising part of the contact stiffness. With 0.9 most bodies between two places
+# on a corner are stable, and soft directions keep most of their step; with 0 they do not.
+_CONTACT_SHARES = (1.0, 0.9, 0.0)
+# Over R, and over R^2 for an element's volume; it moves the first transition by 2e-8 of its load.
 _GAP_TOL = 1e-11
-_FORCE_TOL = 1e-9  # of the load; and of the friction, by which a shear has to differ from it
-_NEAR = 1e3  # tolerances: nearer to equilibrium, a part in 10^6 of the load, steps need no search
-_LEAST_VOLUME = 0.05  # of an element after a step, over the undeformed
-_WHOLLY = 0.9  # of the friction, in one direction: the body slides
+_FORCE_TOL = 1e-9  # of the load; also of the friction, for the shear of sliding segments
+_NEAR_TOLERANCES = 1e3  # errors below it, a part in 10^6 of the load, need no line search
+_MIN_VOLUME = 0.05  # of an element after a step, over its undeformed volume
+_SLIDING_SHARE = 0.9  # of the friction, in one direction, above which the whole body slides
 
 
 class NotConvergedError(Exception):
-    """No equilibrium was found; its message says why."""
+    """Raised if no equilibrium is found; the message gives the reason."""
 
 
 class OutOfStepsError(NotConvergedError):
-    """None was found in all of Newton's steps: the dearest way to fail."""
+    """Raised if no equilibrium is found in the maximum number of Newton steps, at full cost."""
 
 
 @dataclass(frozen=True)
 class Control:
-    """The equation that the rise of the ridges solves.
+    """Equation that determines the rise of the ridges.
 
     Parameters
     ----------
     kind : {"rise", "load", "corner"}
-        Quantity that is given.
+        Given quantity.
     target : float
-        The rise over R, the line load over E R of what is meshed, or the distance of the corner.
+        Rise over R, line load over E R of the meshed part, or distance of the corner.
     corner : Corner or None
         Corner of kind "corner".
     """
@@ -66,7 +66,7 @@ class Control:
     corner: Corner | None = None
 
     def left_out(self, faces: Faces) -> np.ndarray:
-        """Return the segments that carry nothing: those of the ridge about to be reached."""
+        """Return a mask of segments without contact: those of the ridge about to be reached."""
         if self.corner is None:
             return np.zeros(len(faces), dtype=bool)
         return faces.of_ridge(self.corner.ridge)
@@ -79,25 +79,25 @@ class Control:
 
     @property
     def tolerance(self) -> float:
-        """How little may be missing."""
+        """Tolerance of the difference from the target."""
         return _FORCE_TOL * abs(self.target) if self.kind == "load" else _GAP_TOL
 
 
 def solve(
     problem: ContactProblem, start: State, control: Control, *, enough: float = 1.0
 ) -> tuple[State, int]:
-    """Find the equilibrium in which the control is met.
+    """Find the equilibrium that satisfies a control equation.
 
     Parameters
     ----------
     problem : ContactProblem
         Body and rigid side.
     start : State
-        State to start from, and from which slip is counted.
+        Initial state, from which slip is measured.
     control : Control
-        The equation for the rise.
+        Equation for the rise.
     enough : float, optional
-        Tolerances by which the state may be off.
+        Largest error, in tolerances.
 
     Returns
     -------
@@ -107,24 +107,24 @@ def solve(
     Raises
     ------
     NotConvergedError
-        If none was found.
+        If no equilibrium is found.
     """
     left_out = control.left_out(problem.faces)
     state = replace(start, pressure=np.where(left_out, 0.0, start.pressure))
     active = state.pressure > 0
     more = _FRICTION_STEPS if problem.friction else 0
-    kind, settled = _sliding(problem, start), True
-    for step in range(_MOST_STEPS + more):
+    kind, settled = _initial_kinds(problem, start), True
+    for step in range(_MAX_STEPS + more):
         gaps = problem.gaps(state, start, left_out)
         if step == 0 and not active.any():
-            active = _nearest(gaps)
+            active = _first_touching(gaps)
         try:
             inner = problem.solid.assemble(state.u, state.p)
         except InvertedError as inverted:
             raise NotConvergedError(str(inverted)) from None
         if problem.friction and step:
             before = kind
-            kind = _changed(problem, state, gaps, kind, one_by_one=step >= _PATIENCE)
+            kind = _updated_kinds(problem, state, gaps, kind, one_by_one=step >= _PATIENCE)
             settled = np.array_equal(kind, before)
         newton = NewtonStep(problem, control, state, gaps, inner, kind)
         error = newton.error()
@@ -133,20 +133,20 @@ def solve(
         moved, active = newton.solve(active)
         if not (np.isfinite(moved.u).all() and math.isfinite(moved.rise)):
             raise NotConvergedError("the stiffness is singular")
-        # The first step changes the control, by work of its own.
-        if step and error > _NEAR:
-            moved = _searched(problem, start, left_out, state, moved)
-        state = _guarded(problem, state, moved)
-    raise OutOfStepsError(f"no equilibrium in {_MOST_STEPS + more} Newton steps")
+        # The first step changes the controlled quantity, which does external work.
+        if step and error > _NEAR_TOLERANCES:
+            moved = _line_searched(problem, start, left_out, state, moved)
+        state = _limited_step(problem, state, moved)
+    raise OutOfStepsError(f"no equilibrium in {_MAX_STEPS + more} Newton steps")
 
 
-def _searched(
+def _line_searched(
     problem: ContactProblem, start: State, left_out: np.ndarray, state: State, moved: State
 ) -> State:
-    """Return the state a part of the way to another, or beyond it.
+    """Return the state at the best part of a step, found by a line search.
 
-    The potential is that of the other's pressures and shear: under them the step leads down. A
-    small part of the way takes as little of their change, which is as far too long as the step.
+    The potential uses the pressures and shear after the step, for which the step is a descent
+    direction. A short step takes only its part of their change.
     """
     du, free = (moved.u - state.u).ravel()[problem.free], problem.free
 
@@ -156,7 +156,7 @@ def _searched(
 
     def slope(part: float) -> float:
         there = along(part)
-        if not _least_volume(problem, there) > _LEAST_VOLUME:
+        if not _least_volume(problem, there) > _MIN_VOLUME:
             return math.inf
         outside = problem.force(there, problem.gaps(there, start, left_out))
         inside = problem.solid.force(there.u, there.p).ravel()
@@ -165,29 +165,29 @@ def _searched(
     part = best_part(slope)
     if not part:
         raise NotConvergedError("a step leads into no valley of the potential")
-    return moved if part == 1.0 else along(part) if part > 1 else _between(state, moved, part)
+    return moved if part == 1.0 else along(part) if part > 1 else _interpolated(state, moved, part)
 
 
-def _nearest(gaps: Gaps) -> np.ndarray:
-    """Return the segments that touch first: nothing else holds a loose body."""
+def _first_touching(gaps: Gaps) -> np.ndarray:
+    """Return the segments that touch first, as nothing else holds a body without contact."""
     return np.asarray(np.isfinite(gaps.gap) & (gaps.gap <= gaps.gap.min() + _GAP_TOL))
 
 
-def _sliding(problem: ContactProblem, start: State) -> FloatArray:
-    """Return which segments slide at first: those that did, where the body slides as a whole."""
+def _initial_kinds(problem: ContactProblem, start: State) -> FloatArray:
+    """Return the initial sliding direction of segments: that of `start` if the body slides."""
     length = problem.faces.length
     limit = problem.friction * start.pressure
-    if abs(start.shear @ length) <= _WHOLLY * (limit @ length):
+    if abs(start.shear @ length) <= _SLIDING_SHARE * (limit @ length):
         return np.zeros(len(length))
     return np.where(np.abs(start.shear) >= limit * (1 - _FORCE_TOL), np.sign(start.shear), 0.0)
 
 
-def _changed(
+def _updated_kinds(
     problem: ContactProblem, state: State, gaps: Gaps, kind: FloatArray, *, one_by_one: bool
 ) -> FloatArray:
-    """Return which segments stick, 0, or slide, with the sign of their shear.
+    """Return 0 for segments that stick, and the sign of the shear for those that slide.
 
-    Sticking segments slide beyond the friction; segments that slide against their shear stop.
+    Sticking segments slide above the friction; segments that slide against their shear stop.
     """
     limit = problem.friction * state.pressure
     excess = np.abs(state.shear) - limit * (1 + _FORCE_TOL)
@@ -203,34 +203,34 @@ def _changed(
     return fresh
 
 
-def _guarded(problem: ContactProblem, state: State, moved: State) -> State:
-    """Take a step, or the part of it that turns no element inside out."""
+def _limited_step(problem: ContactProblem, state: State, moved: State) -> State:
+    """Return the state after a step, shortened until no element is turned inside out."""
     part, tried = 1.0, moved
     for _ in range(6):
-        if _least_volume(problem, tried) > _LEAST_VOLUME:
+        if _least_volume(problem, tried) > _MIN_VOLUME:
             return tried
         part *= 0.5
-        tried = _between(state, moved, part)
+        tried = _interpolated(state, moved, part)
     raise NotConvergedError("an element is turned inside out")
 
 
-def _between(state: State, other: State, part: float) -> State:
-    """Return the state a part of the way from one to another."""
+def _interpolated(state: State, other: State, part: float) -> State:
+    """Return the linear interpolation between two states."""
     names = (field.name for field in fields(State))
     return State(*((1 - part) * getattr(state, n) + part * getattr(other, n) for n in names))
 
 
 def _least_volume(problem: ContactProblem, state: State) -> float:
-    """Return the least volume over the undeformed one."""
+    """Return the smallest ratio of deformed to undeformed volume."""
     return float(jacobian(problem.solid.gradients(state.u)).min())
 
 
 @dataclass(eq=False)
 class NewtonStep:
-    """One Newton step: a linear complementarity problem for the segments' pressures.
+    """Newton step: a linear complementarity problem for the segments' pressures.
 
-    The stiffness is factorised once, with the segments in contact condensed; others that enter or
-    leave are rank-one changes of it.
+    The stiffness is factorised once, with the segments in contact condensed. Segments that enter or
+    leave contact are rank-one changes.
     """
 
     problem: ContactProblem
@@ -238,7 +238,7 @@ class NewtonStep:
     state: State
     gaps: Gaps
     inner: Assembled
-    kind: FloatArray  # of each segment: 0 sticks, the sign of its shear slides
+    kind: FloatArray  # of each segment: 0 if it sticks, the sign of its shear if it slides
 
     def error(self) -> float:
         """Return the largest residual over its tolerance."""
@@ -261,15 +261,15 @@ class NewtonStep:
         return max(float(np.abs(part).max()) / tolerance for part, tolerance in parts)
 
     def _factorise(self, active: np.ndarray, *, share: float) -> None:
-        """Condense the segments in contact into the stiffness, and solve for what never changes."""
+        """Factorise the stiffness with contact condensed, and solve for the fixed parts."""
         problem, gaps, inner = self.problem, self.gaps, self.inner
         length = problem.faces.length
         self._candidate = np.isfinite(gaps.gap)
         self._reference = active & self._candidate
         self._gap = np.where(self._candidate, gaps.gap, 0.0) * length
-        self._scale = _STIFF / length**2
+        self._scale = _PENALTY / length**2
         self._C = gaps.normal
-        # Rising ridges are the whole rim sinking.
+        # A rise of the ridges equals a downward movement of the whole rim.
         self._lift = -(self._C @ problem.up)
         self._slip_lift = -(gaps.along @ problem.up)
         bending = problem.contact_stiffness(self.state, gaps, share=share)
@@ -280,17 +280,17 @@ class NewtonStep:
         rest = -(inner.force.ravel() + inner.condensed.ravel())
         by_rise = self._bent
         if problem.friction:
-            stiffness, force, rubbed = self._rubbing()
+            stiffness, force, rubbed = self._friction_terms()
             K, rest, by_rise = K + stiffness, rest + force, by_rise + rubbed
         try:
             self._factor = factorise(K, problem.free, pivoting=problem.friction > 0)
-        except RuntimeError:  # as SuperLU has it where a pivot is exactly zero
+        except RuntimeError:  # raised by SuperLU for a zero pivot
             raise NotConvergedError("the stiffness is singular") from None
         self._columns: dict[int, FloatArray] = {}
         self._still, self._risen = self._solved(np.stack([rest, -by_rise]))
 
-    def _rubbing(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
-        """Return friction's stiffness, its force on the nodes, and that by the rise."""
+    def _friction_terms(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
+        """Return friction's stiffness, its nodal force, and the derivative of that by the rise."""
         problem, state, gaps = self.problem, self.state, self.gaps
         kind, scale, on = self.kind, self._scale, self._reference
         stuck, slid = np.flatnonzero(on & (kind == 0)), np.flatnonzero(on & (kind != 0))
@@ -307,21 +307,21 @@ class NewtonStep:
         return stiffness, np.asarray(T.T @ shear + Ts.T @ pressed), np.asarray(by_rise)
 
     def solve(self, active: np.ndarray) -> tuple[State, np.ndarray]:
-        """Return the state after the step, and which segments are in contact then.
+        """Return the state after the step, and the segments that are then in contact.
 
-        Block principal pivoting: all that are wrong change sides, and one at a time where that
-        does not lead on. Far from equilibrium there may be no such set; then the best one serves.
+        Block principal pivoting changes all wrong segments at once, or one at a time if this makes
+        no progress. Far from equilibrium no consistent set may exist; then the best set is used.
         """
-        # Where the potential curves down a full step leads up. With friction there is none.
-        for share in _SHARES:
+        # With negative curvature a full step would lead up. With friction there is no potential.
+        for share in _CONTACT_SHARES:
             self._factorise(active, share=share)
             if self.problem.friction or not (self._factor.U.diagonal() < 0).any():
                 break
         problem, state = self.problem, self.state
         active = best = self._reference.copy()
         fewest, patience = len(active) + 1, _PATIENCE
-        for _ in range(_MOST_STEPS):
-            du, rise, pressure, gap = self._of(active)
+        for _ in range(_MAX_STEPS):
+            du, rise, pressure, gap = self._step_with(active)
             tiny = 1e-9 * np.abs(pressure).max(initial=0.0)
             leaving = active & (pressure < -tiny)
             wrong = leaving | (self._candidate & ~active & (gap < -1e-13))
@@ -336,7 +336,7 @@ class NewtonStep:
                 wrong[: np.flatnonzero(wrong)[-1]] = False
             active = active ^ wrong
         else:
-            du, rise, pressure, _ = self._of(best)
+            du, rise, pressure, _ = self._step_with(best)
         pressure, shear = np.maximum(pressure, 0.0), np.zeros_like(pressure)
         if problem.friction:
             slip = self.gaps.slip + self.gaps.along @ du + rise * self._slip_lift
@@ -345,8 +345,8 @@ class NewtonStep:
         p = state.p + self.inner.pressure_step(du, problem.solid.dofs)
         return State(state.u + du.reshape(-1, 2), p, pressure, shear, state.rise + rise), best
 
-    def _of(self, active: np.ndarray) -> tuple[FloatArray, float, FloatArray, FloatArray]:
-        """Return the step with the given segments in contact: du, rise, pressures and gaps."""
+    def _step_with(self, active: np.ndarray) -> tuple[FloatArray, float, FloatArray, FloatArray]:
+        """Return the step for given segments in contact: du, rise, pressures and gaps."""
         changed = np.flatnonzero(active ^ self._reference)
         on = np.flatnonzero(active)
         C, scale, lift = self._C[on], self._scale[on], self._lift[on]
@@ -369,7 +369,7 @@ class NewtonStep:
         return du, rise, pressure, moved / self.problem.faces.length
 
     def _rise(self, first: FloatArray, second: FloatArray, on: np.ndarray) -> float:
-        """Return the rise with which the control is met, du being first + rise second."""
+        """Return the rise that satisfies the control equation, for du = first + rise second."""
         control, problem, state = self.control, self.problem, self.state
         if control.corner is not None:
             value, row = problem.corner_distance(state, control.corner)
@@ -377,7 +377,7 @@ class NewtonStep:
             return float((control.target - value - row @ first) / slope)
         if control.kind == "rise":
             return control.target - state.rise
-        # The load is the force of what rises, along the rise: minus lift . pressure.
+        # The load is the force on the ridges along the rise: minus lift . pressure.
         C, scale, lift = self._C[on], self._scale[on], self._lift[on]
         pressure = state.pressure[on] - scale * (self._gap[on] + C @ first)
         rubbing = problem.up @ (self.gaps.along.T @ state.shear)

@@ -1,8 +1,8 @@
-"""Small strain: one linear step from the body at rest for each transition.
+"""Transitions at small strain: one linear step from the undeformed body for each.
 
-The body is linear and contact is imposed on the undeformed surface, as in half-plane
-theory: gaps are vertical, above the undeformed rim. The pressures on segments, and the rise
-of the ridges at which the next corner's gap is zero, are then one of Newton's steps.
+The body is linear and contact is imposed on the undeformed surface, as in half-plane theory: gaps
+are vertical, above the undeformed rim. One Newton step therefore gives the pressures on segments
+and the rise of the ridges at which the next corner touches.
 """
 
 from dataclasses import replace
@@ -19,16 +19,16 @@ from ridgebayes.contact.cylinder.surface import cast
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import ComputationError
 
-_FAR = 2.0  # over R: all of the rim is seen from the ridges
+_RAY_LENGTH = 2.0  # over R; rays from the ridges reach all of the rim
 
 
-class _AtRest(ContactProblem):
-    """A body whose gaps are vertical, and change with its vertical displacements alone."""
+class _LinearProblem(ContactProblem):
+    """Contact problem with vertical gaps that depend on vertical displacements only."""
 
     def corner_distance(self, state: State, corner: Corner) -> tuple[float, FloatArray]:
         """Return the vertical distance of a corner from the body, and its derivative."""
         point, up = np.array([corner.centre]), np.array([[0.0, 1.0]])
-        hit = cast(self.rim(state), point, up, behind=np.zeros(1), ahead=_FAR)
+        hit = cast(self.rim(state), point, up, behind=np.zeros(1), ahead=_RAY_LENGTH)
         row = np.zeros(2 * self.solid.n_node)
         row[2 * self.solid.mesh.rim[hit.edge[0]] + 1] = hit.gradient[0, :, 1]
         return float(hit.gap[0]), row
@@ -53,23 +53,23 @@ def small_strain_transitions(
     Returns
     -------
     Q : ndarray of int, shape (n,)
-        4, 6, ...
+        Counts 4, 6, ...
     p_over_E : ndarray of float, shape (n,), dimensionless
         Loads, rising.
 
     Raises
     ------
     InputError
-        As `Cylinder`.
+        See `Cylinder`.
     ComputationError
-        If no set of segments in contact fits.
+        If no consistent set of segments in contact is found.
 
     Notes
     -----
-    *Validity.* Small strain; loads differ from those of contact at displaced places by 0.5 % at
-    p/E = 0.004, and by 3 % at 0.02.
+    *Validity.* Small strain. Loads differ from those of contact in the deformed configuration by
+    0.5 % at p/E = 0.004, and by 3 % at 0.02.
 
-    *Cost.* Some tenths of a second a transition.
+    *Cost.* Some tenths of a second for each transition.
 
     Examples
     --------
@@ -79,14 +79,14 @@ def small_strain_transitions(
     """
     profile = Profile(a, b)
     body = Cylinder(profile, p_max=p_max, nu=nu, edges=edges).problem
-    problem = _AtRest(body.solid, body.faces, body.held)
+    problem = _LinearProblem(body.solid, body.faces, body.held)
     start, height = problem.unloaded(), first_height(profile)
     inner = problem.solid.assemble(start.u, start.p)
     vertical = sparse.diags_array(problem.up)
     on, loads = np.zeros(len(problem.faces), dtype=bool), list[float]()
     while not loads or loads[-1] <= p_max:
         control = Control("corner", 0.0, proximal_corner(profile, len(loads) + 1, height))
-        gaps = problem.gaps(start, start, control.left_out(problem.faces), ahead=_FAR)
+        gaps = problem.gaps(start, start, control.left_out(problem.faces), ahead=_RAY_LENGTH)
         gaps = replace(gaps, normal=sparse.csr_array(gaps.normal @ vertical))
         step = NewtonStep(problem, control, start, gaps, inner, np.zeros(len(on)))
         pressed, on = step.solve(on | problem.faces.of_ridge(len(loads)))

@@ -1,7 +1,7 @@
 """Forces and stiffness of a meshed body: quadratic displacements, linear pressure in each element.
 
-Nine-node quadrilaterals with three pressures of their own each (Q2/P-1): the pressures of an
-element meet no other element, so that they are condensed into its displacements.
+Nine-node quadrilaterals have three pressures each (Q2/P-1). The pressures of an element are not
+shared with other elements, so they are condensed into its displacements.
 """
 
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.cylinder.material import Material, cofactor, jacobian
 from ridgebayes.contact.cylinder.mesh import DiskMesh
 
-# Where the volume cannot change, the linearised constraint is condensed with this compressibility
-# (times E) instead of none. It enters no equation, only the Newton step, whose error it makes.
+# Compressibility, times E, with which the constraint of an incompressible body is condensed. It
+# enters only the Newton steps, whose error it determines.
 _SOFTENING = 1e-5
 
 
@@ -27,11 +27,11 @@ class Assembled:
     Parameters
     ----------
     force : ndarray of float, shape (n_node, 2)
-        Internal force on the nodes at the state's own pressures.
+        Internal force on the nodes at the state's pressures.
     volume : ndarray of float, shape (n_element, 3)
         Residual of the pressures' equations.
     condensed : ndarray of float, shape (n_node, 2)
-        Force of the condensed pressures: force + condensed + stiffness du = 0 is the linear step.
+        Force of the condensed pressures; the linear step is force + condensed + stiffness du = 0.
     stiffness : scipy.sparse.csc_array, shape (2 n_node, 2 n_node)
         Stiffness of the displacements alone.
     """
@@ -44,14 +44,14 @@ class Assembled:
     _inverse: FloatArray
 
     def pressure_step(self, du: FloatArray, dofs: IntArray) -> FloatArray:
-        """Return the step of the pressures that goes with one of the displacements."""
+        """Return the step of the pressures for a step of the displacements."""
         change = self.volume + np.einsum("eqd,ed->eq", self._coupling, du.reshape(-1)[dofs])
         value: FloatArray = np.einsum("epq,eq->ep", self._inverse, change)
         return value
 
 
 class InvertedError(Exception):
-    """An element is turned inside out: the step was too long."""
+    """Raised if an element is turned inside out, because the step was too long."""
 
 
 class Solid:
@@ -60,7 +60,7 @@ class Solid:
     Parameters
     ----------
     mesh : DiskMesh
-        The body.
+        Mesh of the body.
     material : Material
         Material of the body.
     """
@@ -72,14 +72,14 @@ class Solid:
         # (element, point, node, direction)
         self._grad = np.stack([basis.basis[i][0].grad for i in range(9)]).transpose(2, 3, 0, 1)
         self._grad = np.ascontiguousarray(self._grad)
-        # The same as one matrix for each element: node, and point with direction.
+        # The same gradients as one matrix for each element: node, and point with direction.
         self._flat = self._grad.transpose(0, 2, 1, 3).reshape(len(self.nodes), 9, -1)
         self._weight, self.quadrature = np.asarray(basis.dx), (basis.X, basis.W)
         at = np.asarray(basis.global_coordinates())  # (2, element, point)
         centre = np.average(at, axis=2, weights=np.broadcast_to(self._weight, at.shape))
         extent = np.sqrt(self._weight.sum(axis=1))
         local = (at - centre[..., None]) / extent[:, None]
-        # Pressures: constant and linear in space, (element, point, 3).
+        # Pressure modes: constant and linear in space, (element, point, 3).
         self._linear = np.stack([np.ones_like(local[0]), *local], axis=-1)
         self.points = mesh.points
         self.n_node, self.n_element = len(self.points), len(self.nodes)
@@ -88,7 +88,7 @@ class Solid:
 
     @cached_property
     def _pattern(self) -> tuple[IntArray, IntArray, IntArray]:
-        """Places of the element matrices' entries in the compressed columns of the whole."""
+        """Positions of the element matrices' entries in the assembled sparse matrix."""
         rows = np.repeat(self.dofs, 18, axis=1).ravel()
         columns = np.tile(self.dofs, (1, 18)).ravel()
         n = 2 * self.n_node
@@ -123,7 +123,7 @@ class Solid:
         return value
 
     def assemble(self, u: FloatArray, p: FloatArray) -> Assembled:
-        """Linearise at a state.
+        """Linearise the body's equations at a state.
 
         Parameters
         ----------

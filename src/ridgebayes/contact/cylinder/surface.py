@@ -1,9 +1,7 @@
 """Gaps between the deformed rim and the rigid side, with their derivatives.
 
-From a point y of the rigid side a ray runs along its normal n to the rim x(s): the gap is
-n.(x(s) - y) where t.(x(s) - y) = 0. With m = n - t (n.x')/(t.x') and ds = -(t.du)/(t.x'),
-
-    dg = m.du(s),    d2g = m.(du'(s) ds + Du'(s) ds) + (m.x'') ds Ds.
+A ray runs from a point y of the rigid side along its normal n to the rim x(s). The gap is
+n.(x(s) - y) with t.(x(s) - y) = 0. With m = n - t (n.x')/(t.x') and ds = -(t.du)/(t.x'),
 """
 
 from dataclasses import dataclass
@@ -19,7 +17,7 @@ def shapes(s: FloatArray) -> FloatArray:
 
 
 def slopes(s: FloatArray) -> FloatArray:
-    """Return their derivatives by s, shape (..., 3)."""
+    """Return the derivatives of the shape functions by s, shape (..., 3)."""
     return np.stack([4 * s - 3, 4 - 8 * s, 4 * s - 1], axis=-1)
 
 
@@ -29,34 +27,35 @@ def _dot(x: FloatArray, y: FloatArray) -> FloatArray:
     return value
 
 
-_BENDS = slopes(np.ones(())) - slopes(np.zeros(()))  # second derivatives: the same all along
+_CURVATURES = slopes(np.ones(())) - slopes(np.zeros(()))  # second derivatives, constant in s
 _ROUNDING = 1e-12
-_BLOCK = 16  # rays that share a box
-# Slope of an edge that folds over a sharp corner, in its stiffness: its tangent changes sign as the
-# edge passes the vertical, and a stiffness of the wrong sign leads Newton's steps away.
-_STEEPEST = 1e4  # a lower limit would cut real slopes, and spoil Newton's steps
+_RAYS_PER_BOX = 16
+# Limit of an edge's slope in the stiffness. The tangent of an edge that folds over a sharp corner
+# changes sign at the vertical, and a stiffness of the wrong sign misleads Newton's method. A lower
+# limit would cut real slopes.
+_MAX_SLOPE = 1e4
 
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Where rays from the rigid side meet the rim; one entry per ray that does.
+    """Intersections of rays from the rigid side with the rim, one for each ray that meets it.
 
     Parameters
     ----------
     ray : ndarray of int, shape (n,)
         Number of the ray.
     edge : ndarray of int, shape (n,)
-        Edge of the rim it meets.
+        Edge of the rim.
     s : ndarray of float, shape (n,)
-        Place on the edge, 0 to 1.
+        Position on the edge, 0 to 1.
     gap : ndarray of float, shape (n,)
-        Along the ray; negative where the body reaches into the rigid side.
+        Gap along the ray; negative if the body is inside the rigid side.
     gradient : ndarray of float, shape (n, 3, 2)
         Derivative of the gap by the edge's node positions.
     hessian : ndarray of float, shape (n, 6, 6)
-        Second derivative.
+        Second derivative of the gap.
     along : ndarray of float, shape (n, 6, 6)
-        Derivative of what a force along the rigid side does to the node positions.
+        Derivative of the nodal forces of a unit force along the rigid side.
     tangent : ndarray of float, shape (n, 2)
         Tangents of the rigid side.
     """
@@ -79,24 +78,24 @@ def cast(
     Parameters
     ----------
     rim : ndarray of float, shape (n_edge, 3, 2), over R
-        Node positions of its edges, the body on the left of their direction.
+        Node positions of the edges, with the body on the left of their direction.
     point, normal : ndarray of float, shape (n, 2)
-        Rays.
+        Origins and directions of the rays.
     behind : ndarray of float, shape (n,)
-        Distance to look back along each ray.
+        Distance to search backwards along each ray.
     ahead : float
-        Distance to look forward.
+        Distance to search forwards.
 
     Returns
     -------
     Hits
-        Entry nearest to its point of each ray that enters the body within that range.
+        For each ray that enters the body in this range, the entry nearest to its origin.
     """
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=-1)
     ray, edge = _near(rim, point, normal, behind, ahead)
     start = _dot(tangent, point)[ray, None]
     along = tangent[ray, :1] * rim[edge, :, 0] + tangent[ray, 1:] * rim[edge, :, 1] - start
-    low, high = _hull(along)
+    low, high = _bounds(along)
     slack = _ROUNDING * (high - low)
     meets = (low <= slack) & (high >= -slack)
     ray, edge, along = ray[meets], edge[meets], along[meets]
@@ -113,9 +112,9 @@ def cast(
     return _with_derivatives(ray, edge[first], s[first], gap[first], rim, tangent, normal)
 
 
-def _hull(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return bounds of parabolas through three values, along the second axis."""
-    # A parabola stays between its control points, the middle one twice as far out as the node.
+def _bounds(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return bounds of parabolas through three values along the second axis."""
+    # A parabola stays within the range of its Bezier control points.
     control = 2.0 * values[:, 1] - 0.5 * (values[:, 0] + values[:, 2])
     low = np.minimum(np.minimum(values[:, 0], values[:, 2]), control)
     return low, np.maximum(np.maximum(values[:, 0], values[:, 2]), control)
@@ -124,13 +123,13 @@ def _hull(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _near(
     rim: FloatArray, point: FloatArray, normal: FloatArray, behind: FloatArray, ahead: float
 ) -> tuple[IntArray, IntArray]:
-    """Pair rays with edges by boxes around both: nearly all pairs are far apart.
+    """Pair rays with the edges that they may meet, by comparing bounding boxes.
 
     Neighbouring rays share a box, so that few boxes are compared.
     """
-    low, high = _hull(rim)
+    low, high = _bounds(rim)
     ends = np.stack([point - behind[:, None] * normal, point + ahead * normal])
-    first = np.arange(0, len(point), _BLOCK)
+    first = np.arange(0, len(point), _RAYS_PER_BOX)
     lows = np.minimum.reduceat(ends.min(axis=0), first) - _ROUNDING
     highs = np.maximum.reduceat(ends.max(axis=0), first) + _ROUNDING
     apart = (low > highs[:, None]) | (high < lows[:, None])
@@ -141,17 +140,17 @@ def _near(
 
 
 def _rising_roots(values: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Find where parabolas through values at 0, 1/2, 1 rise through zero, and which ones."""
+    """Find where parabolas through values at 0, 1/2, 1 rise through zero, and their indices."""
     a = 2 * values[:, 0] - 4 * values[:, 1] + 2 * values[:, 2]
     b = -3 * values[:, 0] + 4 * values[:, 1] - values[:, 2]
     c = values[:, 0]
     inside = b**2 - 4 * a * c
     real = inside >= 0
     root = np.sqrt(np.where(real, inside, 0.0))
-    # The root with slope +root: (-b + root) / 2a, without the difference where b > 0.
+    # The root with slope +root is (-b + root) / 2a, written without cancellation for b > 0.
     with np.errstate(divide="ignore", invalid="ignore"):
         s = np.where(b > 0, -2 * c / (b + root), (-b + root) / (2 * a))
-    # A node belongs to both of its edges: by rounding it might otherwise belong to neither.
+    # A node belongs to both of its edges; rounding must not exclude it from both.
     where = np.flatnonzero(real & (root > 0) & (s >= -_ROUNDING) & (s <= 1.0 + _ROUNDING))
     return np.clip(s[where], 0.0, 1.0), where
 
@@ -167,7 +166,7 @@ def _with_derivatives(
 ) -> Hits:
     at, N, dN, tangent, normal = rim[edge], shapes(s), slopes(s), tangent[ray], normal[ray]
     first = np.einsum("nk,nki->ni", dN, at)
-    second = np.einsum("k,nki->ni", _BENDS, at)
+    second = np.einsum("k,nki->ni", _CURVATURES, at)
     speed = _dot(tangent, first)
     m = normal - tangent * (_dot(normal, first) / speed)[:, None]
     gradient = N[:, :, None] * m[:, None, :]
@@ -182,21 +181,21 @@ def _with_derivatives(
 
 
 def kink(rim: FloatArray, edge: IntArray, tangent: FloatArray, normal: FloatArray) -> FloatArray:
-    """Return how much the gap's derivative jumps where one edge ends and the next begins.
+    """Return the jump of the gap's derivative at the node between two edges.
 
     Parameters
     ----------
     rim : ndarray of float, shape (n_edge, 3, 2)
-        Node positions of its edges.
+        Node positions of the edges.
     edge : ndarray of int, shape (n,)
-        The edges that end there.
+        Edges that end at the nodes.
     tangent, normal : ndarray of float, shape (n, 2)
         Tangents and normals of the rigid side.
 
     Returns
     -------
     ndarray of float, shape (n,)
-        n.x'/t.x' after the node less that before: minus the jump of m along t.
+        n.x'/t.x' after the node minus its value before: minus the jump of m along t.
     """
     before = np.einsum("k,nki->ni", slopes(np.ones(())), rim[edge])
     after = np.einsum("k,nki->ni", slopes(np.zeros(())), rim[edge + 1])
@@ -205,28 +204,28 @@ def kink(rim: FloatArray, edge: IntArray, tangent: FloatArray, normal: FloatArra
 
 
 def _slope(rise: FloatArray, run: FloatArray) -> FloatArray:
-    """Return rise over run, at most `_STEEPEST`: also for an edge that turned past the normal."""
-    return np.asarray(rise / np.maximum(run, np.maximum(np.abs(rise) / _STEEPEST, 1e-300)))
+    """Return rise over run limited to `_MAX_SLOPE`, also for an edge turned past the normal."""
+    return np.asarray(rise / np.maximum(run, np.maximum(np.abs(rise) / _MAX_SLOPE, 1e-300)))
 
 
 def distance(rim: FloatArray, point: FloatArray) -> tuple[float, int, FloatArray]:
-    """Measure how far a point lies outside the body.
+    """Return the distance of a point from the body.
 
     Parameters
     ----------
     rim : ndarray of float, shape (n_edge, 3, 2), over R
-        Node positions of its edges, the body on the left of their direction.
+        Node positions of the edges, with the body on the left of their direction.
     point : ndarray of float, shape (2,)
-        The point.
+        Point.
 
     Returns
     -------
     distance : float
-        Distance to the nearest place of the rim; negative inside the body.
+        Distance to the nearest point of the rim; negative inside the body.
     edge : int
-        Edge of the nearest place.
+        Edge with the nearest point.
     gradient : ndarray of float, shape (3, 2)
-        Derivative of the distance by that edge's node positions.
+        Derivative of the distance by the edge's node positions.
     """
     apart = np.linalg.norm(rim - point, axis=-1).min(axis=1)
     size = np.linalg.norm(rim[:, 2] - rim[:, 0], axis=-1)
@@ -239,7 +238,7 @@ def distance(rim: FloatArray, point: FloatArray) -> tuple[float, int, FloatArray
     for _ in range(20):
         x = np.einsum("nk,nki->ni", shapes(s), at) - point
         first = np.einsum("nk,nki->ni", slopes(s), at)
-        second = np.einsum("k,nki->ni", _BENDS, at)
+        second = np.einsum("k,nki->ni", _CURVATURES, at)
         f = _dot(x, first)
         df = _dot(first, first) + _dot(x, second)
         s = np.clip(s - f / np.where(df > 0, df, np.inf), 0.0, 1.0)
@@ -248,7 +247,7 @@ def distance(rim: FloatArray, point: FloatArray) -> tuple[float, int, FloatArray
     first = slopes(s[i]) @ at[i]
     out = np.array([first[1], -first[0]]) / np.hypot(*first)
     away = -x[i]
-    # At a kink between edges the nearest place is the node, and the normal lies between.
+    # At a kink between edges the nearest point is the node; the direction is between normals.
     size_of = np.hypot(*away)
     if s[i] in (0.0, 1.0) and size_of > 0:
         out = away / size_of * (-1.0 if away @ out < 0 else 1.0)

@@ -1,7 +1,7 @@
-"""From records to calls of `drawing`, whose figures know none.
+"""Figures of result objects, drawn by the functions of `drawing`.
 
-`gallery` lists the figures of a report by name, each drawn once, by workers or when it is asked
-for. `bodies` draws solutions of contact, which the report does not show.
+`gallery` lists the figures of a report by name and draws each once, on workers or on first use.
+`bodies` draws contact solutions, which the report does not show.
 
 Examples
 --------

@@ -1,4 +1,4 @@
-"""Figures of a body in contact: pressed on its ridges, and as a cylinder of finite elements."""
+"""Figures of a body in contact: a pressed profile, and a cylinder of finite elements."""
 
 import math
 
@@ -23,30 +23,33 @@ from ridgebayes.errors import InputError
 
 _BODY, _PRESSURE = COLOURS["modified"], COLOURS["classic"]
 _RIDGE, _RIDGE_LINE = "#B8B8B8", "#555555"
-# The highest von Mises stress that has a colour of its own, over the mean contact pressure: more
-# than there is under a smooth contact, less than near sharp corners.
-_COLOURED = 0.8
-_SIDES = [[k, k + 4, (k + 1) % 4] for k in range(4)]  # of an element: end, middle, end
-_AROUND = [node for start, middle, _ in _SIDES for node in (start, middle)]  # eight triangles
-_MARGIN, _HEIGHT = 1.2, 0.68  # of the close-up: half its width, over the contact's; height over it
-_BELOW = 0.1  # of that height under the body
+# Upper end of the colour scale of the von Mises stress, over the mean contact pressure. It is above
+# the stress under a smooth contact and below the stress near sharp corners.
+_MAX_MISES_OVER_MEAN = 0.8
+# Nodes of an element: end, middle and end of each side, and around its boundary.
+_SIDES = [[k, k + 4, (k + 1) % 4] for k in range(4)]
+_BOUNDARY = [node for start, middle, _ in _SIDES for node in (start, middle)]
+# Close-up: its half width over that of the contact, and its height over its half width.
+_WIDTH_OVER_CONTACT, _HEIGHT_OVER_WIDTH = 1.2, 0.68
+_SHARE_BELOW_BODY = 0.1  # share of the close-up's height below the body
 _ARC = np.linspace(0.0, 0.5 * math.pi, 13)
-_HIGHEST = 3.0  # of the mean contact pressure: sharp corners stand out of any axis
+_MAX_PRESSURE_OVER_MEAN = 3.0  # in the contact; peaks at sharp corners are cut
 
 
 @styled()
 def plot_pressed(solution: ContactSolution) -> Figure:
-    """Draw a body pressed on ridges, and the pressure below it.
+    """Draw a body pressed on ridges, and its contact pressure.
 
     Parameters
     ----------
     solution : ContactSolution
-        A solution.
+        Solution to draw.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Above, the body's surface and the rigid one, heights stretched; below, pressure over E*.
+        The upper panel shows the surfaces of body and ridges with stretched heights, the lower one
+        the pressure over E*.
     """
     left, right = solution.ends
     edge = 1.25 * max(right, -left)
@@ -68,7 +71,7 @@ def plot_pressed(solution: ContactSolution) -> Figure:
     top.set_ylabel("height over $R$, stretched")
     for sign in (1, -1) if solution.profile.mirrored else (1,):
         _half_plane_pressure(bottom, solution, sign)
-    # Corners stand out of any axis: it is the pressure between them that is to be seen.
+    # The axis shows the pressure between corners, where it is unbounded.
     between = solution.pressing.pressure(np.cos(np.linspace(0.6, math.pi - 0.6, 20)))
     bottom.set_ylim(0, 4 * 0.5 * math.pi * float(between.max()))
     bottom.set_xlabel("$x/R$ from below the body's centre")
@@ -88,13 +91,13 @@ def _heights(profile: Profile, x: FloatArray, depth: float) -> FloatArray:
 
 
 def _half_plane_pressure(axes: Axes, solution: ContactSolution, sign: int) -> None:
-    # Towards a sharp corner pressure has no bound: the last thousandth is left out.
+    # Near a sharp corner the pressure is unbounded: the last thousandth is left out.
     s = np.cos(np.linspace(0.03, math.pi - 0.03, 200))
     values = solution.pressing.pressure(s) * 0.5 * math.pi / np.sqrt(1 - s * s)
     intervals = solution.pressing.intervals
     for i in range(len(intervals.left)):
         if sign < 0 and i == 0 and intervals.straddles:
-            continue  # its own mirror image
+            continue  # the central interval is its mirror image
         at = sign * (intervals.centre[i] + intervals.half_width[i] * s)
         axes.fill_between(at, values[i], color=_PRESSURE, alpha=0.35, linewidth=0)
         axes.plot(at, values[i], color=_PRESSURE, linewidth=0.9)
@@ -102,21 +105,21 @@ def _half_plane_pressure(axes: Axes, solution: ContactSolution, sign: int) -> No
 
 @styled()
 def plot_deformed(cylinder: Cylinder, state: State) -> Figure:
-    """Draw a pressed cylinder: the whole of it, its contact close up, and the pressure there.
+    """Draw a pressed cylinder: the whole mesh, a close-up of the contact, and the pressure.
 
     Parameters
     ----------
     cylinder : Cylinder
-        The body.
+        Body to draw.
     state : State
-        Its state, in contact.
+        State of the body, in contact.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Deformed elements on the rigid side, nothing stretched, coloured by von Mises stress, of
-        which what is found near sharp corners alone is one colour; below, contact pressure over E,
-        cut off at three times its mean.
+        The upper panels show the deformed elements on the rigid surface in true proportions,
+        coloured by von Mises stress; the high stresses near sharp corners share one colour. The
+        lowest panel shows contact pressure over E, cut off at three times its mean.
 
     Raises
     ------
@@ -130,28 +133,28 @@ def plot_deformed(cylinder: Cylinder, state: State) -> Figure:
     body = _Mesh(cylinder, state, mean)
     low, high = body.points.min(axis=0), body.points.max(axis=0)
     wide = 1.05 * max(high[0], -low[0])
-    half = _MARGIN * float((table["x"].abs() + 0.5 * table["length"]).max())
-    bottom = float(low[1]) - _BELOW * _HEIGHT * half
-    # The close-up has room to spare in height, lest it be narrower than the pressure below it.
+    half = _WIDTH_OVER_CONTACT * float((table["x"].abs() + 0.5 * table["length"]).max())
+    bottom = float(low[1]) - _SHARE_BELOW_BODY * _HEIGHT_OVER_WIDTH * half
+    # The extra height keeps the close-up as wide as the pressure below it.
     tall = high[1] - low[1] + 0.1
-    rows = [WIDTH * 0.5 * tall / wide, WIDTH * 0.5 * _HEIGHT + 0.1, 1.7]
+    rows = [WIDTH * 0.5 * tall / wide, WIDTH * 0.5 * _HEIGHT_OVER_WIDTH + 0.1, 1.7]
     figure = new_figure(WIDTH, sum(rows) + 1.3)
     whole, near, below = figure.subplots(3, 1, gridspec_kw={"height_ratios": rows})
     whole.set(xlim=(-wide, wide), ylim=(low[1] - 0.07, high[1] + 0.03))
-    near.set(xlim=(-half, half), ylim=(bottom, bottom + _HEIGHT * half))
+    near.set(xlim=(-half, half), ylim=(bottom, bottom + _HEIGHT_OVER_WIDTH * half))
     for axes, width in ((whole, 0.1), (near, 0.3)):
         axes.set_aspect("equal")
         axes.grid(visible=False)
         axes.set_ylabel("$y/R$")
         _rigid(axes, cylinder, state)
         body.draw(axes, width)
-    _pressure(below, table, _HIGHEST * mean, mirrored=cylinder.mirrored)
+    _pressure(below, table, _MAX_PRESSURE_OVER_MEAN * mean, mirrored=cylinder.mirrored)
     below.set(xlim=(-half, half), xlabel="$x/R$", ylabel="pressure over $E$")
     return figure
 
 
 class _Mesh:
-    """The deformed mesh with its mirror image, and what colours it."""
+    """Deformed mesh with its mirror image, and the von Mises stress at its nodes."""
 
     def __init__(self, cylinder: Cylinder, state: State, mean: float) -> None:
         solid, self._mean = cylinder.problem.solid, mean
@@ -164,7 +167,7 @@ class _Mesh:
             elements = np.concatenate([elements, elements + solid.n_node])
             self.points = np.concatenate([self.points, self.points * [-1.0, 1.0]])
             self._mises = np.tile(self._mises, 2)
-        around = elements[:, _AROUND]
+        around = elements[:, _BOUNDARY]
         centre = np.broadcast_to(elements[:, 8:], around.shape)
         triangles = np.stack([centre, around, np.roll(around, -1, axis=1)], axis=-1)
         self._triangles = triangles.reshape(-1, 3)
@@ -172,8 +175,8 @@ class _Mesh:
         self._sides = sides[np.unique(sides[:, 1], return_index=True)[1]]
 
     def draw(self, axes: Axes, width: float) -> None:
-        """Draw elements, coloured, their edges curved, and what the colours mean."""
-        most, highest = float(self._mises.max()), _COLOURED * self._mean
+        """Draw the coloured elements with curved edges, and a colour bar."""
+        most, highest = float(self._mises.max()), _MAX_MISES_OVER_MEAN * self._mean
         x, y = self.points.T
         coloured = axes.tripcolor(
             Triangulation(x, y, self._triangles),

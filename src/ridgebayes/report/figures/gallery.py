@@ -1,4 +1,4 @@
-"""All figures of a report, under stable names."""
+"""Gallery of the figures of a report under stable names."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,24 +23,23 @@ from ridgebayes.runtime.atomic import cannot_write, write_bytes
 from ridgebayes.runtime.pool import submit_or_defer
 from ridgebayes.runtime.progress import tell_count
 
-if TYPE_CHECKING:  # heavy
+if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
 KINDS = ("png", "svg")
-_OF_QUICK = ("evidence", "bands-first", "bands", "held-out")
-MOST_PARAMETERS = 6  # a corner plot of more cannot be read
+_QUICK_FIGURES = ("evidence", "bands-first", "bands", "held-out")
+MOST_PARAMETERS = 6  # a corner plot of more parameters is unreadable
 
 
 class Gallery(Mapping[str, "Figure"]):
-    """Every figure of a report by name, drawn once: by workers, or when it is first asked for.
+    """Mapping of names to the figures of a report, each drawn once, by workers or on first use.
 
     Parameters
     ----------
     data : ReportData
         Data to draw.
     executor : concurrent.futures.Executor, optional
-        Processes with the same libraries and fonts as this one: those of this machine. They begin
-        at once.
+        Pool of workers on this machine, with the same libraries and fonts. Drawing starts at once.
     """
 
     def __init__(self, data: ReportData, executor: Executor | None = None) -> None:
@@ -48,10 +47,10 @@ class Gallery(Mapping[str, "Figure"]):
         self._recipes = figures_of(data)
         self._figures: dict[str, Figure] = {}
         self._files: dict[tuple[str, str], bytes] = {}
-        self._coming: dict[str, Callable[[], list[bytes]]] = {}
+        self._pending: dict[str, Callable[[], list[bytes]]] = {}
         if executor is not None:
             for name, recipe in self._recipes.items():
-                self._coming[name] = submit_or_defer(executor, _files, recipe)
+                self._pending[name] = submit_or_defer(executor, _files, recipe)
 
     def __getitem__(self, name: str) -> "Figure":
         if name not in self._figures:
@@ -59,7 +58,7 @@ class Gallery(Mapping[str, "Figure"]):
         return self._figures[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self._recipes  # `Mapping` would draw it to find out
+        return name in self._recipes  # the method of `Mapping` would draw the figure
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._recipes)
@@ -69,20 +68,20 @@ class Gallery(Mapping[str, "Figure"]):
 
     def file(self, name: str, kind: str) -> bytes:
         """Return a figure as ``png`` or ``svg``."""
-        if name in self._coming:
-            drawn = self._coming.pop(name)()
+        if name in self._pending:
+            drawn = self._pending.pop(name)()
             self._files |= {(name, kind): file for kind, file in zip(KINDS, drawn, strict=True)}
         if (name, kind) not in self._files:
             self._files[name, kind] = drawing.style.as_bytes(self[name], kind)
         return self._files[name, kind]
 
     def save(self, folder: str | os.PathLike[str]) -> tuple[str, ...]:
-        """Write every figure as PNG (150 dpi) and SVG, each file whole or not at all.
+        """Write every figure as PNG (180 dpi) and SVG, each file atomically.
 
         Parameters
         ----------
         folder : str or path
-            Made if it does not exist.
+            Created if it does not exist.
 
         Returns
         -------
@@ -116,7 +115,7 @@ def _files(recipe: Callable[[], "Figure"]) -> list[bytes]:
 
 
 def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
-    """Return how to draw each figure that applies.
+    """Return a function that draws each figure that applies.
 
     Parameters
     ----------
@@ -126,24 +125,22 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     Returns
     -------
     dict of str to callable
-        By name, in this order: ``evidence``, ``prior-sensitivity`` where there are two forms;
-        ``bands``, and ``bands-first`` with three textures where
-        there are more; ``held-out`` where rows were; ``percent-error``, ``slopes``;
-        ``coverage`` where it was counted;
-        ``posterior-checks`` and ``prior-bands`` of the best form; ``corner-<form>``
-        of each fit. Quick comparisons have only ``evidence``, ``bands-first`` (or ``bands``) and
-        ``held-out``.
+        Functions by name, in this order: ``evidence`` and ``prior-sensitivity`` with two or more
+        forms; ``bands``, and with many textures ``bands-first`` with the first three; ``held-out``
+        if rows are held out; ``percent-error``, ``slopes``; ``coverage`` if it was computed;
+        ``posterior-checks`` and ``prior-bands`` of the best form; ``corner-<form>`` of each fit.
+        Quick comparisons have only ``evidence``, ``bands-first`` (or ``bands``) and ``held-out``.
     """
     comparison, shown = data.comparison, data.shown
     held_out, errors = data.held_out, data.percent_errors
     if len(held_out):
-        # A texture that the power law has no K for is a draw from its prior: a bar across the page.
+        # Without K for a texture the power law predicts from the prior: a bar across the page.
         alone = len(comparison.fits) == 1 and held_out["form"] == AVERAGE
         held_out = held_out[~(held_out["prior_alone"] | alone)]
-    # The published coefficients are those of the embedded sweep.
+    # Published coefficients belong to the embedded sweep only.
     if not data.is_paper_sweep and len(errors):
         errors = errors[errors["coefficients"] == "calibrated"]
-    # Of Classic the slope is not all: its intercept differs.
+    # Classic is left out, because its intercept differs.
     slopes = data.slopes[data.slopes["form"] != "classic"] if len(data.slopes) else data.slopes
     forms, predictions = drawing.forms, drawing.predictions
     recipes: dict[str, Any] = {
@@ -167,31 +164,31 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     for name in data.ranked:
         fit = comparison.fits[name]
         recipes[f"corner-{name}"] = partial(corner_of, fit, published=data.is_paper_sweep)
-    wanted = recipes if data.preset.extras else _OF_QUICK
-    return {name: recipe for name, recipe in recipes.items() if recipe and name in wanted}
+    selected = recipes if data.preset.extras else _QUICK_FIGURES
+    return {name: recipe for name, recipe in recipes.items() if recipe and name in selected}
 
 
 def _bands(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
-    """Return how to draw Q against load: of few textures first; of all unless in a hurry."""
+    """Return functions that draw Q against load, for the first textures and for all."""
     n_texture, n_first = len(data.comparison.table.textures), len(data.textures)
     draw = partial(drawing.predictions.plot_bands, table=data.transitions, form=data.shown)
     recipes: dict[str, Callable[[], Figure]] = {}
     if n_texture > n_first > 0:
-        first = _of(data.bands, data.textures)
+        first = _select_textures(data.bands, data.textures)
         recipes["bands-first"] = partial(draw, first, untitled=True)
     if data.preset.extras or not recipes:
         recipes["bands"] = partial(draw, data.bands, n_texture=n_texture)
     return recipes
 
 
-def _of(bands: pd.DataFrame, textures: Sequence[Texture]) -> pd.DataFrame:
-    """Return the bands of some textures."""
+def _select_textures(bands: pd.DataFrame, textures: Sequence[Texture]) -> pd.DataFrame:
+    """Return the bands of the given textures."""
     pairs = pd.MultiIndex.from_frame(bands[["a_over_R", "b_over_R"]])
     return bands[pairs.isin(list(textures))]
 
 
 def quantities_of(checks: PredictiveChecks) -> dict[str, tuple[FloatArray, FloatArray, float]]:
-    """Return the observed and replicated values and the p-value of each quantity, by its title."""
+    """Return observed values, replicated values and p-value of each quantity, by title."""
     return {
         QUANTITIES[name]: (checks.observed[:, i], checks.replicated[:, i], p_value)
         for i, (name, p_value) in enumerate(checks.p_values.items())
@@ -199,23 +196,23 @@ def quantities_of(checks: PredictiveChecks) -> dict[str, tuple[FloatArray, Float
 
 
 def exact_rows(rows: Observations) -> pd.DataFrame:
-    """Return the rows that give the load itself, as a frame."""
+    """Return the rows that give the load exactly, as a data frame."""
     a, b = np.array(rows.textures)[rows.texture].T
     columns = {"a_over_R": a, "b_over_R": b, "Q": rows.Q, "p_over_E": np.exp(rows.log_load)}
     return pd.DataFrame(columns)[rows.is_exact]
 
 
 def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False) -> "Figure":
-    """Draw all marginals of a fit; its thinned draws, so that one read from a file looks the same.
+    """Draw all marginals of a fit from its thinned draws, which a saved fit has too.
 
     Parameters
     ----------
     fit : Fit
-        With its draws.
+        Fit with draws.
     most : int, optional
-        How many parameters are shown.
+        Maximum number of parameters shown.
     published : bool, optional
-        Whether the study's coefficients are marked, where it has some.
+        Whether to mark the study's coefficients, if the form has any.
 
     Returns
     -------
@@ -232,7 +229,7 @@ def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False)
 
 
 def shown_parameters(fit: Fit, most: int = MOST_PARAMETERS) -> list[int]:
-    """Return the places of the parameters to show: the first ones, and the error model's."""
+    """Return the indices of the parameters to show: the first, and those of the error model."""
     n = fit.model.n_parameter
     if n <= most:
         return list(range(n))

@@ -1,11 +1,11 @@
-// A reader's own prior probabilities of the forms: posterior ones follow from the evidences.
+// Posterior probabilities of the forms from the reader's prior probabilities and the evidences.
 "use strict";
 for (const form of document.querySelectorAll("form[data-odds]")) {
   const inputs = [...form.querySelectorAll("input")];
   const outputs = [...form.querySelectorAll("output")];
   const status = form.querySelector("[role=status]");
 
-  // As the report writes probabilities: never 0 or 1 by rounding.
+  // Probabilities as in the report: rounding never gives 0 or 1.
   const written = p => {
     if (p === 1) return "1";
     if (p > 0.9999) return "> 0.9999";
@@ -23,7 +23,7 @@ for (const form of document.querySelectorAll("form[data-odds]")) {
     inputs.forEach((one, i) => one.setAttribute("aria-invalid", bad[i]));
     const usable = !bad.includes(true) && priors.some(prior => prior > 0);
     status.textContent = usable ? "" : "Type a number of 0 or more for each form, one above 0.";
-    // In logs: evidences differ by hundreds.
+    // Logarithms, because ln evidences differ by hundreds.
     const logs = priors.map((prior, i) => Math.log(prior) + Number(inputs[i].dataset.evidence));
     const top = Math.max(...logs);
     const weights = logs.map(log => Math.exp(log - top));

@@ -1,4 +1,4 @@
-// A reader's own texture: bands on Q and loads from one table of quantiles of ln(p/E), at each key.
+// Bands on Q and loads for the reader's texture, from a table of quantiles of ln(p/E), at each key.
 "use strict";
 for (const form of document.querySelectorAll("form[data-texture]")) {
   const T = JSON.parse(form.parentElement.querySelector("script[type='application/json']").textContent);
@@ -8,7 +8,7 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
   const TAIL = 0.05, SLACK = 1e-12, MARGIN = 1.5;
   const logit = T.prob.map(p => Math.log(p / (1 - p)));
 
-  // A monotone cubic through points of rising x (Fritsch and Butland), straight beyond its ends.
+  // A monotone cubic through points of rising x (Fritsch and Butland), linear beyond its ends.
   const through = (x, y) => {
     const n = x.length, h = [], d = [], m = [];
     for (let i = 0; i < n - 1; i++) { h.push(x[i + 1] - x[i]); d.push((y[i + 1] - y[i]) / h[i]); }
@@ -37,7 +37,7 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
     return z > 0 ? 1 - tail : tail;
   };
 
-  // A distribution of ln load: points where its distribution function, as a logit, is known. Draws
+  // A distribution of ln load, by points of the logit of its distribution function. Draws
   // that reach the count at no load are missing at the upper end, from the probability `top` on.
   const distribution = (y, score, top) => {
     const up = through(y, score), back = through(score, y);
@@ -48,7 +48,7 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
     };
   };
 
-  // The same, with an independent normal error of ln load.
+  // The distribution with an additional independent normal error of ln load.
   const widened = (one, sd) => {
     if (!sd || one.y.length < 2) return one;
     const n = 400, middles = [];
@@ -63,7 +63,7 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
     return distribution(y, score, one.top);
   };
 
-  // The distributions of ln(p/E) of all counts, at one a/pitch and a pitch of R.
+  // Distributions of ln(p/E) of all counts, for an a/pitch and a pitch of R.
   const atRatio = ratio => T.Q.map((_, k) => {
     const y = [], width = T.prob.length;
     for (let j = 0; j < width; j++) {
@@ -84,7 +84,7 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
   };
   const percent = p => p > 0.9995 ? "> 99.9 %" : p < 0.0005 ? "< 0.1 %" : `${(100 * p).toFixed(1)} %`;
 
-  // What is typed, or the fields that hold something else, each with its rule.
+  // The typed values, or the invalid fields with their rules.
   const read = () => {
     const bad = [], number = (name, rule, ok) => {
       const value = Number(field(name).value.trim().replace(",", ".") || NaN);
@@ -112,7 +112,7 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
     return { bad, a, b, nu, ends, unit: of, perE, sd };
   };
 
-  // Where texture, load and counts lie beyond what was calibrated: which quantity, and by how much.
+  // Quantities of texture, load and counts outside the calibrated range, and their distance from it.
   const beyond = (x, load, upper) => {
     const found = [], outside = (name, value, [low, high], margin, label = name) => {
       const [end, side] = value > high * margin * (1 + SLACK) ? [high, "largest"]
@@ -131,7 +131,7 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
   };
   const same = (one, other) => Math.abs(one / other - 1) < 1e-9;
 
-  // Curves of Q are steps at load quantiles; a further ridge is never reached before a nearer one.
+  // Curves of Q are steps at load quantiles; a farther ridge is never reached before a nearer one.
   const draw = (x, steps, top) => {
     const W = 480, H = 260, left = 40, right = 12, above = 10, below = 44;
     const reached = steps.high.filter(load => load < top).length;
@@ -181,7 +181,7 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
     const loads = { high: at(TAIL), median: at(0.5), low: at(1 - TAIL) };
     const rising = values => values.reduce((found, one) => [...found, Math.max(one, found.at(-1) ?? 0)], []);
     const steps = { high: rising(loads.high), median: rising(loads.median), low: rising(loads.low) };
-    // The least q with P(Q <= q) >= p: the first count that a share of 1 - p does not pass.
+    // The smallest q with P(Q <= q) >= p.
     const quantile = p => 2 * (survival.findIndex(s => 1 - s >= p * (1 - SLACK)) + 1 || survival.length + 1);
     const [low, middle, high] = [TAIL, 0.5, 1 - TAIL].map(quantile);
     const more = high === T.Q.at(-1) ? " or more" : "", found = beyond(x, load, high);
