@@ -31,4 +31,4 @@ def test_cost__of_finite_elements_are_below_the_meshes_standard_error():
     elements = costs[costs["method"].str.startswith("finite elements")].set_index("preset")
     assert elements["error"].isna().tolist() == [False, False, True]
     # Discretisation: three standard errors of each mesh, which share them with the finest.
-    assert (elements["error"].dropna() < 3 * elements["target_error"]).all()
+    assert (elements["error"][:2] < 3 * elements["target_error"][:2]).all()

@@ -162,9 +162,10 @@ def _elements(texture: Texture, p_max: float, name: str) -> Iterator[_Row]:
     error = np.nan
     if edges != finest:
         exact = loads(finest)
-        if not 0 < len(p_over_E) == len(exact):
-            raise ComputationError(f"{len(p_over_E)} of {len(exact)} transitions")
-        error = float(np.abs(p_over_E / exact - 1).max())
+        n = min(len(p_over_E), len(exact))  # a coarse mesh may reach one more below the same load
+        if n == 0:
+            raise ComputationError(f"no transition under p/E = {p_max:g}")
+        error = float(np.abs(p_over_E[:n] / exact[:n] - 1).max())
     yield "loads", f"finite elements, {edges} edges", name, ELEMENTS_SE[edges], error, cpu_s, "ok"
 
 
