@@ -53,6 +53,15 @@ def test_cautions__rows_that_the_evidence_says_are_independent(paper):
     assert drawn.cautions == ()
 
 
+def test_cautions__of_counts_whose_loads_are_closer_than_offsets_of_steps():
+    rows = {"a_over_R": 0.012, "b_over_R": 0.01, "Q": [20, 40, 42], "kind": "count"}
+    loads = 1.01 * rb.Modified().load(np.array([20, 40, 42]), 0.012, 0.01)
+    frame = pd.DataFrame(rows | {"p_over_E": loads})
+    assert not any("counts of Q" in sentence for sentence in _compared(frame, "iid").cautions)
+    *_, sentence = _compared(frame, "step").cautions
+    assert sentence.startswith("2 counts of Q = 40 and more: where each step has an offset")
+
+
 def test_cautions__counts_rows_that_repeat_a_load(comparison):
     table = comparison.table
     both = pd.concat([table.frame, table.calibration.frame.iloc[:5].assign(source="copy")])

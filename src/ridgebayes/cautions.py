@@ -30,6 +30,8 @@ _MAX_PRIOR_SDS = 4.0  # distance from a prior's centre above which loads contrad
 # units change loads by a factor of ten or a thousand.
 _MAX_LOAD_OVER_SMOOTH = 5.0
 _MAX_LOAD = 0.5  # p/E; limit of the two-scale solver, the highest of all solvers
+# Neighbouring loads differ by less than offsets of steps; docs/derivations/error-models.md.
+_MIN_CLOSE_Q = 40
 _CHECK = "Check that widths are over R and loads are p/E"
 _98_PERCENT = 2.326  # sds; half-width of a 98 % interval of a normal
 
@@ -65,9 +67,17 @@ def cautions(
             "or series to all digits. Copies count twice: leave one of each out."
         )
     sentences += _beyond_any_body(table)
-    of_series = any(SERIES in name for name in noises)
-    if of_series and Observations.from_table(table).one_series_per_texture:
+    data = Observations.from_table(table)
+    factors = {factor for name in noises for factor in Noise.named(name).factors}
+    if SERIES in factors and data.one_series_per_texture:
         sentences.append(_ONE_SERIES)
+    n_close = int((data.is_count & (data.Q >= _MIN_CLOSE_Q)).sum())
+    if n_close and "step" in factors:
+        sentences.append(
+            f"{count(n_close, 'count')} of Q = {_MIN_CLOSE_Q} and more: where each step has an "
+            "offset, the probabilities of all counts at one load add up to more than 1 (1.006 at "
+            "Q = 40, 1.1 at Q = 100), and evidences are too high by this factor a row at most."
+        )
     if selected.caution and len(noises) == 1:
         sentences.append(_OF_NOISE.get(selected.caution, selected.caution))
     times = _times_smooth(table)
