@@ -42,7 +42,7 @@ _SHAPE = ("groove/ridge", "offset", "depth", "corner/ridge", "ridge")
 _COLUMNS = (*_SHAPE, "groove", "corner")
 _OVER_RIDGE = [_COLUMNS.index(name) for name in _SHAPE]
 _OVER_RADIUS = [_COLUMNS.index(name.removesuffix("/ridge")) for name in _SHAPE]
-_N_NODE = 17  # along an axis
+_N_SMOOTH, _N_OFFSET = 13, 17  # nodes along an axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class ResponseTable:
     *Accuracy.* Measured by whoever asks, with `solved`.
 
     *Cost.* Some 0.1 s for each shape and count: up to 32 distinct shapes are solved each, more
-    are interpolated from 17 ratios of groove to ridge, or 17 offsets, or both.
+    are interpolated from 13 ratios of groove to ridge, or 17 offsets, or both.
     """
 
     def __init__(self, seen: Spread) -> None:
@@ -207,10 +207,10 @@ def _units(profiles: FloatArray) -> FloatArray:
 def _axes(seen: Spread, columns: list[int]) -> list[Axis]:
     """Return axes over some columns of `shapes_of`, the second of them that of the offset."""
     ranges = list(zip(seen.low[columns], seen.high[columns], strict=True))
-    axes = [Axis.over(*ends, _N_NODE) for ends in ranges]
+    axes = [Axis.over(*ends, _N_SMOOTH) for ends in ranges]
     # Which end is free changes with the offset: a cubic would swing.
     near, far = (min(end, _LAST_OFFSET) for end in ranges[1])
-    axes[1] = Axis.over(near, far, _N_NODE, degree=1)
+    axes[1] = Axis.over(near, far, _N_OFFSET, degree=1)
     return axes
 
 
