@@ -16,6 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -117,7 +118,7 @@ class Drawn:
         )
 
 
-def importance_sample(target: Target, effort: Effort, seed: int) -> Drawn:
+def importance_sample(target: Target, effort: Effort, seed: int, *, rough: bool = False) -> Drawn:
     """Draw from a posterior and estimate its evidence.
 
     Parameters
@@ -128,14 +129,19 @@ def importance_sample(target: Target, effort: Effort, seed: int) -> Drawn:
         Numbers of draws.
     seed : int
         Seed.
+    rough : bool, optional
+        Whether the draws of adaptation are all: their proposals are fitted to draws before them, so
+        that the mean weight has a small bias.
 
     Raises
     ------
     ComputationError
         If no start or no draw has a positive density.
     """
-    proposal = adapted(target, effort, stream(seed, "adaptation"))
-    return draw_from(target, proposal, effort, seed)
+    proposal, sets = adapted(target, effort, stream(seed, "adaptation"), rough)
+    return (
+        _drawn(target, sets, proposal, seed) if rough else draw_from(target, proposal, effort, seed)
+    )
 
 
 def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) -> Drawn:
@@ -163,29 +169,39 @@ def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> D
     ComputationError
         If no draw has a positive density.
     """
-    sets, weights, halves = [], [], []
+    sets = []
     n_draw = effort.n_draw * (_EXACT_DRAW_FACTOR if target.is_exact else 1)
     for i in range(N_REPEAT):
         rng = stream(seed, f"set {i}")
         draws = target.evaluate(*proposal.draw(rng, n_draw), rng, effort.n_point)
-        log_weight, half = log_weights(draws, [proposal])
-        sets.append(draws)
-        weights.append(log_weight)
-        halves.append(half)
-    evidence = _evidence(target, weights, halves)
-    chosen = [
-        _resampled(log_weight, stream(seed, f"resampling {i}"))
-        for i, log_weight in enumerate(weights)
-    ]
+        sets.append(_Weighed.by(draws, [proposal]))
+    return _drawn(target, sets, proposal, seed)
+
+
+class _Weighed(NamedTuple):
+    """Draws with their log weights, by all points and by half of them."""
+
+    u: FloatArray
+    log_density: FloatArray
+    scores: FloatArray
+    log_weight: FloatArray
+    half: FloatArray
+
+    @classmethod
+    def by(cls, draws: Evaluated, proposals: Sequence[Mixture]) -> "_Weighed":
+        """Weigh draws of proposals."""
+        return cls(draws.u, draws.log_density, draws.scores, *log_weights(draws, proposals))
+
+
+def _drawn(target: Target, sets: Sequence[_Weighed], proposal: Mixture, seed: int) -> Drawn:
+    """Return sets of weighed draws as draws of equal weight, and their evidence."""
+    evidence = _evidence(target, [x.log_weight for x in sets], [x.half for x in sets])
+    chosen = [_resampled(x.log_weight, stream(seed, f"resampling {i}")) for i, x in enumerate(sets)]
     u, log_density, scores = (
-        np.stack([column[index] for column, index in zip(columns, chosen, strict=True)])
-        for columns in (
-            [draws.u for draws in sets],
-            [draws.log_density for draws in sets],
-            [draws.scores for draws in sets],
-        )
+        np.stack([x[column][index] for x, index in zip(sets, chosen, strict=True)])
+        for column in range(3)
     )
-    share = effective_share(np.concatenate(weights))
+    share = effective_share(np.concatenate([x.log_weight for x in sets]))
     return Drawn(u, log_density, scores, evidence, share, proposal)
 
 
@@ -222,25 +238,34 @@ def _evidence(
     return LogEvidence("importance", value, se, status)
 
 
-def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture:
-    """Return a proposal fitted to a target, round by round."""
+def adapted(
+    target: Target, effort: Effort, rng: np.random.Generator, rough: bool = False
+) -> tuple[Mixture, list[_Weighed]]:
+    """Return a proposal fitted to a target, round by round, and the rounds' draws in four sets.
+
+    Rounds end as soon as the last serves well, or if `rough` once all give the evidence.
+    """
     shape = _split(_modes(target, rng), rng)
     prior = Mixture.prior(len(target.names))
     proposals = [shape.beside(prior, _PRIOR_SHARE_FIRST)]
     parts: list[Evaluated] = []
     n, few = effort.n_per_round, max(effort.n_point // 2, 4)  # rougher estimates fit as well
     enough = _GOOD_SHARE if target.is_exact else _GOOD_SHARE_ESTIMATES
-    for i in range(effort.n_round):
+    for _ in range(effort.n_round):
         parts.append(target.evaluate(*proposals[-1].draw(rng, n), rng, few))
         draws = joined(parts)
-        log_weight, _ = log_weights(draws, proposals)
+        weighed = _Weighed.by(draws, proposals)
+        log_weight = weighed.log_weight
         if np.isfinite(log_weight).any():
             weights = _tempered(log_weight, len(target.names))
             shape = shape.fitted(draws.coordinates, draws.log_jacobian, weights)
         proposals.append(shape.beside(prior, _PRIOR_SHARE))
-        if i > 0 and effective_share(log_weight[-n:]) > enough:
+        if rough:  # the relative variance of a mean weight is (1 / share - 1) / n
+            enough = 1 / (1 + len(log_weight) * MAX_SE**2)
+        if effective_share(log_weight if rough else log_weight[-n:]) > enough:
             break
-    return proposals[-1]
+    sets = [_Weighed(*(column[i::N_REPEAT] for column in weighed)) for i in range(N_REPEAT)]
+    return proposals[-1], sets
 
 
 def _modes(target: Target, rng: np.random.Generator) -> Mixture:
