@@ -243,28 +243,35 @@ def adapted(
 ) -> tuple[Mixture, list[_Weighed]]:
     """Return a proposal fitted to a target, round by round, and the rounds' draws in four sets.
 
-    Rounds end as soon as the last serves well, or if `rough` once all give the evidence.
+    Rounds end as soon as the last serves well, or if `rough` once enough draws of all count.
     """
     shape = _split(_modes(target, rng), rng)
     prior = Mixture.prior(len(target.names))
     proposals = [shape.beside(prior, _PRIOR_SHARE_FIRST)]
     parts: list[Evaluated] = []
+    rounds: list[_Weighed] = []
+    shares: list[float] = []
     n, few = effort.n_per_round, max(effort.n_point // 2, 4)  # rougher estimates fit as well
     enough = _GOOD_SHARE if target.is_exact else _GOOD_SHARE_ESTIMATES
     for _ in range(effort.n_round):
         parts.append(target.evaluate(*proposals[-1].draw(rng, n), rng, few))
+        rounds.append(_Weighed.by(parts[-1], proposals[-1:]))
+        shares.append(effective_share(rounds[-1].log_weight))
         draws = joined(parts)
-        weighed = _Weighed.by(draws, proposals)
-        log_weight = weighed.log_weight
+        log_weight, _ = log_weights(draws, proposals)
         if np.isfinite(log_weight).any():
             weights = _tempered(log_weight, len(target.names))
             shape = shape.fitted(draws.coordinates, draws.log_jacobian, weights)
         proposals.append(shape.beside(prior, _PRIOR_SHARE))
-        if rough:  # the relative variance of a mean weight is (1 / share - 1) / n
-            enough = 1 / (1 + len(log_weight) * MAX_SE**2)
-        if effective_share(log_weight if rough else log_weight[-n:]) > enough:
+        # The relative variance of a mean weight is one over the draws that count.
+        if n * sum(shares) > MAX_SE**-2 if rough else effective_share(log_weight[-n:]) > enough:
             break
-    sets = [_Weighed(*(column[i::N_REPEAT] for column in weighed)) for i in range(N_REPEAT)]
+    # Rounds by the draws that count: each weighed by its own proposal, which has not seen them.
+    with np.errstate(divide="ignore"):
+        parts_of_sum = np.repeat(np.log(np.array(shares) / np.mean(shares)), n)
+    u, log_density, scores, log_weight, half = map(np.concatenate, zip(*rounds, strict=True))
+    columns = u, log_density, scores, log_weight + parts_of_sum, half + parts_of_sum
+    sets = [_Weighed(*(column[i::N_REPEAT] for column in columns)) for i in range(N_REPEAT)]
     return proposals[-1], sets
 
 
