@@ -30,8 +30,6 @@ SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
 NUGGET = "nugget"
 COEFFICIENTS = ("c", "c2")  # their priors hold what mechanics says, and are narrowed less
 _FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
-_NUGGET_FACTORS = (0.1, 1.0, 10.0)
-_MIN_COEFFICIENT_FACTOR = 0.3  # of the coefficients' scales
 # Pairs further below their form's best in ln evidence hold less than 5 % of its evidence, the
 # largest standard error that is accepted. Weights that miss a new mode are mostly too low by less
 # than 3.
@@ -51,8 +49,8 @@ def prior_of(parameter: str) -> str:
 def scale_factors(prior: str) -> tuple[float, ...]:
     """Return the multiples of a prior's scale that are looked at."""
     if prior == NUGGET:
-        return _NUGGET_FACTORS
-    return tuple(f for f in _FACTORS if prior not in COEFFICIENTS or f >= _MIN_COEFFICIENT_FACTOR)
+        return _FACTORS[::2]
+    return _FACTORS[1:] if prior in COEFFICIENTS else _FACTORS
 
 
 @dataclass(frozen=True, eq=False)

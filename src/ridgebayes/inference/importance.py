@@ -45,7 +45,7 @@ _MIN_EFFECTIVE_PER_PARAMETER = 20  # effective draws, for a covariance with erro
 _MAX_COMPONENTS = 6  # components of the first proposal, shared out among the modes
 # Effective share of a round's draws from which adaptation ends; the noise of estimates lowers it.
 _GOOD_SHARE, _GOOD_SHARE_ESTIMATES = 0.5, 0.4
-_EXACT_DRAW_FACTOR = 4  # exact densities get more draws: each costs a tenth of an estimate
+EXACT_DRAW_FACTOR = 4  # exact densities get more draws: each costs a tenth of an estimate
 _START_SD = 2.5  # prior sds: two of 64 starts lie beyond five
 
 
@@ -148,7 +148,7 @@ def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) ->
     """Return draws by the same proposal, with at least about n of them; the evidence stays."""
     if drawn.u.shape[0] * drawn.u.shape[1] >= n:
         return drawn
-    factor = _EXACT_DRAW_FACTOR if target.is_exact else 1
+    factor = EXACT_DRAW_FACTOR if target.is_exact else 1
     n_draw = math.ceil(n / (N_REPEAT * factor * BLOCK)) * BLOCK
     more = draw_from(target, drawn.proposal, replace(effort, n_draw=n_draw), seed)
     return replace(more, evidence=drawn.evidence)
@@ -170,7 +170,7 @@ def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> D
         If no draw has a positive density.
     """
     sets = []
-    n_draw = effort.n_draw * (_EXACT_DRAW_FACTOR if target.is_exact else 1)
+    n_draw = effort.n_draw * (EXACT_DRAW_FACTOR if target.is_exact else 1)
     for i in range(N_REPEAT):
         rng = stream(seed, f"set {i}")
         draws = target.evaluate(*proposal.draw(rng, n_draw), rng, effort.n_point)

@@ -24,7 +24,7 @@ _LAGUERRE = tuple(zip(*np.polynomial.laguerre.laggauss(24), strict=True))
 # Student's tail, by z = sqrt(df) sinh v: beyond this v a binomial series in cosh^-2 v, the highest
 # power first, gives it to rounding; before, Laguerre's nodes give 1e-13 from this df log cosh v on.
 _MIN_SERIES_V = 2.0
-_SERIES = tuple((k, math.comb(2 * k, k) / 4**k) for k in range(13, -1, -1))
+_SERIES = tuple((k, special.binom(k - 0.5, k)) for k in reversed(range(14)))
 _ROOT_HALF = math.sqrt(0.5)
 _MAX_EXPONENT = 600.0  # the lower tail underflows beyond it
 
