@@ -43,8 +43,7 @@ _PRIOR_SHARE, _PRIOR_SHARE_FIRST = 0.05, 0.3
 _MAX_LOG_MASS_GAP = 8.0  # modes with less than e^-8 of the heaviest mode's mass get no component
 _MIN_EFFECTIVE_PER_PARAMETER = 20  # effective draws, for a covariance with errors of a fifth
 _MAX_COMPONENTS = 6  # components of the first proposal, shared out among the modes
-# Effective share of a round's draws from which adaptation ends; the noise of estimates lowers it.
-_GOOD_SHARE, _GOOD_SHARE_ESTIMATES = 0.5, 0.4
+_GOOD_SHARE = 0.4  # effective share of a round's draws from which adaptation ends
 EXACT_DRAW_FACTOR = 4  # exact densities get more draws: each costs a tenth of an estimate
 _START_SD = 2.5  # prior sds: two of 64 starts lie beyond five
 
@@ -252,7 +251,6 @@ def adapted(
     rounds: list[_Weighed] = []
     shares: list[float] = []
     n, few = effort.n_per_round, max(effort.n_point // 2, 4)  # rougher estimates fit as well
-    enough = _GOOD_SHARE if target.is_exact else _GOOD_SHARE_ESTIMATES
     for _ in range(effort.n_round):
         parts.append(target.evaluate(*proposals[-1].draw(rng, n), rng, few))
         rounds.append(_Weighed.by(parts[-1], proposals[-1:]))
@@ -264,7 +262,7 @@ def adapted(
             shape = shape.fitted(draws.coordinates, draws.log_jacobian, weights)
         proposals.append(shape.beside(prior, _PRIOR_SHARE))
         # The relative variance of a mean weight is one over the draws that count.
-        if n * sum(shares) > MAX_SE**-2 if rough else effective_share(log_weight[-n:]) > enough:
+        if n * sum(shares) > MAX_SE**-2 if rough else shares[-1] > _GOOD_SHARE:
             break
     # Rounds by the draws that count: each weighed by its own proposal, which has not seen them.
     with np.errstate(divide="ignore"):

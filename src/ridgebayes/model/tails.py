@@ -156,15 +156,19 @@ class StudentTail(Tail):
     name = "student"
     parameter_names = ("df",)
 
+    def _df(self, df: Any) -> FloatArray:
+        """Return the degrees of freedom at the tail's parameter."""
+        return np.asarray(df, float)
+
     def log_density(self, z: Any, df: Any) -> FloatArray:
-        df = np.asarray(df, float)
+        df = self._df(df)
         with np.errstate(over="ignore"):
             bend = _log1p_square(z / np.sqrt(df))
             value: FloatArray = _log_density_at_zero(df) - 0.5 * (df + 1) * bend
             return value
 
     def log_probability(self, low: Any, high: Any, df: Any, width: Any = None) -> FloatArray:
-        df = np.asarray(df, float)
+        df = self._df(df)
         with np.errstate(all="ignore"):
             if width is None:
                 width = np.subtract(high, low)
@@ -222,16 +226,17 @@ class StudentTail(Tail):
         return np.where(high > 0, across, beside)
 
     def cdf(self, z: Any, df: Any) -> FloatArray:
-        df = np.asarray(df, float)
+        df = self._df(df)
         with np.errstate(all="ignore"):
             z, df, log_peak = np.broadcast_arrays(z, df, _log_density_at_zero(df))
             tail = np.exp(self._log_lower(-np.abs(z), df, log_peak))
         return np.where(z > 0, 1 - tail, tail)
 
     def rvs(self, rng: np.random.Generator, df: Any, size: Any) -> FloatArray:
-        return np.asarray(rng.standard_t(df, size))
+        return np.asarray(rng.standard_t(self._df(df), size))
 
     def weight(self, z: Any, df: Any) -> FloatArray:
+        df = self._df(df)
         value: FloatArray = (df + 1) / (df + np.square(np.asarray(z, float)))
         return value
 
