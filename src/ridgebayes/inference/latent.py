@@ -24,7 +24,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import RowGroups
 
-_BATCH_SIZE = 2**19  # numbers in the largest array, 4 MB: more stays in no cache
+_BATCH_SIZE = 2**18  # numbers in the largest array, 2 MB: a core's cache
 
 
 class LatentIntegral:
