@@ -24,10 +24,10 @@ BUDGETS = {
     "scene": 1_300,  # with loads as they are typed, which were in commands and texture_design
     "simulate": 497,
     "fea": 4_275,
-    "model": 1_601,
-    "inference": 2_524,
+    "model": 1_569,
+    "inference": 2_523,
     "predict": 1_198,  # loads over a/pitch, which designs share; names of DataArrays
-    "evidence": 603,
+    "evidence": 593,
     "comparison": 916,
     "checks": 795,
     "friction": 864,  # draws the blocks of a scene itself

@@ -71,7 +71,7 @@ def test_draws__have_the_moments_of_the_density(runs):
     error = products.std(axis=0) * math.sqrt(1.5 / n)
     assert np.all(np.abs(products.mean(axis=0) - covariance) < 4 * error)
     target = TARGETS[name]
-    again = target.evaluate_scores(u, None, 0).log_density
+    again = target.evaluate(None, u, None, 0).log_density
     kept = np.concatenate([one.log_density.ravel() for one in found])
     np.testing.assert_array_equal(again, kept)
 

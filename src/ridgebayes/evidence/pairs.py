@@ -24,7 +24,13 @@ from ridgebayes.evidence.tables import (
     used_evidence,
 )
 from ridgebayes.inference.chains import ProgressCallback
-from ridgebayes.inference.importance import Drawn, Effort, at_least, importance_sample
+from ridgebayes.inference.importance import (
+    EXACT_DRAW_FACTOR,
+    Drawn,
+    Effort,
+    at_least,
+    importance_sample,
+)
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.posterior import Posterior, posterior_of
 from ridgebayes.inference.presets import STANDARD, Preset
@@ -39,7 +45,6 @@ from ridgebayes.runtime.randomness import stream
 
 MIN_FORM_PROBABILITY = 1e-4  # forms below it are not walked, and need not converge
 MAX_LN_EVIDENCE_GAP = 12.0  # below the best: evidences further down decide nothing
-_ESTIMATE_DIVISOR = 4  # fewer draws are kept where densities are estimates, which take long
 # Effective draws of a posterior with weight: with 400 in each of four sets R-hat of a parameter is
 # above 1.01 by chance once in 50,000. A poor proposal makes at most 20 draws for each.
 _MIN_EFFECTIVE_DRAWS, _MIN_EFFECTIVE_SHARE = 1_600, 0.05
@@ -116,10 +121,13 @@ class Weighed:
     drawn: Drawn | None = field(default=None, repr=False)
 
 
-def weigh(pair: Pair) -> Weighed:
-    """Return a pair's evidence and draws; the reason where there are none."""
+def weigh(pair: Pair, *, rough: bool = False) -> Weighed:
+    """Return a pair's evidence and draws; the reason where there are none.
+
+    `rough` is that of `importance_sample`.
+    """
     try:
-        drawn = importance_sample(pair.target(), pair.effort, pair.own_seed)
+        drawn = importance_sample(pair.target(), pair.effort, pair.own_seed, rough=rough)
     except ComputationError as error:
         return Weighed(LogEvidence("importance", math.nan, math.nan, str(error)))
     return Weighed(drawn.evidence, drawn)
@@ -232,7 +240,7 @@ class _Completion:
 def _completed(task: _Completion) -> Posterior:
     """Return a posterior, with more draws where there are too few."""
     target, drawn, seed = task.pair.target(), task.drawn, task.pair.own_seed
-    n = task.n_draw if target.is_exact else task.n_draw // _ESTIMATE_DIVISOR
+    n = task.n_draw if target.is_exact else task.n_draw // EXACT_DRAW_FACTOR
     if task.n_draw:
         n = max(n, round(_MIN_EFFECTIVE_DRAWS / max(drawn.share, _MIN_EFFECTIVE_SHARE)))
     drawn = at_least(drawn, target, n, task.pair.effort, seed)

@@ -30,8 +30,6 @@ SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
 NUGGET = "nugget"
 COEFFICIENTS = ("c", "c2")  # their priors hold what mechanics says, and are narrowed less
 _FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
-_NUGGET_FACTORS = (0.1, 1.0, 10.0)
-_MIN_COEFFICIENT_FACTOR = 0.3  # of the coefficients' scales
 # Pairs further below their form's best in ln evidence hold less than 5 % of its evidence, the
 # largest standard error that is accepted. Weights that miss a new mode are mostly too low by less
 # than 3.
@@ -51,39 +49,21 @@ def prior_of(parameter: str) -> str:
 def scale_factors(prior: str) -> tuple[float, ...]:
     """Return the multiples of a prior's scale that are looked at."""
     if prior == NUGGET:
-        return _NUGGET_FACTORS
-    return tuple(f for f in _FACTORS if prior not in COEFFICIENTS or f >= _MIN_COEFFICIENT_FACTOR)
+        return _FACTORS[::2]
+    return _FACTORS[1:] if prior in COEFFICIENTS else _FACTORS
 
 
 @dataclass(frozen=True, eq=False)
-class _Reweighting:
-    """Draws of a pair, and changes of its priors that they are weighed for."""
+class _Task:
+    """A pair and changes of its priors, and the draws that are weighed for them."""
 
     pair: Pair
-    drawn: Drawn
     changes: Sequence[_Change]
+    drawn: Drawn | None
 
     @property
     def name(self) -> str:
         return f"prior sensitivity of {self.pair.form.name}, {self.pair.noise.name}"
-
-    @property
-    def cost(self) -> float:
-        return self.pair.cost
-
-
-@dataclass(frozen=True, eq=False)
-class _Redrawing:
-    """A pair that is weighed again under wider, or narrower, scales of one prior."""
-
-    pair: Pair
-    changes: Sequence[_Change]
-
-    @property
-    def name(self) -> str:
-        prior, factor = self.changes[0]
-        pair = f"{self.pair.form.name}, {self.pair.noise.name}"
-        return f"prior sensitivity of {pair}, {prior} times {factor:g}"
 
     @property
     def cost(self) -> float:
@@ -111,11 +91,8 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     used = used_evidence(weighed.evidence)
     keys = zip(used["form"], used["noise"], strict=True)
     evidence: dict[_Key, float] = dict(zip(keys, used["log_evidence"], strict=True))
-    looks = []
-    for key in evidence:
-        pair, drawn = weighed.pairs[key], weighed.weighed[key].drawn
-        if drawn is not None:
-            looks.append(_Reweighting(pair, drawn, _changes(pair)))
+    pairs = {key: weighed.pairs[key] for key in evidence}
+    looks = [_Task(pair, _changes(pair), weighed.weighed[key].drawn) for key, pair in pairs.items()]
     values: dict[_Place, float] = {}
     pareto_ks: dict[_Place, float] = {}
     for look, answer in zip(looks, in_parallel(_reweighted, looks, executor), strict=True):
@@ -125,7 +102,7 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     sides: dict[tuple[_Key, str, bool], list[_Change]] = {}
     for key, change in _open_places(evidence, values, pareto_ks):
         sides.setdefault((key, change[0], change[1] > 1), []).append(change)
-    again = [_Redrawing(weighed.pairs[key], changes) for (key, *_), changes in sides.items()]
+    again = [_Task(pairs[key], changes, None) for (key, *_), changes in sides.items()]
     for task, redrawn in zip(again, in_parallel(_redrawn, again, executor), strict=True):
         values |= {(task.pair.key, change): value for change, value in redrawn.items()}
     return _table(evidence, values)
@@ -165,7 +142,7 @@ def _open_places(
     return places
 
 
-def _redrawn(task: _Redrawing) -> dict[_Change, float]:
+def _redrawn(task: _Task) -> dict[_Change, float]:
     """Return log evidences under changed priors, the furthest first; none where draws fail.
 
     The draws under the furthest prior often serve for the priors between it and the default.
@@ -176,12 +153,12 @@ def _redrawn(task: _Redrawing) -> dict[_Change, float]:
         if furthest is not None:
             pair, drawn, outer_factor = furthest
             relative = (prior, factor / outer_factor)
-            difference, k = _reweighted(_Reweighting(pair, drawn, [relative]))[relative]
+            difference, k = _reweighted(_Task(pair, [relative], drawn))[relative]
             if k <= MAX_FINITE_VARIANCE_K:
                 values[prior, factor] = drawn.evidence.value + difference
                 continue
         pair = _changed(task.pair, (prior, factor))
-        result = weigh(pair)
+        result = weigh(pair, rough=True)
         if math.isfinite(result.evidence.value):
             values[prior, factor] = result.evidence.value
         if furthest is None and result.drawn is not None and result.evidence.ok:
@@ -189,9 +166,11 @@ def _redrawn(task: _Redrawing) -> dict[_Change, float]:
     return values
 
 
-def _reweighted(task: _Reweighting) -> dict[_Change, tuple[float, float]]:
+def _reweighted(task: _Task) -> dict[_Change, tuple[float, float]]:
     """Return changes of ln evidence, each with the Pareto k of its weights."""
     pair, drawn = task.pair, task.drawn
+    if drawn is None:
+        return {}
     model = Model(pair.data, pair.form, pair.noise, pair.priors)
     u = drawn.u.reshape(-1, drawn.u.shape[-1])
     theta, names = model.outer_theta(u), _scaled_priors(model)

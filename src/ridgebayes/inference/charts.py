@@ -25,7 +25,7 @@ from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.noise import SMOOTH
 
 _MAX_ROUNDING = 1e-13  # relative error of log loads
-_LEAST_SQUARES_TOLERANCES = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-15)  # rounding
+_LEAST_SQUARES_TOLERANCES = dict.fromkeys(("ftol", "xtol", "gtol"), np.finfo(float).eps)
 _MIN_RESIDUAL_SCALE = 1e-9  # log loads with smaller residuals agree to rounding
 _SD_PER_MEDIAN_DEVIATION = 1.4826  # of a normal distribution
 _N_CANDIDATE = 24  # subsets of rows: each of two equal groups is hit by k + 1 rows in nine of ten

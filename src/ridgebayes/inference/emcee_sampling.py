@@ -69,7 +69,7 @@ class _Density:
     def __call__(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         # Points that depend on the places alone: a walk that is resumed takes the same steps.
         rng = np.random.default_rng(zlib.crc32(np.ascontiguousarray(u).tobytes()))
-        return self.values(self.target.evaluate_scores(u, rng, self.n_point))
+        return self.values(self.target.evaluate(None, u, rng, self.n_point))
 
     def values(self, draws: Evaluated) -> tuple[FloatArray, FloatArray]:
         """Return log densities and extras of draws."""

@@ -16,6 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,9 +43,8 @@ _PRIOR_SHARE, _PRIOR_SHARE_FIRST = 0.05, 0.3
 _MAX_LOG_MASS_GAP = 8.0  # modes with less than e^-8 of the heaviest mode's mass get no component
 _MIN_EFFECTIVE_PER_PARAMETER = 20  # effective draws, for a covariance with errors of a fifth
 _MAX_COMPONENTS = 6  # components of the first proposal, shared out among the modes
-# Effective share of a round's draws from which adaptation ends; the noise of estimates lowers it.
-_GOOD_SHARE, _GOOD_SHARE_ESTIMATES = 0.5, 0.4
-_EXACT_DRAW_FACTOR = 4  # exact densities get more draws: each costs a tenth of an estimate
+_GOOD_SHARE = 0.4  # effective share of a round's draws from which adaptation ends
+EXACT_DRAW_FACTOR = 4  # exact densities get more draws: each costs a tenth of an estimate
 _START_SD = 2.5  # prior sds: two of 64 starts lie beyond five
 
 
@@ -117,7 +117,7 @@ class Drawn:
         )
 
 
-def importance_sample(target: Target, effort: Effort, seed: int) -> Drawn:
+def importance_sample(target: Target, effort: Effort, seed: int, *, rough: bool = False) -> Drawn:
     """Draw from a posterior and estimate its evidence.
 
     Parameters
@@ -128,21 +128,26 @@ def importance_sample(target: Target, effort: Effort, seed: int) -> Drawn:
         Numbers of draws.
     seed : int
         Seed.
+    rough : bool, optional
+        Whether the draws of adaptation are all: their proposals are fitted to draws before them, so
+        that the mean weight has a small bias.
 
     Raises
     ------
     ComputationError
         If no start or no draw has a positive density.
     """
-    proposal = adapted(target, effort, stream(seed, "adaptation"))
-    return draw_from(target, proposal, effort, seed)
+    proposal, sets = adapted(target, effort, stream(seed, "adaptation"), rough)
+    return (
+        _drawn(target, sets, proposal, seed) if rough else draw_from(target, proposal, effort, seed)
+    )
 
 
 def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) -> Drawn:
     """Return draws by the same proposal, with at least about n of them; the evidence stays."""
     if drawn.u.shape[0] * drawn.u.shape[1] >= n:
         return drawn
-    factor = _EXACT_DRAW_FACTOR if target.is_exact else 1
+    factor = EXACT_DRAW_FACTOR if target.is_exact else 1
     n_draw = math.ceil(n / (N_REPEAT * factor * BLOCK)) * BLOCK
     more = draw_from(target, drawn.proposal, replace(effort, n_draw=n_draw), seed)
     return replace(more, evidence=drawn.evidence)
@@ -163,29 +168,39 @@ def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> D
     ComputationError
         If no draw has a positive density.
     """
-    sets, weights, halves = [], [], []
-    n_draw = effort.n_draw * (_EXACT_DRAW_FACTOR if target.is_exact else 1)
+    sets = []
+    n_draw = effort.n_draw * (EXACT_DRAW_FACTOR if target.is_exact else 1)
     for i in range(N_REPEAT):
         rng = stream(seed, f"set {i}")
         draws = target.evaluate(*proposal.draw(rng, n_draw), rng, effort.n_point)
-        log_weight, half = log_weights(draws, [proposal])
-        sets.append(draws)
-        weights.append(log_weight)
-        halves.append(half)
-    evidence = _evidence(target, weights, halves)
-    chosen = [
-        _resampled(log_weight, stream(seed, f"resampling {i}"))
-        for i, log_weight in enumerate(weights)
-    ]
+        sets.append(_Weighed.by(draws, [proposal]))
+    return _drawn(target, sets, proposal, seed)
+
+
+class _Weighed(NamedTuple):
+    """Draws with their log weights, by all points and by half of them."""
+
+    u: FloatArray
+    log_density: FloatArray
+    scores: FloatArray
+    log_weight: FloatArray
+    half: FloatArray
+
+    @classmethod
+    def by(cls, draws: Evaluated, proposals: Sequence[Mixture]) -> "_Weighed":
+        """Weigh draws of proposals."""
+        return cls(draws.u, draws.log_density, draws.scores, *log_weights(draws, proposals))
+
+
+def _drawn(target: Target, sets: Sequence[_Weighed], proposal: Mixture, seed: int) -> Drawn:
+    """Return sets of weighed draws as draws of equal weight, and their evidence."""
+    evidence = _evidence(target, [x.log_weight for x in sets], [x.half for x in sets])
+    chosen = [_resampled(x.log_weight, stream(seed, f"resampling {i}")) for i, x in enumerate(sets)]
     u, log_density, scores = (
-        np.stack([column[index] for column, index in zip(columns, chosen, strict=True)])
-        for columns in (
-            [draws.u for draws in sets],
-            [draws.log_density for draws in sets],
-            [draws.scores for draws in sets],
-        )
+        np.stack([x[column][index] for x, index in zip(sets, chosen, strict=True)])
+        for column in range(3)
     )
-    share = effective_share(np.concatenate(weights))
+    share = effective_share(np.concatenate([x.log_weight for x in sets]))
     return Drawn(u, log_density, scores, evidence, share, proposal)
 
 
@@ -222,25 +237,40 @@ def _evidence(
     return LogEvidence("importance", value, se, status)
 
 
-def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture:
-    """Return a proposal fitted to a target, round by round."""
+def adapted(
+    target: Target, effort: Effort, rng: np.random.Generator, rough: bool = False
+) -> tuple[Mixture, list[_Weighed]]:
+    """Return a proposal fitted to a target, round by round, and the rounds' draws in four sets.
+
+    Rounds end as soon as the last serves well, or if `rough` once enough draws of all count.
+    """
     shape = _split(_modes(target, rng), rng)
     prior = Mixture.prior(len(target.names))
     proposals = [shape.beside(prior, _PRIOR_SHARE_FIRST)]
     parts: list[Evaluated] = []
+    rounds: list[_Weighed] = []
+    shares: list[float] = []
     n, few = effort.n_per_round, max(effort.n_point // 2, 4)  # rougher estimates fit as well
-    enough = _GOOD_SHARE if target.is_exact else _GOOD_SHARE_ESTIMATES
-    for i in range(effort.n_round):
+    for _ in range(effort.n_round):
         parts.append(target.evaluate(*proposals[-1].draw(rng, n), rng, few))
+        rounds.append(_Weighed.by(parts[-1], proposals[-1:]))
+        shares.append(effective_share(rounds[-1].log_weight))
         draws = joined(parts)
         log_weight, _ = log_weights(draws, proposals)
         if np.isfinite(log_weight).any():
             weights = _tempered(log_weight, len(target.names))
             shape = shape.fitted(draws.coordinates, draws.log_jacobian, weights)
         proposals.append(shape.beside(prior, _PRIOR_SHARE))
-        if i > 0 and effective_share(log_weight[-n:]) > enough:
+        # The relative variance of a mean weight is one over the draws that count.
+        if n * sum(shares) > MAX_SE**-2 if rough else shares[-1] > _GOOD_SHARE:
             break
-    return proposals[-1]
+    # Rounds by the draws that count: each weighed by its own proposal, which has not seen them.
+    with np.errstate(divide="ignore"):
+        parts_of_sum = np.repeat(np.log(np.array(shares) / np.mean(shares)), n)
+    u, log_density, scores, log_weight, half = map(np.concatenate, zip(*rounds, strict=True))
+    columns = u, log_density, scores, log_weight + parts_of_sum, half + parts_of_sum
+    sets = [_Weighed(*(column[i::N_REPEAT] for column in columns)) for i in range(N_REPEAT)]
+    return proposals[-1], sets
 
 
 def _modes(target: Target, rng: np.random.Generator) -> Mixture:

@@ -202,12 +202,8 @@ class LatentIntegral:
     def _group_weight(self, eta: FloatArray) -> FloatArray:
         """Return the precision of each group's mean, shape (n_draw, n_group)."""
         assert self._groups is not None
-        value: FloatArray = self._groups.n / self._group_variance(eta)
-        return value
-
-    def _group_variance(self, eta: FloatArray) -> FloatArray:
-        assert self._groups is not None
-        value: FloatArray = eta[:, :1] ** 2 + self.rows.rel_se[self._groups.row] ** 2
+        variance = eta[:, :1] ** 2 + self.rows.rel_se[self._groups.row] ** 2
+        value: FloatArray = self._groups.n / variance
         return value
 
     def _residual(self, log_rates: FloatArray) -> FloatArray:
@@ -230,7 +226,8 @@ class LatentIntegral:
         groups, (eta, root, precision, row_factor) = self._groups, prepared
         assert groups is not None
         residual = self._residual(log_rates)
-        variance, weight = self._group_variance(eta), self._group_weight(eta)
+        weight = self._group_weight(eta)
+        variance = groups.n / weight
         square: FloatArray = groups.n * np.log(2 * math.pi * variance)
         square += groups.sum_of_squares / variance
         if row_factor is not None:

@@ -18,7 +18,13 @@ import pandas as pd
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.chains import Chains
-from ridgebayes.inference.importance import Drawn, Effort, effective_share, importance_sample
+from ridgebayes.inference.importance import (
+    EXACT_DRAW_FACTOR,
+    Drawn,
+    Effort,
+    effective_share,
+    importance_sample,
+)
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.pareto_smoothing import MAX_FINITE_VARIANCE_K, pareto_smoothed
@@ -28,8 +34,7 @@ from ridgebayes.model.default_priors import SLOPES
 from ridgebayes.model.model import Model
 from ridgebayes.runtime.randomness import stream
 
-# Draws that are weighed; estimates of a density take longer.
-_MAX_EXACT_DRAWS, _MAX_ESTIMATED_DRAWS = 2_048, 512
+_MAX_ESTIMATED_DRAWS = 512  # that are weighed
 _MIN_EFFECTIVE_SHARE = 0.35  # scores of tiny tables are too high where fewer draws count
 _MIN_EFFECTIVE_DRAWS = 100  # for a log score to about 0.1
 _N_KEPT = 1_024  # draws given the rest
@@ -198,8 +203,8 @@ def rest_of(model: Model, left: BoolArray) -> Model:
 
 
 def _stride(model: Model, n: int) -> int:
-    most = _MAX_EXACT_DRAWS if LatentIntegral(model).is_exact else _MAX_ESTIMATED_DRAWS
-    return -(-n // most)
+    factor = EXACT_DRAW_FACTOR if LatentIntegral(model).is_exact else 1
+    return -(-n // (_MAX_ESTIMATED_DRAWS * factor))
 
 
 def _drawn(model: Model, effort: Effort, seed: int) -> Drawn:

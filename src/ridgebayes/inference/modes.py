@@ -127,15 +127,10 @@ def _gradients(log_density: Density, x: FloatArray) -> FloatArray:
 
 def _approximated(log_density: Density, x: FloatArray, value: float) -> FoundMode:
     d, size = len(x), 0.02
-    eye = size * np.eye(d)
-    corners = [
-        a * eye[i] + b * eye[j]
-        for a in (1, -1)
-        for b in (1, -1)
-        for i in range(d)
-        for j in range(d)
-    ]
-    densities = log_density(x + np.array(corners)).reshape(2, 2, d, d)
+    steps = size * np.eye(d)
+    along, across = steps[:, None] + steps, steps[:, None] - steps
+    corners = np.stack([along, across, -across, -along])
+    densities = log_density(x + corners.reshape(-1, d)).reshape(2, 2, d, d)
     densities = np.where(np.isfinite(densities), densities, value - 1.0)
     hessian = (densities[0, 0] - densities[0, 1] - densities[1, 0] + densities[1, 1]) / (
         4 * size**2

@@ -240,7 +240,7 @@ def _check_shapes(data: Observations, chains: Chains) -> None:
     """Raise ValueError if rows or draws are not of one length, or not numbers."""
     n, n_texture = len(data.Q), len(data.textures)
     rows = (data.texture, data.log_load, data.rel_se, data.log_lower, data.is_count, data.series)
-    if not n or any(columnues.shape != (n,) for columnues in rows) or len(data.labels) != n_texture:
+    if not n or any(column.shape != (n,) for column in rows) or len(data.labels) != n_texture:
         raise ValueError("rows of different numbers")
     if data.texture.min() < 0 or data.texture.max() >= n_texture:
         raise ValueError("a row of no texture")
@@ -248,7 +248,7 @@ def _check_shapes(data: Observations, chains: Chains) -> None:
         raise ValueError("a row of no series")
     widths = np.array([data.a_over_R, data.b_over_R])
     finite = (widths, data.log_load, data.rel_se, chains.u, chains.log_density, chains.acceptance)
-    if not chains.u.size or not all(np.isfinite(columnues).all() for columnues in finite):
+    if not chains.u.size or not all(np.isfinite(column).all() for column in finite):
         raise ValueError("numbers that are not finite")
     if not (widths > 0).all():
         raise ValueError("a width that is not above 0")

@@ -85,10 +85,7 @@ class Precision:
         variance = np.zeros((n_draw, n))
         rest = np.zeros((n_draw, design.n_rest, n))
         for levels in design.rest[:, design.distinct]:
-            if root.is_dense:
-                rest += np.swapaxes(root.rest, -1, -2)[:, :, levels]
-            else:
-                rest[:, levels, np.arange(n)] += root.rest[:, levels]
+            rest += np.swapaxes(root.rest, -1, -2)[:, :, levels]
         if design.first is not None:
             first = design.first[design.distinct]
             diagonal_part = (root.first / self.diagonal)[:, first]

@@ -59,13 +59,9 @@ class Target(Protocol):
         ...
 
     def evaluate(
-        self, charts: IntArray, q: FloatArray, rng: np.random.Generator, n_point: int
+        self, charts: IntArray | None, q: FloatArray, rng: np.random.Generator, n_point: int
     ) -> Evaluated:
-        """Return the draws at coordinates q (n, d) of their charts (n,)."""
-        ...
-
-    def evaluate_scores(self, u: FloatArray, rng: np.random.Generator, n_point: int) -> Evaluated:
-        """Return the draws at normal scores (n, d)."""
+        """Return the draws at coordinates q (n, d) of their charts (n,); without, at scores."""
         ...
 
     def approximate(self, chart: int, q: FloatArray) -> FloatArray:
@@ -103,25 +99,18 @@ class ModelTarget:
         return len(self.charts)
 
     def evaluate(
-        self, charts: IntArray, q: FloatArray, rng: np.random.Generator, n_point: int
+        self, charts: IntArray | None, q: FloatArray, rng: np.random.Generator, n_point: int
     ) -> Evaluated:
-        """Return the draws at coordinates q of their charts."""
+        """Return the draws at coordinates q of their charts; without charts, at normal scores."""
         n = self.integral.n_at_once(n_point)
-        starts = range(0, len(q), n)
-        parts = [self._evaluate(charts[i : i + n], q[i : i + n], rng, n_point) for i in starts]
-        return joined(parts)
-
-    def evaluate_scores(self, u: FloatArray, rng: np.random.Generator, n_point: int) -> Evaluated:
-        """Return the draws at normal scores."""
-        n = self.integral.n_at_once(n_point)
-        return joined(
-            [self._evaluate(None, u[i : i + n], rng, n_point) for i in range(0, len(u), n)]
-        )
+        slices = [slice(i, i + n) for i in range(0, len(q), n)]
+        some = [None if charts is None else charts[part] for part in slices]
+        parts = zip(some, (q[part] for part in slices), strict=True)
+        return joined([self._evaluate(*part, rng, n_point) for part in parts])
 
     def _evaluate(
         self, charts: IntArray | None, q: FloatArray, rng: np.random.Generator, n_point: int
     ) -> Evaluated:
-        """Return the draws; without charts `q` holds normal scores already."""
         k = self.n_centred
         prepared = self.integral.prepared(self._error_parameters(q))
         with np.errstate(all="ignore"):
@@ -186,15 +175,11 @@ class PlainTarget:
         self.name, self.names, self._log_density = name, names, log_density
 
     def evaluate(
-        self, charts: IntArray, q: FloatArray, rng: np.random.Generator, n_point: int
+        self, charts: IntArray | None, q: FloatArray, rng: np.random.Generator, n_point: int
     ) -> Evaluated:
         """Return the draws at coordinates q."""
-        return self.evaluate_scores(q, rng, n_point)
-
-    def evaluate_scores(self, u: FloatArray, rng: np.random.Generator, n_point: int) -> Evaluated:
-        """Return the draws at normal scores."""
-        value = self._log_density(u)
-        return Evaluated(u, value, value, np.empty((len(u), 0)), u[None], np.zeros((1, len(u))))
+        value = self._log_density(q)
+        return Evaluated(q, value, value, np.empty((len(q), 0)), q[None], np.zeros((1, len(q))))
 
     def approximate(self, chart: int, q: FloatArray) -> FloatArray:
         """Return the log density."""

@@ -1,40 +1,22 @@
 """The default prior of each parameter of a form and an error model."""
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.distributions.auto import at_place
-from ridgebayes.distributions.distribution import Distribution, Gamma, HalfNormal, LogNormal, Normal
+from ridgebayes.distributions.distribution import Distribution, LogNormal, Normal
+from ridgebayes.distributions.grammar import parse_distribution
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.noise import Noise
+from ridgebayes.runtime.reading import read_toml
 
 SLOPES = "K"  # names the prior of every slope of the power law, also at new textures
 HERTZ = 1.382  # the smooth Hertz coefficient at nu = 0.5, as the paper prints it
-REASONS = {
-    "c": "Smooth Hertz at nu = 0.5, known to 10 %; for the half-plane form 1 is theory.",
-    "c1": "Smooth Hertz at nu = 0.5, known to 10 %.",
-    "c2": "0 is the Modified form; 0.05 is a correction of the size of the coefficient itself.",
-    "K": "Smooth Hertz at the texture's pitch, known to 30 %.",
-    "sigma": "Errors of loads of some per cent, measured or of the form.",
-    "tau_texture": "Error of a form that rows of a texture share: some per cent.",
-    "tau_step": "Error of a form that rows of a step share: some per cent.",
-    "tau_series": "Laboratories and rigs differ by up to some ten per cent.",
-    "length_h": "Steps 4 and 6 are 0.7 apart in log h.",
-    "length_ratio": "a/pitch lies between 0 and 1.",
-    "df": "From far outliers (2) to nearly normal errors (40 and more).",
-}
-NOISE_PRIORS: dict[str, Distribution] = {
-    "sigma": HalfNormal(0.05),
-    "tau_texture": HalfNormal(0.03),
-    "tau_step": HalfNormal(0.03),
-    "tau_series": HalfNormal(0.1),  # rigs and laboratories differ by more than textures and steps
-    # Lengths of a smooth offset in log h, where the steps 4 and 6 are 0.7 apart, and in a/pitch,
-    # which lies between 0 and 1.
-    "length_h": LogNormal(1.0, 0.7),
-    "length_ratio": LogNormal(0.3, 0.7),
-    "df": Gamma(2.0, 0.1),
-}
+_DEFAULTS = read_toml(Path(__file__).with_name("default_priors.toml"))
+REASONS = {name: entry["reason"] for part in _DEFAULTS.values() for name, entry in part.items()}
+NOISE_PRIORS = {name: parse_distribution(x["prior"]) for name, x in _DEFAULTS["noise"].items()}
 
 
 def default_priors(

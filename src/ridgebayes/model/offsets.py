@@ -29,41 +29,28 @@ class Root:
     ----------
     first : ndarray of float, shape (..., n_first)
         Standard deviations of the first block.
-    rest : ndarray of float, shape (..., n_rest) or (..., n_rest, n_rest)
-        Standard deviations of the rest, or its lower Cholesky factor where it varies together.
-    is_dense : bool
-        Which of the two `rest` is.
+    rest : ndarray of float, shape (..., n_rest, n_rest)
+        Lower Cholesky factor of the rest's covariance.
     """
 
     first: FloatArray
     rest: FloatArray
-    is_dense: bool
 
     def times(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return L s."""
-        if not self.is_dense:
-            return self.first * first, self.rest * rest
         return self.first * first, (self.rest @ rest[..., None])[..., 0]
 
     def transposed_times(
         self, first: FloatArray, rest: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return L' x."""
-        if not self.is_dense:
-            return self.first * first, self.rest * rest
         return self.first * first, (rest[..., None, :] @ self.rest)[..., 0, :]
 
     def inside(self, border: FloatArray, corner: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return border and corner of L' G L, G as `DesignMatrix.gram` returns it."""
         border = border * self.first[..., None, :]
-        is_diagonal = corner.ndim < border.ndim
-        if not self.is_dense:
-            if is_diagonal:
-                corner = corner[..., None] * np.eye(corner.shape[-1])
-            inside = self.rest[..., None] * corner * self.rest[..., None, :]
-            return self.rest[..., None] * border, inside
         turned = np.swapaxes(self.rest, -1, -2)
-        if not is_diagonal:
+        if corner.ndim == border.ndim:
             return turned @ border, turned @ (corner @ self.rest)
         half = np.sqrt(corner)[..., None] * self.rest
         # NumPy computes a matrix times its own transpose with half the work.
@@ -154,7 +141,7 @@ class Offsets:
 
     def root(self, eta: FloatArray) -> Root:
         """Return L at error model parameters (..., n_noise)."""
-        return Root(self.first_root(eta), *self._rest_root(eta))
+        return Root(self.first_root(eta), self._rest_root(eta))
 
     def first_root(self, eta: FloatArray) -> FloatArray:
         """Return the standard deviations of the first block, shape (..., n_first)."""
@@ -163,22 +150,18 @@ class Offsets:
             return np.broadcast_to(tau, (*eta.shape[:-1], self.n_first))
         return np.hypot(tau, self.slope_sd)
 
-    def _rest_root(self, eta: FloatArray) -> tuple[FloatArray, bool]:
+    def _rest_root(self, eta: FloatArray) -> FloatArray:
         lead, n, r = eta.shape[:-1], self.n_smooth, self.n_rest
-        if not n:
-            scale = np.empty((*lead, r))
-            n_step = len(self._steps) if self._has["step"] else 0
-            scale[..., :n_step] = self.tau("step", eta)[..., None]
-            scale[..., n_step:] = self.tau(SERIES, eta)[..., None]
-            return scale, False
-        factor = cholesky_or_nan(self._covariance(eta))
-        if n == r:
-            return factor, True
-        whole = np.zeros((*lead, r, r))
-        whole[..., :n, :n] = factor
-        series = np.arange(n, r)
-        whole[..., series, series] = self.tau(SERIES, eta)[..., None]
-        return whole, True
+        if n and n == r:
+            return cholesky_or_nan(self._covariance(eta))
+        root = np.zeros((*lead, r, r))
+        if n:
+            root[..., :n, :n] = cholesky_or_nan(self._covariance(eta))
+        n_step = len(self._steps) if self._has["step"] else 0
+        steps, series = np.arange(n_step), np.arange(n_step + n, r)
+        root[..., steps, steps] = self.tau("step", eta)[..., None]
+        root[..., series, series] = self.tau(SERIES, eta)[..., None]
+        return root
 
     def _covariance(self, eta: FloatArray) -> FloatArray:
         """Return the smooth offset's covariance at its places, shape (..., n_place, n_place)."""
@@ -248,7 +231,7 @@ class Offsets:
         n = self.n_smooth
         if not n:
             return None
-        factor = self._rest_root(eta)[0][:, :n, :n]
+        factor = self._rest_root(eta)[:, :n, :n]
         inverse = solve_lower(factor, np.broadcast_to(np.eye(n), factor.shape))
         smooth_scores = scores[:, self.n_first : self.n_first + n]
         return inverse, np.einsum("dml,dm->dl", inverse, smooth_scores)
