@@ -1,6 +1,6 @@
 """Tables of any columns and units: CSV, TSV, Excel and Parquet to contact tables."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +36,7 @@ SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 _FULL = ("a", "b", "pitch", "R", "D", "E")  # columns without empty cells
 _OF_GROUPS = (*_FULL, "a_over_R", "b_over_R", "nu", "offset", "offset_over_R", "thickness")
 _MOST_Q = 10_000  # of counts: a column of memory for each even one
-_LONGEST = 300  # characters of the mapping in `source`
+_LONGEST = 300  # characters of the mapping in `source`, which each row repeats
 
 
 def read_columns(path: Path, facts: Given) -> Imported:
@@ -96,7 +96,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
     source = open_table(path, facts, problems)
     where = source.where
     uses, term = assign(source.headers, mapping, values, problems)
-    problems.known = {use.name: _typed(use) for use in uses if use.repeat is None}
+    problems.known = {use.name: use.typed for use in uses if use.repeat is None}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
     _fill_down(cells, uses, problems)
     for use in uses:
@@ -107,7 +107,6 @@ def read_columns(path: Path, facts: Given) -> Imported:
         _check_cells(cells, use, problems)
     if needed := lacking(uses, values):
         uses = ask_columns(needed, cells, uses, values, problems)
-    typed = uses
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
     if not corners and any(use.label is not None for use in uses):
         cells, uses = melted(cells, uses, problems)
@@ -117,11 +116,10 @@ def read_columns(path: Path, facts: Given) -> Imported:
     if frame.empty:
         problems.raise_all(source)
         raise _all_under_4(cells, uses, problems)
-    details = (
-        facts.sheet and f"sheet={facts.sheet}",
-        _mapping_text(typed, converter.used, values),
-    )
-    origin = provenance(path, "columns", *(text for text in details if text))
+    named = [f"{key}={text!r}" for key, text in problems.known.items() if key != text]
+    shown = ", ".join([*named, *(f"{key}={value}" for key, value in values.items())])
+    details = [f"sheet={facts.sheet}"] * bool(facts.sheet) + [shown[:_LONGEST]] * bool(shown)
+    origin = provenance(path, "columns", *details)
     sources = as_text(frame["source"]) if "source" in frame else pd.Series("", frame.index)
     frame["source"] = (origin + "; " + sources).where(sources != "", origin)
     lines = None if rows is None or source.lines is None else source.lines[rows]
@@ -265,26 +263,6 @@ def _validated(
             problems.wrong.append(f"{column}, {len(bad)} rows: {rule}: {shown}")
     problems.raise_all(source)
     return ContactTable(frame, raw.where)
-
-
-def _typed(use: Use) -> str:
-    """Return a column as ``--map`` would name it."""
-    return use.header if use.unit is None else f"{use.header};{use.unit}"
-
-
-def _mapping_text(
-    uses: Iterable[Use], used: Collection[Use], values: Mapping[str, str | float]
-) -> str:
-    """Return the mapping on one line, with the first of many columns for each Q."""
-    groups: dict[tuple[str, bool], list[Use]] = {}
-    for use in uses:
-        is_plain = use.name == use.header and use.unit is None
-        if not is_plain and (use in used or use.label is not None):
-            groups.setdefault((use.key, use.Q is None), []).append(use)
-    shown = [some_of(map(str, some), 1) for some in groups.values()]
-    text = ", ".join([*shown, *(f"{key}={value}" for key, value in values.items())])
-    # Every row repeats it.
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 def open_table(path: Path, facts: Given, problems: FileError) -> TableFile:

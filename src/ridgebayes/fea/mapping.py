@@ -88,8 +88,10 @@ class Use:
         """The key, with the corner."""
         return self.key if self.Q is None else f"{self.key} Q={self.Q}"
 
-    def __str__(self) -> str:
-        return f"{self.name}={self.header!r}" + ("" if self.unit is None else f";{self.unit}")
+    @property
+    def typed(self) -> str:
+        """The column as ``--map`` would name it."""
+        return self.header if self.unit is None else f"{self.header};{self.unit}"
 
 
 def assign(

@@ -178,7 +178,9 @@ _LOWER, _FILLERS = (
     re.compile(rf"\b{_any(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
 )
 NOTHING = re.compile(rf"\s*{_any(_WORDS['columns']['nothing'])}\s*", re.I)
-_NO_CORNER = re.compile(_any(_WORDS["columns"]["no_corner"]))
+_COUNTER, _NO_CORNER = (
+    re.compile(_any(_WORDS["columns"][name])) for name in ("counter", "no_corner")
+)
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
 
 
@@ -294,6 +296,11 @@ def repeats_of(headers: Iterable[str]) -> dict[str, str]:
 def is_number_of_repeats(words: str) -> bool:
     """Return whether a header beside a mean and its deviation says how many were measured."""
     return plain(words) in _WORDS["columns"]["n_mean"]
+
+
+def is_counter(header: str) -> bool:
+    """Return whether a header counts rows, or is none."""
+    return _COUNTER.search(header.lower()) is not None
 
 
 def touching(
