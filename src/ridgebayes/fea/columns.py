@@ -1,6 +1,6 @@
 """Tables of any columns and units: CSV, TSV, Excel and Parquet to contact tables."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +33,8 @@ from ridgebayes.table.rules import as_text, checked, row_codes
 from ridgebayes.table.table import ContactTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
-_FULL = ("a", "b", "pitch", "R", "D", "E")  # columns without empty cells
+_OF_BODY = ("R", "D", "E")
+_FULL = ("a", "b", "pitch", *_OF_BODY)  # columns without empty cells
 _OF_GROUPS = (*_FULL, "a_over_R", "b_over_R", "nu", "offset", "offset_over_R", "thickness")
 _MOST_Q = 10_000  # of counts: a column of memory for each even one
 _LONGEST = 300  # characters of the mapping in `source`, which each row repeats
@@ -123,8 +124,11 @@ def read_columns(path: Path, facts: Given) -> Imported:
     sources = as_text(frame["source"]) if "source" in frame else pd.Series("", frame.index)
     frame["source"] = (origin + "; " + sources).where(sources != "", origin)
     lines = None if rows is None or source.lines is None else source.lines[rows]
+    if "decimal" in problems.options:  # its numbers are doubtful
+        problems.raise_all(source)
+    bodies = [use for use in uses if use.key in _OF_BODY and len(cells[use.header].unique()) > 1]
     del cells, converter  # for a million rows this frees 0.2 GB for the validation
-    table = _validated(RawTable(frame, where, lines), rows, problems, source)
+    table = _validated(RawTable(frame, where, lines), rows, problems, source, bodies)
     return Imported(table, (*problems.messages, *_kept(table)), problems.known)
 
 
@@ -242,12 +246,24 @@ def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) 
 
 
 def _validated(
-    raw: RawTable, rows: "pd.Index[int] | None", problems: FileError, source: TableFile
+    raw: RawTable,
+    rows: "pd.Index[int] | None",
+    problems: FileError,
+    source: TableFile,
+    bodies: Sequence[Use],
 ) -> ContactTable:
     """Return the table, or raise all noted problems and the rules that it breaks."""
     frame, findings = checked(raw)
     noted = set() if rows is None else problems.rows()
     for column, rule, bad, other in findings.complaints():
+        if bodies and "curve" in rule:
+            name = bodies[0].header
+            problems.need(
+                f"rows of several bodies ({name!r}) are alike over R and E: expected a column that "
+                f"tells them apart, as --map 'series={name}'",
+                {"series": name, **{use.key: use.typed for use in bodies}},
+            )
+            continue
         if "empty" in rule and rows is not None:
             keep = np.array([int(rows[row]) not in noted for row in bad], dtype=bool)
             bad, other = bad[keep], None if other is None else other[keep]

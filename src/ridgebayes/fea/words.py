@@ -178,8 +178,8 @@ _LOWER, _FILLERS = (
     re.compile(rf"\b{_any(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
 )
 NOTHING = re.compile(rf"\s*{_any(_WORDS['columns']['nothing'])}\s*", re.I)
-_COUNTER, _NO_CORNER = (
-    re.compile(_any(_WORDS["columns"][name])) for name in ("counter", "no_corner")
+_COUNTER, _ERRORS, _NO_CORNER = (
+    re.compile(_any(_WORDS["columns"][name])) for name in ("counter", "errors", "no_corner")
 )
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
 
@@ -301,6 +301,11 @@ def is_number_of_repeats(words: str) -> bool:
 def is_counter(header: str) -> bool:
     """Return whether a header counts rows, or is none."""
     return _COUNTER.search(header.lower()) is not None
+
+
+def is_error(header: str) -> bool:
+    """Return whether a header may be of an error of loads, but does not say of which kind."""
+    return _ERRORS.search(header.lower()) is not None
 
 
 def touching(
