@@ -50,7 +50,7 @@ def _style(mark: str, thousands: str = "") -> tuple[str, str, re.Pattern[str]]:
     """Return a decimal mark, a mark between thousands, and the pattern of cells with them."""
     number = (NUMBER if mark == "." else _COMMA).pattern
     group, point = re.escape(thousands), re.escape(mark)
-    grouped = rf"\s*[+-]?\d{{1,3}}(?:{group}\d{{3}})+(?:{point}\d*)?\s*|" if thousands else ""
+    grouped = rf"\s*[+-]?[1-9]\d{{0,2}}(?:{group}\d{{3}})+(?:{point}\d*)?\s*|" if thousands else ""
     return mark, thousands, re.compile(grouped + number, re.A)
 
 

@@ -199,10 +199,8 @@ def _one_series(
     for use in some:
         if use not in kept:
             problems.known.pop("series", None)
-            problems.messages.append(
-                f"column {use.header!r} is not taken as series: it numbers the rows "
-                f"(--map 'series={use.header}' takes it)"
-            )
+            how = f"it numbers the rows (--map 'series={use.header}' takes it)"
+            problems.messages.append(f"column {use.header!r} is not taken as series: {how}")
     rest = [use for use in uses if use not in some]
     if len(kept) < 2:
         return cells, [*rest, *kept]
@@ -239,9 +237,10 @@ def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) 
     """Return an error about counts of which no row is left."""
     counts = next(use for use in uses if use.key == "Q")
     name = "Q" if counts.how == "wide" else f"column {counts.header!r}"
+    most = cells[counts.header].max()
+    rule = f"expected Q of 4 or more in some row, got a count of {most:g} at most"
     return problems.error(
-        f"{name}, {count(len(cells), 'row')}: expected Q of 4 or more in some row, got a "
-        f"count of {cells[counts.header].max():g} at most: that many touch at any load"
+        f"{name}, {count(len(cells), 'row')}: {rule}: that many touch at any load"
     )
 
 

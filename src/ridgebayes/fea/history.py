@@ -162,10 +162,8 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
     with np.errstate(over="ignore"):
         p_over_E = load * half / (body.thickness if is_force else 1.0) / over
     if (bad := p_over_E > HUGE).any():  # NaN passes: transitions_of ignores those increments
-        raise InputError(
-            f"{where}: force {load[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}; expected p/E at "
-            f"most {HUGE:g}"
-        )
+        too_large = f"force {load[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}"
+        raise InputError(f"{where}: {too_large}; expected p/E at most {HUGE:g}")
     try:
         frame, odd = transitions_of(p_over_E, gaps, Q, brackets=brackets, **errors)
     except InputError as error:
@@ -244,9 +242,8 @@ def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArr
     if len(heights) < 2:
         raise InputError(
             f"{where}: no rigid nodes at the corners, {far[0] + radius * R:.6g} and "
-            f"{far[1] + radius * R:.6g} from the "
-            "axis; expected a deck with the ridges' nodes and the --texture that they make, or "
-            "--top, the height of the ridges' tops, and --corner where corners are round"
+            f"{far[1] + radius * R:.6g} from the axis; expected a deck with the ridges and "
+            "their --texture, or --top, their height, and --corner where corners are round"
         )
     tops = f"tops at y = {heights[0]:.6g} in the deck, {len(heights)} ridges a side"
     if radius and body.corner_over_R is None:

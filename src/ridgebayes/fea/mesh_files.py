@@ -120,17 +120,12 @@ def _check_items(path: Path, root: ET.Element) -> None:
                 f"{path}: a <DataItem> that refers to others; expected one plain <DataItem>"
             )
         if not re.fullmatch(r"\s*[0-9]{1,15}(\s+[0-9]{1,15})?\s*", dimensions):
-            raise InputError(
-                f"{path}: Dimensions {clipped(dimensions)}; expected whole numbers, of points and "
-                "components"
-            )
+            raise InputError(f"{path}: Dimensions {clipped(dimensions)}; expected whole numbers")
         shape = tuple(map(int, dimensions.split()))
         left -= 8 * math.prod(shape)
         if left < 0:
-            raise InputError(
-                f"{path}: {' x '.join(map(str, shape))} numbers; expected at most {LARGEST} bytes "
-                "in all"
-            )
+            size = " x ".join(map(str, shape))
+            raise InputError(f"{path}: {size} numbers; expected at most {LARGEST} bytes in all")
         if item.get("Format") == "HDF":
             _check_dataset(path, text, shape)
         elif item.get("Format") != "XML":

@@ -196,6 +196,11 @@ class Printed:
         self._nodes: dict[str, pd.Index[int]] = {}
         self._handlers = [item for item in vars(type(self)).values() if hasattr(item, "pattern")]
 
+    @property
+    def tables(self) -> list[NodeTable]:
+        """All tables that were read."""
+        return [table for increment in self.increments.values() for table in increment.tables]
+
     def read(self, path: Path, *, unfinished: bool = False) -> Self:
         """Take the lines of a file."""
         for line in read_lines(path, unfinished=unfinished):

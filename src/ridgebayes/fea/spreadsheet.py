@@ -211,10 +211,8 @@ def _rows(sheet: Any, where: str, typed: set[str]) -> list[list[str]]:
     for number, row in enumerate(sheet.iter_rows(), start=1):
         n_cell += len(row)
         if max(number, n_cell) > MOST_CELLS:
-            raise InputError(
-                f"{where}, sheet {sheet.title!r}: more than {MOST_CELLS} cells; save larger "
-                "tables as CSV"
-            )
+            rule = f"more than {MOST_CELLS} cells; save larger tables as CSV"
+            raise InputError(f"{where}, sheet {sheet.title!r}: {rule}")
         rows.append([_text(cell.value, cell.data_type) for cell in row])
         typed.update(
             text for cell, text in zip(row, rows[-1], strict=True) if cell.data_type == "n" and text

@@ -259,10 +259,8 @@ def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray, digits: float) 
     touched = gap <= digits
     first = np.where(touched.any(axis=0), touched.argmax(axis=0), len(load))
     for i in np.flatnonzero(np.diff(first) < 0).tolist():
-        raise InputError(
-            f"Q = {Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before "
-            f"Q = {Q[i]}; expected inner corners first"
-        )
+        early = f"Q = {Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before Q = {Q[i]}"
+        raise InputError(f"{early}; expected inner corners first")
 
 
 def _label(run: "pd.Series[Any]") -> str:
