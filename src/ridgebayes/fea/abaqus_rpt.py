@@ -16,8 +16,8 @@ from ridgebayes.fea.record import Given, provenance
 
 _DASHES = re.compile(r"\s*-{9,}\s*$")
 _GAP = re.compile(r"\s{2,}")  # between names, which hold single blanks
-_AGREE = 1e-4  # of the sum of sizes: how far a total may be off its rows
-_MOVED = 1e-4  # of the largest displacement: how far undeformed coordinates may differ
+# Of the sum of sizes, and of the largest displacement: how far printed numbers may be off.
+_AGREE = 1e-4
 _U, _COORD, _RF = ("U.U1", "U.U2"), ("COORD.COOR1", "COORD.COOR2"), "RF.RF2"
 
 
@@ -186,7 +186,7 @@ def _undeformed(path: Path, at: FloatArray, moved: FloatArray) -> tuple[FloatArr
     spread = {name: float(np.ptp(base, axis=0).max()) for name, base in bases.items()}
     digits = 1e-5 * float(np.abs(at).max())
     how = min(spread, key=lambda name: spread[name])
-    if len(at) < 2 or spread[how] > _MOVED * largest + digits or largest < 10 * digits:
+    if len(at) < 2 or spread[how] > _AGREE * largest + digits or largest < 10 * digits:
         changes = f"COORD by {spread['undeformed']:.3g} and COORD - U by {spread['deformed']:.3g}"
         rule = f"change between {len(at)} frames; expected one of the two to stay, or --deck"
         raise InputError(f"{path}: {changes} {rule}")

@@ -16,15 +16,15 @@ from ridgebayes.fea.lines import Line
 from ridgebayes.fea.printed import Increment, NodeTable, Printed, on
 from ridgebayes.fea.record import FileError, Given, parse_map, provenance
 from ridgebayes.fea.transitions import last_digit
+from ridgebayes.fea.words import ANSYS_CLOSED
+from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 
 MARK = re.compile(rb"\*\*\*\*\* POST1 .* LISTING|LIST (?:ALL )?SELECTED NODES|PRINT .* PER NODE")
-CLOSED = (2, 3)  # of STAT: 0 far, 1 near, 2 sliding, 3 sticking
 _TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")  # a number begins in fixed columns
 # A node and a number, unlike lines of a page's head.
 _ROW = re.compile(r"\s*\d+(?:\s+|(?=-))[-+.]*\d")
 _CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
 _PLACE = ("X", "Y")
-_MOST = 20  # nodes that messages name
 
 
 def read_ansys(paths: Sequence[Path], facts: Given) -> ContactHistory:
@@ -68,7 +68,7 @@ def read_ansys(paths: Sequence[Path], facts: Given) -> ContactHistory:
     history = functools.partial(listing.history, load, source, "ansys")
     closed = values > 0
     if kinds[:1] == ["STAT"]:
-        codes = sorted(facts.closed_is or CLOSED)
+        codes = sorted(facts.closed_is or ANSYS_CLOSED)
         listing.messages.append(f"STAT {', '.join(map(str, codes))}: contact")
         closed = np.isin(values, codes)
     if corners or not (listing.places.lines or ux):
@@ -100,12 +100,12 @@ def _at_corners(
     """Return the counts of corners and their nodes, whose coordinates are not needed."""
     problems = FileError(where)
     if not corners:
-        likely = {f"status Q={4 + 2 * i}": str(node) for i, node in enumerate(nodes[:_MOST])}
+        likely = {f"status Q={4 + 2 * i}": str(node) for i, node in enumerate(nodes[:MOST_SHOWN])}
         rule = "expected NLIST beside, or each proximal corner's node, --map 'status Q=4=NODE'"
         problems.need(f"nodes {nodes[0]} to {nodes[-1]} have no place: {rule}", likely)
         problems.raise_all()
     if lost := [node for node in corners.values() if node not in nodes]:
-        raise problems.error(f"no results of node {lost[0]}; the nodes are {nodes[:_MOST]}")
+        raise problems.error(f"no results of node {lost[0]}; the nodes are {nodes[:MOST_SHOWN]}")
     return np.array(sorted(corners)), [nodes.index(corners[Q]) for Q in sorted(corners)]
 
 

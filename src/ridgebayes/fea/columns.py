@@ -25,9 +25,9 @@ from ridgebayes.fea.parquet import ParquetTable
 from ridgebayes.fea.record import SHOWN, FileError, Given, Imported, TableFile, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
 from ridgebayes.fea.wide import melted
-from ridgebayes.fea.words import DISGUISES
+from ridgebayes.fea.words import DISGUISES, MOST_DISTINCT
 from ridgebayes.runtime.reading import read_bytes
-from ridgebayes.runtime.text import count, some_of
+from ridgebayes.runtime.text import LONGEST_VALUE, count, some_of
 from ridgebayes.table.columns import RawTable
 from ridgebayes.table.rules import as_text, checked, row_codes
 from ridgebayes.table.table import ContactTable
@@ -36,8 +36,6 @@ SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 _OF_BODY = ("R", "D", "E")
 _FULL = ("a", "b", "pitch", *_OF_BODY)  # columns without empty cells
 _OF_GROUPS = (*_FULL, "a_over_R", "b_over_R", "nu", "offset", "offset_over_R", "thickness")
-_MOST_Q = 10_000  # of counts: a column of memory for each even one
-_LONGEST = 300  # characters of the mapping in `source`, which each row repeats
 
 
 def read_columns(path: Path, facts: Given) -> Imported:
@@ -119,10 +117,13 @@ def read_columns(path: Path, facts: Given) -> Imported:
         raise _all_under_4(cells, uses, problems)
     named = [f"{key}={text!r}" for key, text in problems.known.items() if key != text]
     shown = ", ".join([*named, *(f"{key}={value}" for key, value in values.items())])
-    details = [f"sheet={facts.sheet}"] * bool(facts.sheet) + [shown[:_LONGEST]] * bool(shown)
+    details = [f"sheet={facts.sheet}"] * bool(facts.sheet) + [shown[:LONGEST_VALUE]] * bool(shown)
     origin = provenance(path, "columns", *details)
-    sources = as_text(frame["source"]) if "source" in frame else pd.Series("", frame.index)
-    frame["source"] = (origin + "; " + sources).where(sources != "", origin)
+    if "source" in frame:
+        sources = as_text(frame["source"])
+        frame["source"] = (origin + "; " + sources).where(sources != "", origin)
+    else:
+        frame["source"] = origin
     lines = None if rows is None or source.lines is None else source.lines[rows]
     if "decimal" in problems.options:  # its numbers are doubtful
         problems.raise_all(source)
@@ -152,7 +153,9 @@ def _counts_repeat(frame: pd.DataFrame) -> bool:
     """Return whether rows are increments: counts of 4 or more repeat while a load rises."""
     Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
     same = Q[1:] == Q[:-1]
-    if 3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= _MOST_Q:
+    if (
+        3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= MOST_DISTINCT
+    ):  # a column of memory each
         return False
     curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
     # A curve without any load has its top in its first row, and so no increments.

@@ -24,6 +24,7 @@ from ridgebayes.fea.words import (
 )
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import COUNT, NAMES, OK
+from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import as_text
 
 _NEEDED = {  # its purpose, and an example
@@ -33,7 +34,6 @@ _NEEDED = {  # its purpose, and an example
 }
 # Divisors that make p/E of loads of each kind: p is the line load over 2 R.
 _OVER = {"p_over_E": (), "p": ("E",), "line": ("R", "E"), "force": ("thickness", "R", "E")}
-_SHOWN = 8  # names that a line lists
 
 
 class Converter:
@@ -360,4 +360,4 @@ def with_load_se(frame: pd.DataFrame, p_se: FloatArray | None) -> pd.DataFrame:
 
 def listed(names: Iterable[str], quote: str = "'") -> str:
     """Return names in quotes, the first of them."""
-    return some_of((repr(name) if quote else name for name in names), _SHOWN)
+    return some_of((repr(name) if quote else name for name in names), MOST_SHOWN)

@@ -11,8 +11,9 @@ from scipy.cluster.hierarchy import DisjointSet
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.lines import MOST_WHOLE, Line, read_lines
+from ridgebayes.fea.lines import Line, read_lines
 from ridgebayes.fea.record import Given, provenance
+from ridgebayes.table.columns import LARGEST_Q
 
 _DEEPEST = 4  # *INCLUDEs within *INCLUDEs
 _MOST_NODES = 1_000_000  # of a set
@@ -342,6 +343,6 @@ def _numbers(line: Line, cells: Sequence[str], at_least: int) -> list[float]:
 def _integers(line: Line, cells: Sequence[str], at_least: int = 1) -> list[int]:
     values = _numbers(line, cells, at_least)
     for value in values:
-        if value != int(value) or not 0 < value < MOST_WHOLE:
+        if value != int(value) or not 0 < value < LARGEST_Q:
             raise line.error(f"{value:g}: expected a whole number above 0")
     return [int(value) for value in values]

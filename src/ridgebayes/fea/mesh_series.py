@@ -10,14 +10,11 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.history import ContactHistory
+from ridgebayes.fea.history import NEAR, ContactHistory
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.mesh_files import is_beside, parse_xml, read_vtu, read_xdmf
-from ridgebayes.fea.record import FARTHEST, HUGE, Given, provenance
+from ridgebayes.fea.record import FARTHEST, HUGE, SHOWN, Given, provenance
 from ridgebayes.runtime.text import clipped
-
-_MOST_NAMED = 5  # files that a source names beside the first
-_ROUND = 5e-6  # of R: nodes so near to the circle are on it
 
 
 def read_series(paths: Sequence[Path], facts: Given) -> ContactHistory:
@@ -74,7 +71,7 @@ def read_series(paths: Sequence[Path], facts: Given) -> ContactHistory:
     undeformed = np.asarray(points, dtype=float)[nodes, :2]
     x, height = np.moveaxis(undeformed + np.array(moved, dtype=float)[:, nodes], -1, 0)
     rim = f"{len(nodes)} of {len(points)} nodes are the rim"
-    named = [path.name for path in paths if path != first][:_MOST_NAMED]
+    named = [path.name for path in paths if path != first][:SHOWN]
     return ContactHistory(
         load,
         where,
@@ -132,10 +129,10 @@ def _rim(points: FloatArray, R: float | None, where: str) -> tuple[IntArray, flo
     R = R if R is not None else float(np.abs(points[:, 0] - lowest[0]).max())
     centre = lowest[:2] + np.array([0.0, R])
     away = np.hypot(*(points[:, :2] - centre).T)
-    if not (R >= 1 / HUGE and away.max() <= R * (1 + _ROUND)):
+    if not (R >= 1 / HUGE and away.max() <= R * (1 + NEAR)):
         raise InputError(
             f"{where}: a node {away.max():.6g} from ({centre[0]:.4g}, {centre[1]:.4g}), and "
             f"R = {R:.6g}; expected a disk, undeformed, its lowest node below its centre; or --R"
         )
-    on = (away >= R * (1 - _ROUND)) & (points[:, 1] <= centre[1] + _ROUND * R)
+    on = (away >= R * (1 - NEAR)) & (points[:, 1] <= centre[1] + NEAR * R)
     return np.flatnonzero(on), R

@@ -42,7 +42,8 @@ def ask_columns(
     names = [name for name in map(str, cells) if not (name in taken or is_counter(name))]
     texts = {name: cells[name].astype(str).str.replace(",", ".") for name in names}
     numbers = {name: pd.to_numeric(text, errors="coerce") for name, text in texts.items()}
-    free = {name: some for name, some in numbers.items() if some.notna().all()}
+    is_text = {name: cells[name].dtype.kind not in "if" for name in names}
+    free = {n: some for n, some in numbers.items() if not (is_text[n] and some.isna().any())}
     kinds = {name: _kind(name, some) for name, some in free.items()}
     if any(use.key == "Q" for use in uses):  # then no other column counts
         kinds = {name: kind.replace("Q", "") for name, kind in kinds.items()}

@@ -11,9 +11,10 @@ from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.record import FileError, Given, parse_map, provenance
 from ridgebayes.fea.transitions import last_digit
 from ridgebayes.fea.words import OF_NODES, STATUS_RULE, plain, split_header, touching
+from ridgebayes.runtime.text import some_of
+from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import as_text
 
-_MOST = 50  # columns that a message shows
 _CONTACT = ("gap", "pressure", "status")
 _NEEDED = {"load": "the load of the step, the same in its rows", "x": "where the node is"}
 
@@ -103,7 +104,7 @@ def _columns(
     columns = dict(mapping)
     for key, header in mapping.items():
         if key not in OF_NODES or header not in headers:
-            there = ", ".join(map(repr, headers[:_MOST]))
+            there = some_of(map(repr, headers), MOST_SHOWN)
             raise problems.error(
                 f"--map {key}={header}: expected one of {', '.join(OF_NODES)}, and one of the "
                 f"columns {there}"
