@@ -19,7 +19,7 @@ from ridgebayes.scene.scene import Texture
 
 SOLVER = shutil.which("ccx") or shutil.which("ccx_2.20")
 if SOLVER is None and os.environ.get("RIDGEBAYES_NEEDS_CCX"):
-    raise RuntimeError("no ccx on the path, and RIDGEBAYES_NEEDS_CCX asks for it")
+    raise RuntimeError("no ccx on the path; RIDGEBAYES_NEEDS_CCX requires it")
 pytestmark = [
     pytest.mark.ccx,
     pytest.mark.skipif(SOLVER is None, reason="CalculiX (ccx) is not installed"),

@@ -16,7 +16,7 @@ from ridgebayes.fea.record import Given, provenance
 
 _DASHES = re.compile(r"\s*-{9,}\s*$")
 _GAP = re.compile(r"\s{2,}")  # between names, which hold single blanks
-# Of the sum of sizes, and of the largest displacement: how far printed numbers may be off.
+# How far printed numbers may be off: a share of the sum of sizes, of the largest displacement.
 _AGREE = 1e-4
 _U, _COORD, _RF = ("U.U1", "U.U2"), ("COORD.COOR1", "COORD.COOR2"), "RF.RF2"
 
