@@ -20,10 +20,10 @@ BUDGETS = {
     "distributions": 496,  # with those of SciPy
     "drawing": 986,
     "contact": 3_170,  # reads the loads of stiffening from a file
-    "table": 643,  # with the check for plain CSV that import uses too: pandas reads it faster
+    "table": 642,  # with the check for plain CSV that import uses too: pandas reads it faster
     "scene": 1_300,  # with loads as they are typed, which were in commands and texture_design
     "simulate": 497,
-    "fea": 4_275,
+    "fea": 4_231,
     "model": 1_569,
     "inference": 2_523,
     "predict": 1_198,  # loads over a/pitch, which designs share; names of DataArrays

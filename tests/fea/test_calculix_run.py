@@ -12,7 +12,6 @@ from ridgebayes import Scene, generate
 from ridgebayes.contact.cylinder.faces import first_height
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.fea.calculix import read_calculix
-from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
 from ridgebayes.fea.read import import_files
 from ridgebayes.fea.record import Given
@@ -20,7 +19,7 @@ from ridgebayes.scene.scene import Texture
 
 SOLVER = shutil.which("ccx") or shutil.which("ccx_2.20")
 if SOLVER is None and os.environ.get("RIDGEBAYES_NEEDS_CCX"):
-    raise RuntimeError("no ccx on the path, and RIDGEBAYES_NEEDS_CCX asks for it")
+    raise RuntimeError("no ccx on the path; RIDGEBAYES_NEEDS_CCX requires it")
 pytestmark = [
     pytest.mark.ccx,
     pytest.mark.skipif(SOLVER is None, reason="CalculiX (ccx) is not installed"),
@@ -74,8 +73,8 @@ def test_run__on_round_corners_has_no_way_into_the_flats(tmp_path):
     r = 0.1 * A
     texture = Texture(a_over_R=A, b_over_R=B, corner_radius_over_R=r)
     solve(Scene(textures=(texture,), p_over_E=0.013, nu=NU), slice(6, 8), tmp_path)
-    run = RunDeck.read(tmp_path / "run.inp", SURFACE, REACTION, E=1.0, nu=NU)
-    history = read_calculix(tmp_path / "run.dat", deck=run)
+    facts = Given(deck=tmp_path / "run.inp", surface=SURFACE, reaction=REACTION)
+    history = read_calculix([tmp_path / "run.dat"], facts)
     x, y = history.x[-1], history.height[-1]
     top = first_height(Profile(A, B, corner=r))
     on = (x > B / 2 + r) & (x < B / 2 + A - r) & (y < top + 1e-6)

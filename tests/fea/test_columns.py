@@ -206,15 +206,43 @@ def test_import__counts_in_other_terms_become_edges(read, header, counts, option
 @pytest.mark.parametrize(
     ("header", "cells", "rel_se"),
     [
-        ("", ("", ""), [0.125, 0.05]),
-        (",n", (",4", ",25"), [0.0625, 0.01]),
-        (",n,rel_se", (",4,.1", ",25,0"), [np.hypot(0.0625, 0.1), 0.01]),
+        ("Force sd (mN)", ("", ""), [0.125, 0.05]),
+        ("SEM (mN)", ("", ""), [0.125, 0.05]),
+        ("Force sd (mN),n", (",4", ",25"), [0.0625, 0.01]),
+        ("Standard error (mN),n", (",4", ",25"), [0.125, 0.05]),
+        ("Force sd (mN),n,rel_se", (",4,.1", ",25,0"), [np.hypot(0.0625, 0.1), 0.01]),
     ],
 )
-def test_import__a_deviation_beside_a_mean_is_its_error(read, header, cells, rel_se):
+def test_import__an_error_beside_a_mean_is_that_of_the_load(read, header, cells, rel_se):
     lines = [f".03,.01,4,.024,3{cells[0]}", f".03,.01,6,.1,5{cells[1]}"]
-    text = "\n".join([f"a/R,b/R,Edges,Force mean (N),Force sd (mN){header}", *lines])
+    text = "\n".join([f"a/R,b/R,Edges,Force mean (N),{header}", *lines])
     np.testing.assert_allclose(column(read(text, **SLICE), "rel_se"), rel_se)
+
+
+@pytest.mark.parametrize(
+    ("header", "cell", "said"),
+    [
+        ("error (N)", ".01", "not read as errors of loads: 'error (N)'; --map 'load_sd=HEADER'"),
+        # A force over 2 R L is a pressure of 3.125 kPa/N.
+        ("pressure (kPa)", "{:g}", "column 'pressure (kPa)' is not read: its loads are 3 times"),
+        ("SD (N),Sample", ".01,1", "repeats with an sd of their own"),
+    ],
+)
+def test_import__columns_that_say_more_of_loads_are_spoken_of(read, header, cell, said):
+    rows = [
+        f".03,.01,{Q},{load},{cell.format(9.375 * load)}" for Q, load in ((4, 0.024), (6, 0.096))
+    ]
+    rows += [row[:-1] + "2" for row in rows if "Sample" in header]
+    table = read("\n".join([f"a/R,b/R,Q,force (N),{header}", *rows]), **SLICE)
+    assert any(message.startswith(said) for message in table.messages)
+
+
+def test_import__bodies_of_equal_ratios_are_told_apart_by_a_column(read, refusal):
+    rows = [f"{R},{0.03 * R},{0.01 * R},4,.05" for R in (8, 10)]
+    text = "\n".join(["R (mm),ridge (mm),groove (mm),Q,pressure (kPa)", *rows])
+    assert "tells them apart, as --map 'series=R (mm)'" in refusal(text, E="60 kPa")
+    table = read(text, refusal.error.mapping, E="60 kPa")
+    assert column(table, "series") == ["8", "10"]
 
 
 @pytest.mark.parametrize(
@@ -293,6 +321,14 @@ FIXED = (
         (LONG, {**MAP, "a_over_R": "Q"}, BODY, "could all be a; expected one"),
         (LONG, {**MAP, "p": "Load"}, BODY, "could all be line; expected one"),
         (LONG, {"a": "Ridge width", "b": "Groove width", "p": "Load"}, BODY, "no unit of pressure"),
+        (
+            RATIOS + ".03,.01,4,.002 ± .0001\n",
+            {},
+            {},
+            "expected one number a cell, and its error in",
+        ),
+        ("a/R,b/R,Q,load (g)\n.03,.01,4,3\n", {}, BODY, "'g' is no unit of loads (gf is one)"),
+        (RATIOS.replace(",", ";") + ".03;.01;4;2,5\n", {}, {"decimal": "comma"}, "= '.01'"),
         (LONG, {**MAP, "a": "Ridge"}, BODY, "no column 'Ridge'; the columns are 'Ridge width"),
         (LONG, {**MAP, "a": "Rigde widht"}, BODY, "did you mean 'Ridge width [mm]'?"),
         (PRESSURES, {}, {"E": "60 kPa"}, "'p [kPa]', 'p [Pa]' could all be p"),

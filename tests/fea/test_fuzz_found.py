@@ -1,4 +1,4 @@
-"""What damaged files found wrong in readers: the least of each, and what should come of it."""
+"""Damaged files that were once accepted: the smallest of each kind is refused."""
 
 import re
 
@@ -33,7 +33,7 @@ def twice(pattern):
 
 
 def with_dataset(make):
-    """Make the first displacements of an HDF5 file anew."""
+    """Replace the first displacements of an HDF5 file."""
 
     def changed(content):
         content = io.BytesIO(content)

@@ -1,4 +1,4 @@
-"""What is doubtful in rows that break no rule."""
+"""Warnings of doubtful rows that break no rule."""
 
 import numpy as np
 import pandas as pd

@@ -127,7 +127,7 @@ def test_ansys__nodes_at_corners_need_no_places(tmp_path):
     text = runs.listing(nodes, 2.0 + code[..., None], ("STAT",))
     files = {"s.lis": text, "f.lis": runs.reactions(RUN)}
     read = functools.partial(imported, tmp_path, "ansys, status", files=files, closed_is=(3,))
-    with pytest.raises(InputError, match="have no place: expected a listing of NLIST") as error:
+    with pytest.raises(InputError, match="have no place: expected NLIST") as error:
         read()
     assert error.value.mapping == {f"status Q={4 + 2 * i}": str(n) for i, n in enumerate(nodes)}
     corners = tuple(f"{key}={node}" for key, node in error.value.mapping.items())
@@ -543,7 +543,7 @@ REFUSED = [
             rf"\n\g<1>{N + 1}\2\3\n {N + 2} 0. -\3",
             0,
         ),
-        "cancels to 0; expected a region of the driven nodes alone",
+        "cancels to 0; expected the driven nodes alone",
     ),
     (
         "abaqus-rpt",

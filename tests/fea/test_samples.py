@@ -125,7 +125,7 @@ def test_every_kind__has_a_recipe():
     for path in kinds:
         named = (path / "README.md").read_text(encoding="utf-8")
         others = [file.name for file in path.iterdir() if file.name != "README.md"]
-        # `name.*` stands for a family of files.
+        # `name.*` means all files of that name.
         told = [one for one in others if one in named or f"{Path(one).stem}.*" in named]
         assert told == others, path
     assert Path(FEA / "README.md").is_file()

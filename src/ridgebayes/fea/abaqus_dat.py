@@ -1,6 +1,7 @@
 """Abaqus runs: printed displacements and reaction forces of a ``.dat`` with its deck."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,21 +11,23 @@ from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import NUMBER, Line, last_digit_of
 from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
+from ridgebayes.fea.record import SHOWN, Given
+from ridgebayes.runtime.text import some_of
 
 _ALL = "ALL NODES"
 _ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
 
 
-def read_abaqus_dat(path: Path, *, deck: RunDeck) -> ContactHistory:
+def read_abaqus_dat(paths: Sequence[Path], facts: Given) -> ContactHistory:
     """Read a run of Abaqus/Standard.
 
     Parameters
     ----------
-    path : pathlib.Path
-        The ``.dat`` file: ``*NODE PRINT`` of ``U`` on the surface's set, and of ``RF`` on the
+    paths : sequence of pathlib.Path
+        One ``.dat`` file: ``*NODE PRINT`` of ``U`` on the surface's set, and of ``RF`` on the
         driven set (summed, or its total with ``TOTALS=YES``), at each increment.
-    deck : RunDeck
-        The run's ``.inp`` file: coordinates, sets, and the ridges' nodes.
+    facts : Given
+        The run's deck: coordinates, sets, and the ridges' nodes.
 
     Returns
     -------
@@ -40,6 +43,7 @@ def read_abaqus_dat(path: Path, *, deck: RunDeck) -> ContactHistory:
     Abaqus leaves out rows of zeros. A node that is not there has moved by nothing where its table
     ends in a summary (``MAXIMUM``, ``TOTAL``), without which the increment is ignored.
     """
+    path, deck = paths[0], RunDeck.read(facts)
     printed = _Tables("in global directions (no footnotes)").read(path, unfinished=True)
     surface, reaction = deck.surface, deck.reaction
     digits = [0.0]
@@ -54,12 +58,8 @@ def read_abaqus_dat(path: Path, *, deck: RunDeck) -> ContactHistory:
             driven.below.pop("TOTAL", None)
         return driven.force(deck.driven, "RF2"), rim.of(deck.nodes, "U1", "U2")
 
-    load, moved = printed.states(
-        state,
-        path,
-        f"U1 and U2 of {surface} and RF2 of {reaction}; expected *NODE PRINT of U on the one and "
-        f"of RF on the other; the tables are {printed.shown}",
-    )
+    rule = f"expected *NODE PRINT of both; the tables are {printed.shown}"
+    load, moved = printed.states(state, path, f"U1 and U2 of {surface}, RF2 of {reaction}; {rule}")
     at, source = deck.undeformed + np.array(moved), deck.provenance(path, "abaqus-dat")
     return printed.history(load, source, "abaqus", at=at, digits=max(digits) / 2, **deck.places)
 
@@ -77,20 +77,16 @@ def _fill(table: NodeTable, nodes: list[int]) -> None:
     rows, n = table.rows, len(table.rows)
     if strange := set(rows.index) - set(nodes):
         # Numbers of an assembly's instances are not those of the deck's parts.
-        raise table.line.error(
-            f"node {min(strange)} is not in the deck's "
-            f"{table.nodes}; expected the deck of this run, without parts and instances"
-        )
+        rule = f"is not in the deck's {table.nodes}; expected the run's deck, without parts"
+        raise table.line.error(f"node {min(strange)} {rule}")
     if n < len(nodes) and not table.whole:
         raise MissingError(f"a table of {table.nodes} with {n} of {len(nodes)} nodes, and no end")
     table.rows = rows.reindex(nodes, fill_value=0.0)
     for name, values in (("MAXIMUM", table.rows.max()), ("MINIMUM", table.rows.min())):
         for column, value in zip(table.columns, table.below.get(name, ()), strict=False):
             if values[column] != value:
-                raise table.line.error(
-                    f"{column} of {table.nodes}: {name} {value:g} is not that of the rows; "
-                    "expected whole tables"
-                )
+                rule = f"{name} {value:g} is not that of the rows; expected whole tables"
+                raise table.line.error(f"{column} of {table.nodes}: {rule}")
 
 
 def _last_digit(rim: NodeTable) -> float:
@@ -114,10 +110,8 @@ class _Tables(Printed):
     @property
     def shown(self) -> str:
         """Words for the tables that there are."""
-        tables = [table for step in self.increments.values() for table in step.tables]
-        return (
-            ", ".join(sorted({f"{' '.join(t.columns)} of {t.nodes}" for t in tables})[:5]) or "none"
-        )
+        shown = {f"{' '.join(table.columns)} of {table.nodes}" for table in self.tables}
+        return some_of(sorted(shown), SHOWN) or "none"
 
     def blank(self) -> None:
         """Note what may be the end of a table."""

@@ -1,6 +1,7 @@
 """Reports of Abaqus/Viewer: nodal values frame by frame."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,34 +12,27 @@ from ridgebayes.fea.deck import Deck, read_deck
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line
 from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
-from ridgebayes.fea.record import provenance
+from ridgebayes.fea.record import Given, provenance
 
 _DASHES = re.compile(r"\s*-{9,}\s*$")
 _GAP = re.compile(r"\s{2,}")  # between names, which hold single blanks
-_AGREE = 1e-4  # of the sum of sizes: how far a total may be off its rows
-_MOVED = 1e-4  # of the largest displacement: how far undeformed coordinates may differ
+# How far printed numbers may be off: a share of the sum of sizes, of the largest displacement.
+_AGREE = 1e-4
 _U, _COORD, _RF = ("U.U1", "U.U2"), ("COORD.COOR1", "COORD.COOR2"), "RF.RF2"
 
 
-def read_abaqus_rpt(
-    path: Path,
-    *,
-    surface: str | None = None,
-    reaction: str | None = None,
-    deck: Path | None = None,
-) -> ContactHistory:
+def read_abaqus_rpt(paths: Sequence[Path], facts: Given) -> ContactHistory:
     """Read field output reports of Abaqus/Viewer, one after another in a file.
 
     Parameters
     ----------
-    path : pathlib.Path
-        The ``.rpt`` file: nodal ``U.U1``, ``U.U2`` of the rim, ``RF.RF2`` where the load is read,
-        and ``COORD.COOR1``, ``COORD.COOR2`` of the rim without a `deck`, in each frame.
-    surface, reaction : str or None, optional
-        A region as the report names it, ``PART-1-1.RIM`` or ``RIM``, or a node set of the deck;
-        None takes the one region that has the columns.
-    deck : pathlib.Path or None, optional
-        The run's ``.inp`` file; without it the height of the ridges' tops is not known.
+    paths : sequence of pathlib.Path
+        One ``.rpt`` file: nodal ``U.U1``, ``U.U2`` of the rim, ``RF.RF2`` where the load is read,
+        and ``COORD.COOR1``, ``COORD.COOR2`` of the rim without a deck, in each frame.
+    facts : Given
+        Its surface and reaction are regions as the report names them, ``PART-1-1.RIM`` or ``RIM``,
+        or node sets of the deck; None takes the one region that has the columns. Without the deck
+        the height of the ridges' tops is not known.
 
     Returns
     -------
@@ -54,29 +48,30 @@ def read_abaqus_rpt(
     ``COORD`` is where nodes are, or where they were, depending on the step's ``NLGEOM``: it is what
     makes undeformed coordinates the same in all frames.
     """
+    path, surface, reaction, deck = paths[0], facts.surface, facts.reaction, facts.deck
     sheet = Deck() if deck is None else read_deck(deck)
     printed = _Report("averaged where elements meet").read(path)
     columns = _U if deck else _COORD + _U
-    nodes, driven = (
-        list(dict.fromkeys(sheet.nsets.get((name or "").upper(), ())))
-        for name in (surface, reaction)
-    )
+    sets = [sheet.nsets.get((name or "").upper(), []) for name in (surface, reaction)]
+    nodes, driven = (list(dict.fromkeys(some)) for some in sets)
     digits = []
 
+    def table(
+        increment: Increment, names: tuple[str, ...], region: str | None, numbers: list[int]
+    ) -> NodeTable:
+        table = increment.table(names, region or "", *[""] * bool(numbers))
+        if not table.whole:
+            raise MissingError(f"{', '.join(names)} of {table.nodes} is cut off")
+        return table
+
     def state(increment: Increment) -> tuple[float, FloatArray]:
-        tables = []
-        for names, region, numbers in ((columns, surface, nodes), ((_RF,), reaction, driven)):
-            table = increment.table(names, region or "", *[""] * bool(numbers))
-            if not table.whole:
-                raise MissingError(f"{', '.join(names)} of {table.nodes} is cut off")
-            tables.append(table)
-        rim, forces = tables
+        rim = table(increment, columns, surface, nodes)
+        forces = table(increment, (_RF,), reaction, driven)
         nodes[:] = nodes or rim.rows.index.tolist()
         digits.append(_digits(rim))
         return _force(forces, driven), rim.of(nodes, *columns)
 
-    wanted = f"{', '.join(columns)} and {_RF}; expected nodal field output of both in a field "
-    wanted += "report of Abaqus/Viewer"
+    wanted = f"{', '.join(columns)} and {_RF}; expected nodal output of both in a field report"
     load, states = printed.states(state, path, wanted)
     moved = np.array(states)[..., -2:]
     if deck is None:
@@ -172,21 +167,15 @@ def _digits(table: NodeTable) -> int:
 
 def _force(table: NodeTable, nodes: list[int]) -> float:
     """Return the sum of RF2, checked against a printed total and against nothing at all."""
-    driven = nodes or table.rows.index.tolist()
+    driven, what = nodes or table.rows.index.tolist(), f"{_RF} of {table.nodes}"
     force, size = table.force(driven, _RF), float(table.rows[_RF].reindex(driven).abs().sum())
-    totals = table.below.get("Total", [])
-    if len(totals) == len(table.columns) and len(driven) == len(table.lines):
-        total = totals[table.columns.index(_RF)]
-        if abs(total - force) > _AGREE * size:
-            raise table.line.error(
-                f"{_RF} of {table.nodes} adds up to {force:.6g}, and the total is {total:.6g}; "
-                "expected whole tables"
-            )
+    totals = dict(zip(table.columns, table.below.get("Total", []), strict=False))
+    total = totals.get(_RF, force) if len(driven) == len(table.lines) else force
+    if abs(total - force) > _AGREE * size:
+        sums = f"adds up to {force:.6g}, and the total is {total:.6g}"
+        raise table.line.error(f"{what} {sums}; expected whole tables")
     if size > 0 and abs(force) < _AGREE * size:
-        raise table.line.error(
-            f"{_RF} of {table.nodes} cancels to {force:.3g}; expected a region of the driven "
-            "nodes alone, where the load is read"
-        )
+        raise table.line.error(f"{what} cancels to {force:.3g}; expected the driven nodes alone")
     return force
 
 
@@ -197,11 +186,9 @@ def _undeformed(path: Path, at: FloatArray, moved: FloatArray) -> tuple[FloatArr
     spread = {name: float(np.ptp(base, axis=0).max()) for name, base in bases.items()}
     digits = 1e-5 * float(np.abs(at).max())
     how = min(spread, key=lambda name: spread[name])
-    if len(at) < 2 or spread[how] > _MOVED * largest + digits or largest < 10 * digits:
-        raise InputError(
-            f"{path}: COORD changes by {spread['undeformed']:.3g} and COORD - U by "
-            f"{spread['deformed']:.3g} between {len(at)} frames; expected one of the two to stay, "
-            "or --deck for the coordinates"
-        )
+    if len(at) < 2 or spread[how] > _AGREE * largest + digits or largest < 10 * digits:
+        changes = f"COORD by {spread['undeformed']:.3g} and COORD - U by {spread['deformed']:.3g}"
+        rule = f"change between {len(at)} frames; expected one of the two to stay, or --deck"
+        raise InputError(f"{path}: {changes} {rule}")
     base = at[0] if how == "undeformed" else np.median(at - moved, axis=0)
     return np.asarray(base, dtype=float), f"COORD: coordinates of {how} nodes"

@@ -3,7 +3,7 @@
 import functools
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,21 +14,20 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line
 from ridgebayes.fea.printed import Increment, NodeTable, Printed, on
-from ridgebayes.fea.record import FileError, provenance
+from ridgebayes.fea.record import FileError, Given, parse_map, provenance
 from ridgebayes.fea.transitions import last_digit
+from ridgebayes.fea.words import ANSYS_CLOSED
+from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 
 MARK = re.compile(rb"\*\*\*\*\* POST1 .* LISTING|LIST (?:ALL )?SELECTED NODES|PRINT .* PER NODE")
-CLOSED = (2, 3)  # of STAT: 0 far, 1 near, 2 sliding, 3 sticking
 _TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")  # a number begins in fixed columns
 # A node and a number, unlike lines of a page's head.
 _ROW = re.compile(r"\s*\d+(?:\s+|(?=-))[-+.]*\d")
+_CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
 _PLACE = ("X", "Y")
-_MOST = 20  # nodes that messages name
 
 
-def read_ansys(
-    paths: Sequence[Path], *, closed_is: Collection[int] = (), corners: Mapping[int, int] = {}
-) -> ContactHistory:
+def read_ansys(paths: Sequence[Path], facts: Given) -> ContactHistory:
     """Read listings of ANSYS, of one run.
 
     Parameters
@@ -37,10 +36,9 @@ def read_ansys(
         Text of ``PRRSOL`` (``FY`` of the driven nodes) and of ``PRNSOL``: ``UX``, ``UY`` of the
         surface, or ``STAT`` or ``PRES`` of contact; and ``NLIST`` (``X``, ``Y``) where nodes are.
         Page heads may stand anywhere.
-    closed_is : collection of int, optional
-        Codes of ``STAT`` that mean contact; 2 (sliding) and 3 (sticking) if not given.
-    corners : mapping of int to int, optional
-        Node at the corner of each Q, in place of ``NLIST``.
+    facts : Given
+        Codes of ``STAT`` that mean contact, 2 (sliding) and 3 (sticking) if there are none; and a
+        map of the node at the corner of each Q, in place of ``NLIST``.
 
     Returns
     -------
@@ -51,11 +49,11 @@ def read_ansys(
     InputError
         If a line cannot be understood, with file and line, or results are missing.
     """
-    listing = _Listing()
+    corners, listing = _corner_nodes(facts), _Listing()
     for path in paths:
         listing.read(path, unfinished=True)
-    tables = [table for step in listing.increments.values() for table in step.tables]
-    kinds = [name for name in ("UY", "STAT", "PRES") if any(table.has(name) for table in tables)]
+    columns = {name for table in listing.tables for name in table.columns}
+    kinds = [name for name in ("UY", "STAT", "PRES") if name in columns]
     names = [*kinds, "UY"][:1] + ["UX"] * (kinds[:1] == ["UY"])
 
     def state(increment: Increment) -> tuple[float, pd.DataFrame]:
@@ -70,7 +68,7 @@ def read_ansys(
     history = functools.partial(listing.history, load, source, "ansys")
     closed = values > 0
     if kinds[:1] == ["STAT"]:
-        codes = sorted(closed_is or CLOSED)
+        codes = sorted(facts.closed_is or ANSYS_CLOSED)
         listing.messages.append(f"STAT {', '.join(map(str, codes))}: contact")
         closed = np.isin(values, codes)
     if corners or not (listing.places.lines or ux):
@@ -85,21 +83,29 @@ def read_ansys(
     return history(x=np.broadcast_to(place[:, 0], closed.shape), closed=closed, undeformed=place)
 
 
+def _corner_nodes(facts: Given) -> dict[int, int]:
+    """Return the node at the corner of each Q."""
+    corners = {}
+    for key, node in parse_map(facts.map).items():
+        match = _CORNER.fullmatch(key.strip())
+        if match is None or not node.isdigit():
+            raise InputError(f"--map {key}={node}: expected 'status Q=4=NODE' for a listing")
+        corners[int(match[1])] = int(node)
+    return corners
+
+
 def _at_corners(
     where: str, nodes: list[int], corners: Mapping[int, int]
 ) -> tuple[IntArray, list[int]]:
     """Return the counts of corners and their nodes, whose coordinates are not needed."""
     problems = FileError(where)
     if not corners:
-        likely = {f"status Q={4 + 2 * i}": str(node) for i, node in enumerate(nodes[:_MOST])}
-        problems.need(
-            f"nodes {nodes[0]} to {nodes[-1]} have no place: expected a listing of NLIST beside, "
-            "or the node at each proximal corner, --map 'status Q=4=NODE'",
-            likely,
-        )
+        likely = {f"status Q={4 + 2 * i}": str(node) for i, node in enumerate(nodes[:MOST_SHOWN])}
+        rule = "expected NLIST beside, or each proximal corner's node, --map 'status Q=4=NODE'"
+        problems.need(f"nodes {nodes[0]} to {nodes[-1]} have no place: {rule}", likely)
         problems.raise_all()
     if lost := [node for node in corners.values() if node not in nodes]:
-        raise problems.error(f"no results of node {lost[0]}; the nodes are {nodes[:_MOST]}")
+        raise problems.error(f"no results of node {lost[0]}; the nodes are {nodes[:MOST_SHOWN]}")
     return np.array(sorted(corners)), [nodes.index(corners[Q]) for Q in sorted(corners)]
 
 

@@ -8,11 +8,12 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.fea.calculix_frd import COLUMNS, Frd
-from ridgebayes.fea.calculix_sta import read_sta
+from ridgebayes.fea.calculix_sta import ignore_unconverged
 from ridgebayes.fea.deck import RunDeck
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line, numbers_of
 from ridgebayes.fea.printed import Increment, NodeTable, Printed, on
+from ridgebayes.fea.record import Given
 from ridgebayes.runtime.text import clipped
 
 _FACES = "slave element+face"
@@ -30,20 +31,19 @@ _DIGITS = 5e-7  # of a displacement: seven are printed
 _FRD_DIGITS = 5e-6  # six are, in a .frd
 
 
-def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> ContactHistory:
+def read_calculix(paths: Sequence[Path], facts: Given) -> ContactHistory:
     """Read a CalculiX run.
 
     Parameters
     ----------
-    path : pathlib.Path
-        A ``.dat`` file: ``*NODE PRINT`` of ``U`` on the surface's set, and of ``RF`` with
+    paths : sequence of pathlib.Path
+        One file, a ``.dat``: ``*NODE PRINT`` of ``U`` on the surface's set, and of ``RF`` with
         ``TOTALS=ONLY`` or ``YES`` (or of each node) on the driven set, at each increment; or, in
         place of displacements, ``*CONTACT PRINT`` of ``CSTR`` (of faces: ``TYPE=SURFACE TO
         SURFACE``). Or a ``.frd`` file: ``*NODE FILE, OUTPUT=2D`` of ``U`` and ``RF``.
-    deck : RunDeck
-        The run's ``.inp`` file: coordinates, sets, and the ridges' nodes.
-    sta : pathlib.Path or None, optional
-        The run's ``.sta``: increments that it does not list as converged are ignored.
+    facts : Given
+        The run's deck: coordinates, sets, and the ridges' nodes. Increments that a ``.sta`` beside
+        the file does not list as converged are ignored.
 
     Returns
     -------
@@ -55,18 +55,13 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
     InputError
         If a file cannot be understood, with file and line; if a set is missing.
     """
+    path, deck = paths[0], RunDeck.read(facts)
     is_frd = path.suffix.lower() == ".frd"
     printed = (Frd() if is_frd else _Blocks({deck.surface, deck.reaction})).read(path)
     surface, reaction = ("", "") if is_frd else (deck.surface, deck.reaction)
-    times = sorted(printed.increments)
-    if sta is not None:
-        converged, said = read_sta(sta, np.ravel(times))
-        printed.messages.append(said)
-        for time in (time for time, is_end in zip(times, converged, strict=True) if not is_end):
-            printed.increments[time].ignored = "it did not converge"
+    ignore_unconverged(printed, path.with_suffix(".sta"))
     # Contact stress only shows which faces carry load; displacements show more.
-    tables = [table for step in printed.increments.values() for table in step.tables]
-    is_moved = any(table.has(*_MOVED) for table in tables)
+    is_moved = any(table.has(*_MOVED) for table in printed.tables)
 
     def state(increment: Increment) -> tuple[float, FloatArray]:
         force = increment.table(_FORCES, reaction).force(deck.driven, "fy")
@@ -74,12 +69,9 @@ def read_calculix(path: Path, *, deck: RunDeck, sta: Path | None = None) -> Cont
             return force, _faces(increment.table(_STRESS))
         return force, increment.table(_MOVED, surface).of(deck.nodes, "vx", "vy")
 
-    load, states = printed.states(
-        state,
-        path,
-        f"displacements of {deck.surface} or contact stress, and forces of {deck.reaction}; "
-        "expected *NODE PRINT of U and of RF, TOTALS=ONLY; or *NODE FILE, OUTPUT=2D of both",
-    )
+    wanted = f"displacements of {deck.surface} or contact stress, and forces of {deck.reaction}; "
+    wanted += "expected *NODE PRINT of U and of RF, TOTALS=ONLY; or *NODE FILE, OUTPUT=2D of both"
+    load, states = printed.states(state, path, wanted)
     source = deck.provenance(path, "calculix")
     if is_moved:
         digits = float((_FRD_DIGITS if is_frd else _DIGITS) * np.abs(states).max())

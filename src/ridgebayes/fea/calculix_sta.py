@@ -1,13 +1,12 @@
 """CalculiX's ``.sta``: which increments converged."""
 
+import math
 import re
 from pathlib import Path
 
-import numpy as np
-
-from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import read_lines
+from ridgebayes.fea.printed import Printed
 
 # Step, increment, attempt (U where it did not converge), iterations, three times.
 _ATTEMPT = re.compile(r"\s*\d{1,9}\s+\d{1,9}\s+\d{1,9}(U?)\s+\d{1,9}\s+(\S+)\s+(\S+)\s+(\S+)\s*$")
@@ -15,28 +14,24 @@ _HEADS = ("SUMMARY OF JOB INFORMATION", "STEP")
 _PRINTED = 2e-6  # of a time: six digits are printed here, seven in the .dat
 
 
-def read_sta(path: Path, times: FloatArray) -> tuple[BoolArray, str]:
-    """Tell which times are those of converged increments.
+def ignore_unconverged(printed: Printed, path: Path) -> None:
+    """Ignore increments whose times are not those of converged ones.
 
     Parameters
     ----------
+    printed : Printed
+        Increments by their total times, as a ``.dat`` prints them.
     path : pathlib.Path
-        The ``.sta`` file. A last line without an end is that of a run still going on: it is not
-        read.
-    times : ndarray of float, shape (n_level,)
-        Total times, as a ``.dat`` prints them.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_level,)
-    str
-        A line about the run.
+        The ``.sta`` file; all increments count where there is none. A last line without an end is
+        that of a run still going on: it is not read.
 
     Raises
     ------
     InputError
         If a line cannot be understood, with its number, or there is none.
     """
+    if not path.is_file():
+        return
     ends: list[float] = []
     n_tail = 0
     for line in read_lines(path):
@@ -57,7 +52,8 @@ def read_sta(path: Path, times: FloatArray) -> tuple[BoolArray, str]:
             n_tail = 0
     if not ends and not n_tail:
         raise InputError(f"{path}: no increments; expected a .sta of CalculiX")
-    end = np.array(ends)
     stopped = f"; it stopped after {n_tail} attempts without convergence" if n_tail else ""
-    said = f"{path}: {len(ends)} converged increments{stopped}"
-    return (np.abs(times[:, None] - end) <= _PRINTED * np.abs(end)).any(axis=1), said
+    printed.messages.append(f"{path}: {len(ends)} converged increments{stopped}")
+    for (time,), increment in printed.increments.items():
+        if not any(math.isclose(time, end, rel_tol=_PRINTED) for end in ends):
+            increment.ignored = "it did not converge"

@@ -4,7 +4,7 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import chain, islice
 from typing import Any
@@ -29,6 +29,11 @@ from ridgebayes.runtime.text import clipped, count, some_of
 from ridgebayes.table.files import even_lines, lossless, records
 
 FINITE = "expected a finite number, with a point for decimals, or an empty cell"
+_WITH_ERROR = re.compile(r"\s*[\d.,eE+-]+\s*(?:±|\+/?-)\s*[\d.,eE+-]+\s*")
+_TWO_NUMBERS = (
+    "expected one number a cell, and its error in a column of its own, headed 'sd' or 'standard "
+    "error'"
+)
 _MARKS = {".": "point", ",": "comma"}
 _COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
@@ -45,7 +50,7 @@ def _style(mark: str, thousands: str = "") -> tuple[str, str, re.Pattern[str]]:
     """Return a decimal mark, a mark between thousands, and the pattern of cells with them."""
     number = (NUMBER if mark == "." else _COMMA).pattern
     group, point = re.escape(thousands), re.escape(mark)
-    grouped = rf"\s*[+-]?\d{{1,3}}(?:{group}\d{{3}})+(?:{point}\d*)?\s*|" if thousands else ""
+    grouped = rf"\s*[+-]?[1-9]\d{{0,2}}(?:{group}\d{{3}})+(?:{point}\d*)?\s*|" if thousands else ""
     return mark, thousands, re.compile(grouped + number, re.A)
 
 
@@ -195,16 +200,16 @@ class TextTable(TableFile):
 
     def _without_comments(self, rows: list[Row], problems: FileError) -> list[Row]:
         """Return the rows without comments; if most rows begin with #, they are labels."""
-        comments = [cells for _, cells in rows if self._is_comment(cells)]
+        comments = [row for row in rows if self._is_comment(row[1])]
         n_whole, n_row = (
-            sum(len(cells) == len(self.headers) for cells in some)
-            for some in (comments, (cells for _, cells in rows))
+            sum(len(cells) == len(self.headers) for _, cells in some) for some in (comments, rows)
         )
         if not comments or 2 * n_whole > n_row:
             return rows
-        shown = f"{count(len(comments), 'comment')} such as {self._separator.join(comments[0])!r}"
+        first = repr(self._separator.join(comments[0][1]))
+        shown = f"{count(len(comments), 'comment')} such as {first}"
         problems.messages.append(f"{self.where}: passed over: {shown}")
-        return [row for row in rows if not self._is_comment(row[1])]
+        return [row for row in rows if row not in comments]
 
     def _without_notes(self, rows: list[Row], problems: FileError) -> list[Row]:
         """Return the rows without the single texts below them."""
@@ -256,25 +261,24 @@ class TextTable(TableFile):
                 f"{count(len(fortran), 'number')} with an exponent of Fortran's, such as "
                 f"{fortran[0].strip()!r} = {numbers[fortran[0]]:g}"
             )
-        for cell in numbers:
-            del counts[cell]
-        mark, thousands, style = self._style_of(counts, problems)
+        rest = {cell: n for cell, n in counts.items() if cell not in numbers}
+        mark, thousands, style = self._style_of(rest, problems)
+        digits = {cell: cell.replace(thousands, "").replace(mark, ".") for cell in rest}
+        numbers |= {c: float(digits[c]) if style.fullmatch(c) else np.inf for c in rest}
+        bad = [cell for cell in rest if np.isinf(numbers[cell])]
+        nothing = [cell for cell in bad if NOTHING.fullmatch(cell)]
+        ranges = [cell for cell in bad if _WITH_ERROR.fullmatch(cell)]
         rule = FINITE.replace("a point", "a comma") if mark == "," else FINITE
-        nothing = []
-        for cell in counts:
-            if style.fullmatch(cell):
-                numbers[cell] = float(cell.strip().replace(thousands, "").replace(mark, "."))
-            else:
-                numbers[cell] = np.inf
-            if np.isinf(numbers[cell]) and NOTHING.fullmatch(cell):
-                nothing.append(cell)
+        rules = {
+            f"{rule}; --empty where such a cell is empty": nothing,
+            _TWO_NUMBERS: ranges,
+            rule: [*{*bad} - {*nothing, *ranges}],
+        }
         columns = {}
         for name in wanted:
-            values = text[name].map(numbers).to_numpy(dtype=float)
-            bad, is_nothing = np.isinf(values), text[name].isin(nothing).to_numpy(bool)
-            problems.cells(bad & ~is_nothing, name, rule)
-            problems.cells(is_nothing, name, f"{rule}; --empty where such a cell is empty")
-            columns[name] = np.where(bad, np.nan, values)
+            columns[name] = text[name].map(numbers).replace(np.inf, np.nan).to_numpy(dtype=float)
+            for broken, cells_of in rules.items():
+                problems.cells(text[name].isin(cells_of).to_numpy(bool), name, broken)
         if nothing:
             problems.options["empty"] = "\n".join(dict.fromkeys(map(str.strip, nothing)))
         return columns, mark + thousands
@@ -287,7 +291,7 @@ class TextTable(TableFile):
         return None if match is None else float(f"{match[1]}e{match[2] or match[3]}")
 
     def _style_of(
-        self, counts: Counter[str], problems: FileError
+        self, counts: Mapping[str, int], problems: FileError
     ) -> tuple[str, str, re.Pattern[str]]:
         """Return the first style that fits most cells; ask where two fit as well."""
 
@@ -303,7 +307,7 @@ class TextTable(TableFile):
                 problems.need(
                     f"cells such as {commas[0]!r} may have a decimal comma or thousands, and no "
                     "cell tells which: expected --decimal comma or point",
-                    decimal="point" if self._separator == "," else "comma",
+                    decimal="point" if self._separator == "," else "?",
                 )
         return style
 

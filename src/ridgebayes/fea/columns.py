@@ -1,6 +1,6 @@
 """Tables of any columns and units: CSV, TSV, Excel and Parquet to contact tables."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,18 +25,17 @@ from ridgebayes.fea.parquet import ParquetTable
 from ridgebayes.fea.record import SHOWN, FileError, Given, Imported, TableFile, provenance
 from ridgebayes.fea.spreadsheet import read_workbook
 from ridgebayes.fea.wide import melted
-from ridgebayes.fea.words import DISGUISES
+from ridgebayes.fea.words import DISGUISES, MOST_DISTINCT
 from ridgebayes.runtime.reading import read_bytes
-from ridgebayes.runtime.text import count, some_of
+from ridgebayes.runtime.text import LONGEST_VALUE, count, some_of
 from ridgebayes.table.columns import RawTable
 from ridgebayes.table.rules import as_text, checked, row_codes
 from ridgebayes.table.table import ContactTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
-_FULL = ("a", "b", "pitch", "R", "D", "E")  # columns without empty cells
+_OF_BODY = ("R", "D", "E")
+_FULL = ("a", "b", "pitch", *_OF_BODY)  # columns without empty cells
 _OF_GROUPS = (*_FULL, "a_over_R", "b_over_R", "nu", "offset", "offset_over_R", "thickness")
-_MOST_Q = 10_000  # of counts: a column of memory for each even one
-_LONGEST = 300  # characters of the mapping in `source`
 
 
 def read_columns(path: Path, facts: Given) -> Imported:
@@ -96,7 +95,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
     source = open_table(path, facts, problems)
     where = source.where
     uses, term = assign(source.headers, mapping, values, problems)
-    problems.known = {use.name: _typed(use) for use in uses if use.repeat is None}
+    problems.known = {use.name: use.typed for use in uses if use.repeat is None}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
     _fill_down(cells, uses, problems)
     for use in uses:
@@ -107,7 +106,6 @@ def read_columns(path: Path, facts: Given) -> Imported:
         _check_cells(cells, use, problems)
     if needed := lacking(uses, values):
         uses = ask_columns(needed, cells, uses, values, problems)
-    typed = uses
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
     if not corners and any(use.label is not None for use in uses):
         cells, uses = melted(cells, uses, problems)
@@ -117,16 +115,21 @@ def read_columns(path: Path, facts: Given) -> Imported:
     if frame.empty:
         problems.raise_all(source)
         raise _all_under_4(cells, uses, problems)
-    details = (
-        facts.sheet and f"sheet={facts.sheet}",
-        _mapping_text(typed, converter.used, values),
-    )
-    origin = provenance(path, "columns", *(text for text in details if text))
-    sources = as_text(frame["source"]) if "source" in frame else pd.Series("", frame.index)
-    frame["source"] = (origin + "; " + sources).where(sources != "", origin)
+    named = [f"{key}={text!r}" for key, text in problems.known.items() if key != text]
+    shown = ", ".join([*named, *(f"{key}={value}" for key, value in values.items())])
+    details = [f"sheet={facts.sheet}"] * bool(facts.sheet) + [shown[:LONGEST_VALUE]] * bool(shown)
+    origin = provenance(path, "columns", *details)
+    if "source" in frame:
+        sources = as_text(frame["source"])
+        frame["source"] = (origin + "; " + sources).where(sources != "", origin)
+    else:
+        frame["source"] = origin
     lines = None if rows is None or source.lines is None else source.lines[rows]
+    if "decimal" in problems.options:  # its numbers are doubtful
+        problems.raise_all(source)
+    bodies = [use for use in uses if use.key in _OF_BODY and len(cells[use.header].unique()) > 1]
     del cells, converter  # for a million rows this frees 0.2 GB for the validation
-    table = _validated(RawTable(frame, where, lines), rows, problems, source)
+    table = _validated(RawTable(frame, where, lines), rows, problems, source, bodies)
     return Imported(table, (*problems.messages, *_kept(table)), problems.known)
 
 
@@ -150,7 +153,9 @@ def _counts_repeat(frame: pd.DataFrame) -> bool:
     """Return whether rows are increments: counts of 4 or more repeat while a load rises."""
     Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
     same = Q[1:] == Q[:-1]
-    if 3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= _MOST_Q:
+    if (
+        3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= MOST_DISTINCT
+    ):  # a column of memory each
         return False
     curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
     # A curve without any load has its top in its first row, and so no increments.
@@ -197,10 +202,8 @@ def _one_series(
     for use in some:
         if use not in kept:
             problems.known.pop("series", None)
-            problems.messages.append(
-                f"column {use.header!r} is not taken as series: it numbers the rows "
-                f"(--map 'series={use.header}' takes it)"
-            )
+            how = f"it numbers the rows (--map 'series={use.header}' takes it)"
+            problems.messages.append(f"column {use.header!r} is not taken as series: {how}")
     rest = [use for use in uses if use not in some]
     if len(kept) < 2:
         return cells, [*rest, *kept]
@@ -237,19 +240,32 @@ def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) 
     """Return an error about counts of which no row is left."""
     counts = next(use for use in uses if use.key == "Q")
     name = "Q" if counts.how == "wide" else f"column {counts.header!r}"
+    most = cells[counts.header].max()
+    rule = f"expected Q of 4 or more in some row, got a count of {most:g} at most"
     return problems.error(
-        f"{name}, {count(len(cells), 'row')}: expected Q of 4 or more in some row, got a "
-        f"count of {cells[counts.header].max():g} at most: that many touch at any load"
+        f"{name}, {count(len(cells), 'row')}: {rule}: that many touch at any load"
     )
 
 
 def _validated(
-    raw: RawTable, rows: "pd.Index[int] | None", problems: FileError, source: TableFile
+    raw: RawTable,
+    rows: "pd.Index[int] | None",
+    problems: FileError,
+    source: TableFile,
+    bodies: Sequence[Use],
 ) -> ContactTable:
     """Return the table, or raise all noted problems and the rules that it breaks."""
     frame, findings = checked(raw)
     noted = set() if rows is None else problems.rows()
     for column, rule, bad, other in findings.complaints():
+        if bodies and "curve" in rule:
+            name = bodies[0].header
+            problems.need(
+                f"rows of several bodies ({name!r}) are alike over R and E: expected a column that "
+                f"tells them apart, as --map 'series={name}'",
+                {"series": name, **{use.key: use.typed for use in bodies}},
+            )
+            continue
         if "empty" in rule and rows is not None:
             keep = np.array([int(rows[row]) not in noted for row in bad], dtype=bool)
             bad, other = bad[keep], None if other is None else other[keep]
@@ -265,26 +281,6 @@ def _validated(
             problems.wrong.append(f"{column}, {len(bad)} rows: {rule}: {shown}")
     problems.raise_all(source)
     return ContactTable(frame, raw.where)
-
-
-def _typed(use: Use) -> str:
-    """Return a column as ``--map`` would name it."""
-    return use.header if use.unit is None else f"{use.header};{use.unit}"
-
-
-def _mapping_text(
-    uses: Iterable[Use], used: Collection[Use], values: Mapping[str, str | float]
-) -> str:
-    """Return the mapping on one line, with the first of many columns for each Q."""
-    groups: dict[tuple[str, bool], list[Use]] = {}
-    for use in uses:
-        is_plain = use.name == use.header and use.unit is None
-        if not is_plain and (use in used or use.label is not None):
-            groups.setdefault((use.key, use.Q is None), []).append(use)
-    shown = [some_of(map(str, some), 1) for some in groups.values()]
-    text = ", ".join([*shown, *(f"{key}={value}" for key, value in values.items())])
-    # Every row repeats it.
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 def open_table(path: Path, facts: Given, problems: FileError) -> TableFile:

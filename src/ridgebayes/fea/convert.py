@@ -9,19 +9,22 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.mapping import ABOVE_0, LOADS, Use
+from ridgebayes.fea.mapping import ABOVE_0, LOADS, SDS, Use
 from ridgebayes.fea.record import FileError, Given
 from ridgebayes.fea.words import (
     COUNTS,
     DIMENSIONS,
     column_unit,
     divided,
+    is_error,
+    key_of,
     number_and_unit,
     split_header,
     unit_factor,
 )
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import COUNT, NAMES, OK
+from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import as_text
 
 _NEEDED = {  # its purpose, and an example
@@ -31,7 +34,6 @@ _NEEDED = {  # its purpose, and an example
 }
 # Divisors that make p/E of loads of each kind: p is the line load over 2 R.
 _OVER = {"p_over_E": (), "p": ("E",), "line": ("R", "E"), "force": ("thickness", "R", "E")}
-_SHOWN = 8  # names that a line lists
 
 
 class Converter:
@@ -99,6 +101,19 @@ class Converter:
                 self.messages.append(f"column {name!r} ignored: the mapping uses another column")
         if extra:
             self.messages.append(f"kept as they are: {listed(extra)}")
+        if errors := [*filter(is_error, extra)]:
+            self.messages.append(
+                f"not read as errors of loads: {listed(errors)}; --map 'load_sd=HEADER' takes a "
+                "standard deviation, 'load_sem=HEADER' a standard error"
+            )
+        has_sd = any(use.key in SDS for use in self.used)
+        if has_sd and frame.duplicated(["a_over_R", "b_over_R", "Q"]).any():
+            self.messages.append(
+                "repeats with an sd of their own: sigma is fitted to the scatter of repeats, so an "
+                "sd over the same repeats counts it twice"
+            )
+        for name in extra:
+            self._compare_loads(name, frame["p_over_E"])
         frame = frame.assign(**{name: self.cells[name] for name in extra})
         keep = (frame["Q"] >= 4) | ~frame["Q"].isin([0, 2]) | (frame.get("kind", "") == COUNT)
         if n := int((~keep).sum()):
@@ -259,13 +274,13 @@ class Converter:
 
     def _rel_se(self, load: FloatArray | None) -> FloatArray | None:
         """Return the relative error of loads: as a column, or a deviation over its mean."""
-        rel_se, sd, n = self.quantity("rel_se"), self.load("_sd"), self.uses.get(("n_mean", None))
-        if sd is None or load is None:
-            return rel_se
-        if n is not None:
-            sd = sd / np.sqrt(self.cells[n.header].to_numpy(dtype=float))
+        rel_se, se, n = self.quantity("rel_se"), self.load("_sem"), self.uses.get(("n_mean", None))
+        if se is None and (se := self.load("_sd")) is not None and n is not None:
+            se = se / np.sqrt(self.cells[n.header].to_numpy(dtype=float))
             self.tell(n, ", how many loads the mean is of: its error is sd over their root")
-        return divided(sd, load) if rel_se is None else np.hypot(rel_se, divided(sd, load))
+        if se is None or load is None:
+            return rel_se
+        return divided(se, load) if rel_se is None else np.hypot(rel_se, divided(se, load))
 
     def _counts(self, counts: FloatArray | None, term: str | None) -> FloatArray | None:
         """Return Q from counts of edges, ridges, segments or one side."""
@@ -302,6 +317,19 @@ class Converter:
         self.messages.append(f"{int(empty.sum())} rows without a load left out: {said}")
         return empty
 
+    def _compare_loads(self, name: str, p_over_E: "pd.Series[float]") -> None:
+        """Say of another column of loads how far it is from the one that is read."""
+        words, unit = split_header(name)
+        for key in LOADS[1:]:
+            factor = unit_factor(unit, DIMENSIONS[key])
+            is_load = factor is not None and key_of(words) in (key, "load")
+            if is_load and all(self.quantity(by) is not None for by in _OVER[key]):
+                others = pd.to_numeric(self.cells[name], errors="coerce").to_numpy(dtype=float)
+                ratio = np.nanmedian(self._over_E(key, others * float(factor or 1)) / p_over_E)
+                self.messages.append(
+                    f"column {name!r} is not read: its loads are {ratio:.3g} times those that are"
+                )
+
     def _ask_units(self, have: list[str], bare: list[str]) -> None:
         """Ask for units, with those of the same dimension as a first guess."""
         units = {DIMENSIONS[name.split(" ")[0]]: unit for name, unit in self._units.items() if unit}
@@ -332,4 +360,4 @@ def with_load_se(frame: pd.DataFrame, p_se: FloatArray | None) -> pd.DataFrame:
 
 def listed(names: Iterable[str], quote: str = "'") -> str:
     """Return names in quotes, the first of them."""
-    return some_of((repr(name) if quote else name for name in names), _SHOWN)
+    return some_of((repr(name) if quote else name for name in names), MOST_SHOWN)

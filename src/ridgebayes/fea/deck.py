@@ -11,8 +11,9 @@ from scipy.cluster.hierarchy import DisjointSet
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.lines import MOST_WHOLE, Line, read_lines
-from ridgebayes.fea.record import provenance
+from ridgebayes.fea.lines import Line, read_lines
+from ridgebayes.fea.record import Given, provenance
+from ridgebayes.table.columns import LARGEST_Q
 
 _DEEPEST = 4  # *INCLUDEs within *INCLUDEs
 _MOST_NODES = 1_000_000  # of a set
@@ -87,10 +88,8 @@ class Deck:
         for name, typed, off in (("E", E, {"rel_tol": 1e-3}), ("nu", nu, {"abs_tol": 1e-3})):
             value = getattr(self, name)
             if value is not None and not math.isclose(value, typed, **off):
-                raise InputError(
-                    f"{path}: the material has {name} = {value:.6g}, and {typed:g} was given; use "
-                    f"--{name} as in the deck"
-                )
+                has = f"the material has {name} = {value:.6g}, and {typed:g} was given"
+                raise InputError(f"{path}: {has}; use --{name} as in the deck")
 
     def rigid_nodes(self, body: Sequence[int]) -> list[int]:
         """List the nodes that no chain of elements joins to some nodes of the body."""
@@ -122,18 +121,20 @@ class RunDeck:
     reaction: str
 
     @classmethod
-    def read(cls, path: Path, surface: str, reaction: str, *, E: float, nu: float) -> "RunDeck":
-        """Read a deck whose material is of E and nu.
+    def read(cls, facts: Given) -> "RunDeck":
+        """Read the deck that is given, and its sets.
 
         Raises
         ------
         InputError
-            If it cannot be understood, has other sets, or another material.
+            If it cannot be understood, or has other sets.
         """
-        run = cls(path, read_deck(path), surface, reaction)
-        for name in (surface, reaction):
-            run.deck.nodes_of(name, str(path))
-        run.deck.check_material(E, nu, path)
+        assert facts.deck is not None
+        assert facts.surface is not None
+        assert facts.reaction is not None
+        run = cls(facts.deck, read_deck(facts.deck), facts.surface, facts.reaction)
+        for name in (run.surface, run.reaction):
+            run.deck.nodes_of(name, str(run.path))
         return run
 
     @property
@@ -245,10 +246,8 @@ def _nodes(block: _Block, deck: Deck) -> None:
         _, x, y = _numbers(line, cells[:3], 3)
         numbers += _integers(line, cells[:1])
         if deck.nodes.setdefault(numbers[-1], (x, y)) != (x, y):
-            raise line.error(
-                f"node {numbers[-1]} stands at two places; expected a deck without parts, each "
-                "node once"
-            )
+            rule = "expected a deck without parts, each node once"
+            raise line.error(f"node {numbers[-1]} stands at two places; {rule}")
     if "NSET" in block.options:
         deck.nsets.setdefault(block.options["NSET"].upper(), []).extend(numbers)
 
@@ -344,6 +343,6 @@ def _numbers(line: Line, cells: Sequence[str], at_least: int) -> list[float]:
 def _integers(line: Line, cells: Sequence[str], at_least: int = 1) -> list[int]:
     values = _numbers(line, cells, at_least)
     for value in values:
-        if value != int(value) or not 0 < value < MOST_WHOLE:
+        if value != int(value) or not 0 < value < LARGEST_Q:
             raise line.error(f"{value:g}: expected a whole number above 0")
     return [int(value) for value in values]

@@ -259,8 +259,9 @@ def filled(frame: pd.DataFrame, problems: FileError) -> pd.DataFrame:
     unnamed = {_UNNAMED.format(i) for i in range(1, len(empty.columns) + 1)}
     used = [name for name in frame if name not in unnamed or not empty[name].all()]
     blank = empty.all(axis=1)
-    if blank.all():
+    if blank.all() and not problems:
         raise problems.error("no rows below the header")
+    blank &= not blank.all()  # else its cells are no numbers
     if n := int(blank.sum()):
         problems.messages.append(f"{n} empty rows ignored")
     return frame.loc[~blank, used]

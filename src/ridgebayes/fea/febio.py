@@ -11,13 +11,13 @@ from ridgebayes._types import FloatArray
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line
 from ridgebayes.fea.printed import Increment, MissingError, Printed, on
-from ridgebayes.fea.record import provenance
+from ridgebayes.fea.record import Given, provenance
 from ridgebayes.fea.transitions import last_digit
 
 MARK = re.compile(rb"^\*Step\s*=\s*\d+\s*$", re.M)
 
 
-def read_febio(paths: Sequence[Path]) -> ContactHistory:
+def read_febio(paths: Sequence[Path], facts: Given) -> ContactHistory:
     """Read log data of FEBio.
 
     Parameters
@@ -26,6 +26,8 @@ def read_febio(paths: Sequence[Path]) -> ContactHistory:
         Text files of ``*Step``, ``*Time``, ``*Data`` and rows ``id,value,...``: ``x;y`` of the
         body's surface (the nodes of one set), and ``Fy`` of the rigid body or ``Ry`` of the driven
         nodes, which are summed. One file may hold both.
+    facts : Given
+        Nothing of it is needed.
 
     Returns
     -------

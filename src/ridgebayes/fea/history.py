@@ -14,9 +14,9 @@ from ridgebayes.fea.rim import Rim
 from ridgebayes.fea.transitions import transitions_of
 from ridgebayes.table.table import ContactTable
 
-_AT = 1e-5  # of R: a rigid node so near to a corner is at it
+NEAR = 1e-5  # of R: a node so near to a corner, or to the circle, is at it
 _REST = 3e-6  # of R: how well the height of a rim at rest on a ridge is known
-_INSIDE = (0.1, 0.9)  # of a ridge's width: away from its corners, where meshes sink in
+_INSIDE = 0.1  # of a ridge's width: away from its corners, where meshes sink in
 _LOWEST = 0.25  # of a ridge's nodes: where the body rests, if it rests on part of it
 _LIFTED = 1e-4  # of R: nodes so far above those do not rest
 
@@ -162,10 +162,8 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
     with np.errstate(over="ignore"):
         p_over_E = load * half / (body.thickness if is_force else 1.0) / over
     if (bad := p_over_E > HUGE).any():  # NaN passes: transitions_of ignores those increments
-        raise InputError(
-            f"{where}: force {load[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}; expected p/E at "
-            f"most {HUGE:g}"
-        )
+        too_large = f"force {load[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}"
+        raise InputError(f"{where}: {too_large}; expected p/E at most {HUGE:g}")
     try:
         frame, odd = transitions_of(p_over_E, gaps, Q, brackets=brackets, **errors)
     except InputError as error:
@@ -239,14 +237,13 @@ def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArr
     if radius is None:
         radius = _radius(away, rigid[:, 1], b / 2, body.a_over_R * R, R)
     # Rigid nodes stand at the ends of the flats: the highest of those at each distance.
-    here = (rigid[np.abs(away - end) < _AT * R, 1] for end in far + radius * R)
+    here = (rigid[np.abs(away - end) < NEAR * R, 1] for end in far + radius * R)
     heights = [float(some.max()) for some in takewhile(len, here)]
     if len(heights) < 2:
         raise InputError(
             f"{where}: no rigid nodes at the corners, {far[0] + radius * R:.6g} and "
-            f"{far[1] + radius * R:.6g} from the "
-            "axis; expected a deck with the ridges' nodes and the --texture that they make, or "
-            "--top, the height of the ridges' tops, and --corner where corners are round"
+            f"{far[1] + radius * R:.6g} from the axis; expected a deck with the ridges and "
+            "their --texture, or --top, their height, and --corner where corners are round"
         )
     tops = f"tops at y = {heights[0]:.6g} in the deck, {len(heights)} ridges a side"
     if radius and body.corner_over_R is None:
@@ -256,18 +253,19 @@ def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArr
 
 def _radius(away: FloatArray, y: FloatArray, near: float, a: float, R: float) -> float:
     """Return the first ridge's corner radius over R, if its nodes make one; else 0."""
-    on = (away >= near - _AT * R) & (away <= near + a / 2)
+    on = (away >= near - NEAR * R) & (away <= near + a / 2)
     if not on.any():
         return 0.0
     top = float(y[on].max())
-    radius = float(away[on & (y >= top - _AT * R * 1e-3)].min()) - near
-    start = np.hypot(away - near, y - (top - radius)) < _AT * R
-    return round(radius / R, 9) if radius > _AT * R and start.any() else 0.0
+    radius = float(away[on & (y >= top - NEAR * R * 1e-3)].min()) - near
+    start = np.hypot(away - near, y - (top - radius)) < NEAR * R
+    return round(radius / R, 9) if radius > NEAR * R and start.any() else 0.0
 
 
 def _at_rest(position: FloatArray, body: RunBody, rim: Rim, where: str) -> FloatArray:
     """Return positions seen from the ridges: tops at y = 0, where the body rests on the first."""
-    near, far = (rim.R * (body.b_over_R / 2 + part * body.a_over_R) for part in _INSIDE)
+    parts = np.array([_INSIDE, 1 - _INSIDE])
+    near, far = rim.R * (body.b_over_R / 2 + parts * body.a_over_R)
     away = np.abs(position[..., 0] - rim.centre[0])
     position = position.copy()
     for k, x in enumerate(away):

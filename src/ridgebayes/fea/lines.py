@@ -17,7 +17,6 @@ from ridgebayes.runtime.text import clipped
 
 # A number as programs print it: Fortran drops the E of an exponent of three digits.
 NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
-MOST_WHOLE = 2**53  # whole numbers up to here are floats
 
 
 class Line(NamedTuple):

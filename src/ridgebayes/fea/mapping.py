@@ -23,13 +23,14 @@ from ridgebayes.table.columns import NAMES, NUMBERS
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
 LOADS = ("p_over_E", "p", "line", "force")
 LOWERS = tuple(f"{key}_lower" for key in LOADS)
-_SDS = tuple(f"{key}_sd" for key in LOADS)
+SDS, _SEMS = (tuple(f"{key}{end}" for key in LOADS) for end in ("_sd", "_sem"))
 CORNERS = ("gap", "gap_over_R", "pressure", "status")
 ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
-_OF_MEANS = ("load", "load_lower", "load_sd", "n_mean")
-KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in ("gap", "thickness", *_SDS)), *_OF_MEANS)
+_OF_MEANS = ("load", "load_lower", "load_sd", "load_sem", "n_mean")
+_NO_KEYS = ("gap", "thickness", *SDS, *_SEMS)
+KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _NO_KEYS), *_OF_MEANS)
 PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", *CORNERS)
-_QUANTITIES = (*NUMBERS, *DIMENSIONS, *_OF_MEANS, "p_over_E_sd", "gap_over_R", "pressure")
+_QUANTITIES = (*NUMBERS, *DIMENSIONS, *_OF_MEANS, *SDS, *_SEMS, "gap_over_R", "pressure")
 _VARYING = ("Q", "p_over_E", "p_over_E_lower", "source")
 _CONSTANT = ("R", "D", "E", "thickness", "load_se", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
 CONSTANTS = tuple(name for name in _CONSTANT if name not in _VARYING)
@@ -37,7 +38,7 @@ _WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
 _SAME = (
     *(("a", "a_over_R"), ("b", "b_over_R"), ("offset", "offset_over_R")),
-    *((*LOADS, "load"), (*LOWERS, "load_lower"), (*_SDS, "load_sd")),
+    *((*LOADS, "load"), (*LOWERS, "load_lower"), (*SDS, "load_sd"), (*_SEMS, "load_sem")),
 )
 
 
@@ -88,8 +89,10 @@ class Use:
         """The key, with the corner."""
         return self.key if self.Q is None else f"{self.key} Q={self.Q}"
 
-    def __str__(self) -> str:
-        return f"{self.name}={self.header!r}" + ("" if self.unit is None else f";{self.unit}")
+    @property
+    def typed(self) -> str:
+        """The column as ``--map`` would name it."""
+        return self.header if self.unit is None else f"{self.header};{self.unit}"
 
 
 def assign(
@@ -143,7 +146,7 @@ def assign(
     terms = columns.terms | {count_term(use.header) for use in counts}
     term = None if not terms else min(terms) if len(terms) == 1 else ""
     uses = [as_load(use, columns.uses, values, problems) for use in columns.uses]
-    return [_as_sd(use, uses) for use in uses], term
+    return [_as_error(use, uses) for use in uses], term
 
 
 def check_constants(values: Mapping[str, object], where: str) -> None:
@@ -176,7 +179,7 @@ class _Columns:
     def map(self, name: str, text: str) -> None:
         """Add the columns that the mapping names."""
         key, Q = name.strip(), None
-        if key not in (*KEYS, *CORNERS, *_SDS):
+        if key not in (*KEYS, *CORNERS, *SDS, *_SEMS):
             match = _KEY.fullmatch(key)
             key, Q = (match[1] or "load", int(match[2])) if match else (key, None)
             if match is None or key not in PER_Q:
@@ -261,7 +264,7 @@ class _Columns:
         """Add columns whose headers have words of the field."""
         keys, free = self._keys(), self._free()
         is_wide = any(use.Q is not None for use in self.uses)
-        of_mean = sum(key_of(words) in ("load_sd", "Q") for _, words, _ in free) > 2
+        of_mean = sum(key_of(words) in ("load_sd", "load_sem", "Q") for _, words, _ in free) > 2
         for header, words, unit in free:
             key = "n_mean" if of_mean and is_number_of_repeats(words) else key_of(words)
             of_each_Q = is_wide and (key == "Q" or (key in PER_Q and key != "rel_se"))
@@ -351,22 +354,24 @@ def as_load(
     needs_R = bool(keys & {"a", "b"}) and not keys & {"R", "D"}
     if use.unit is None and (has_units or needs_R or {"E", "R"} & values.keys()):
         shown = re.sub(r"\d+", "*", use.header) if use.Q is not None else use.header
+        is_mass = unit_factor(f"{unit}f", "force") is not None
+        hint = f"{unit!r} is no unit" + (f" of loads ({unit}f is one)" if is_mass else "")
         problems.need(
-            f"column {shown!r}: {f'{unit!r} is no unit' if unit else 'no unit'}: p/E, pressure, "
-            "line load or force: name it, as "
-            f"--map 'p_over_E={shown}', 'p={shown};kPa', 'line={shown};N/mm' or "
+            f"column {shown!r}: {hint if unit else 'no unit'}: p/E, pressure, line load or force: "
+            f"name it, as --map 'p_over_E={shown}', 'p={shown};kPa', 'line={shown};N/mm' or "
             f"'force={shown};N'",
-            {use.key: f"{shown};?"},
+            {use.key: f"{shown};{unit}f" if unit and is_mass else f"{shown};?"},
             **({} if "E" in keys | values.keys() else {"E": "? kPa"}),
         )
     return replace(use, key=f"p_over_E{lower}")
 
 
-def _as_sd(use: Use, uses: Sequence[Use]) -> Use:
-    """Return a standard deviation of loads with its kind, by its unit or that of the mean."""
+def _as_error(use: Use, uses: Sequence[Use]) -> Use:
+    """Return an sd or standard error of loads with its kind, by its unit or that of the mean."""
     mean = next((other for other in uses if other.key in LOADS), None)
-    if use.key != "load_sd" or mean is None:
+    if use.key not in ("load_sd", "load_sem") or mean is None:
         return use
     unit = use.own_unit or mean.own_unit
     kinds = (key for key in LOADS[1:] if unit_factor(unit, DIMENSIONS[key]) is not None)
-    return replace(use, key=f"{next(kinds, mean.key)}_sd", unit=use.unit if use.own_unit else unit)
+    key = use.key.replace("load", next(kinds, mean.key))
+    return replace(use, key=key, unit=use.unit if use.own_unit else unit)

@@ -27,9 +27,9 @@ from ridgebayes.runtime.reading import (
     read_text,
     refusing,
 )
-from ridgebayes.runtime.text import clipped
+from ridgebayes.runtime.text import clipped, some_of
+from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 
-_MOST_NAMES = 10  # of fields that messages show
 _ENCODING = re.compile(r"<\?xml[^>]*encoding\s*=\s*[\"']([^\"']*)")
 State = tuple[FloatArray, FloatArray]  # points, and their displacements
 
@@ -120,17 +120,12 @@ def _check_items(path: Path, root: ET.Element) -> None:
                 f"{path}: a <DataItem> that refers to others; expected one plain <DataItem>"
             )
         if not re.fullmatch(r"\s*[0-9]{1,15}(\s+[0-9]{1,15})?\s*", dimensions):
-            raise InputError(
-                f"{path}: Dimensions {clipped(dimensions)}; expected whole numbers, of points and "
-                "components"
-            )
+            raise InputError(f"{path}: Dimensions {clipped(dimensions)}; expected whole numbers")
         shape = tuple(map(int, dimensions.split()))
         left -= 8 * math.prod(shape)
         if left < 0:
-            raise InputError(
-                f"{path}: {' x '.join(map(str, shape))} numbers; expected at most {LARGEST} bytes "
-                "in all"
-            )
+            size = " x ".join(map(str, shape))
+            raise InputError(f"{path}: {size} numbers; expected at most {LARGEST} bytes in all")
         if item.get("Format") == "HDF":
             _check_dataset(path, text, shape)
         elif item.get("Format") != "XML":
@@ -217,7 +212,7 @@ def _check_once(here: str, field: str, arrays: Sequence[ET.Element]) -> None:
     """Refuse point data that are not there once, or are data of cells."""
     names = [array.get("Name") for array in arrays if array.get("Center", "Node") == "Node"]
     if (n := names.count(field)) != 1:
-        shown = ", ".join(sorted(set(map(clipped, map(str, names))))[:_MOST_NAMES])
+        shown = some_of(sorted(set(map(clipped, map(str, names)))), MOST_SHOWN)
         raise InputError(
             f"{here}: {n} point data {field!r}; expected one; the fields are {shown or 'none'}"
         )

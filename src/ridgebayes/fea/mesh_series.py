@@ -10,24 +10,14 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.history import ContactHistory
+from ridgebayes.fea.history import NEAR, ContactHistory
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.mesh_files import is_beside, parse_xml, read_vtu, read_xdmf
-from ridgebayes.fea.record import FARTHEST, HUGE, provenance
+from ridgebayes.fea.record import FARTHEST, HUGE, SHOWN, Given, provenance
 from ridgebayes.runtime.text import clipped
 
-_MOST_NAMED = 5  # files that a source names beside the first
-_ROUND = 5e-6  # of R: nodes so near to the circle are on it
 
-
-def read_series(
-    paths: Sequence[Path],
-    *,
-    R: float | None = None,
-    field: str | None = None,
-    time: str | None = None,
-    loads: Sequence[float] | None = None,
-) -> ContactHistory:
+def read_series(paths: Sequence[Path], facts: Given) -> ContactHistory:
     """Read a series of deformed meshes.
 
     Parameters
@@ -36,15 +26,11 @@ def read_series(
         An ``.xdmf`` time series (numbers in it, or in an HDF5 file in its folder), a ``.pvd`` with
         its ``.vtu`` files in its folder, or several ``.vtu`` files, of an undeformed plane mesh
         down from the cylinder's mid-plane.
-    R : float, length, or None
-        Radius; None takes the mesh's extent at its mid-plane.
-    field : str or None
-        Point data that hold the displacement, in the units of the points; "displacement" if None.
-    time : {"p_over_E", "line", None}
-        Whether the series' time is p/E, the default, or the body's line load 2 R p.
-    loads : sequence of float or None
-        The same for each of several ``.vtu`` files, which have no time, or of those of a ``.pvd``
-        whose times are no loads.
+    facts : Given
+        Its R is the radius, the mesh's extent at its mid-plane if None; its field, the point data
+        that hold the displacement, in the units of the points, "displacement" if None; its time,
+        whether times are p/E, if None, or the body's line load 2 R p; and its loads, the same for
+        each of several ``.vtu`` files, or of those of a ``.pvd`` whose times are no loads.
 
     Returns
     -------
@@ -56,12 +42,12 @@ def read_series(
         If a file cannot be understood; if it has a document type, entities, an encoding other than
         UTF-8, numbers elsewhere than in its folder, or more than 2 GiB of them.
     """
-    field = field or "displacement"
+    field, time, loads = facts.field or "displacement", facts.time, facts.loads
     if time not in (None, "p_over_E", "line"):
         raise InputError(f"--time {time}: expected p_over_E or line")
     where, first = str(paths[0]), paths[0]
     kinds = {path.suffix.lower() for path in paths}
-    words: Sequence[object] = loads or []
+    words: Sequence[object] = loads
     if kinds == {".pvd"} and len(paths) == 1:
         paths, times = _of_pvd(first)
         words = words or times
@@ -72,23 +58,20 @@ def read_series(
         raise InputError(f"{where}: expected one .xdmf with its times, one .pvd, or several .vtu")
     if not kinds <= {".xdmf", ".xmf"}:
         if not 2 <= len(paths) == len(words):
-            raise InputError(
-                f"{where}: {len(paths)} .vtu with {len(words)} loads; expected two or more .vtu "
-                "files with one load each"
-            )
+            counts = f"{len(paths)} .vtu with {len(words)} loads"
+            raise InputError(f"{where}: {counts}; expected two or more .vtu, with a load each")
         points, moved = _of_vtus(paths, field)
         places = [str(path) for path in paths]
     load = _loads(words, places)
-    nodes, R = _rim(points, R, where)
+    nodes, R = _rim(points, None if facts.R is None else float(facts.R), where)
     most = np.array([np.abs(state).max() for state in moved], dtype=float)
     if not most.max() <= FARTHEST * R:
-        raise InputError(
-            f"{places[most.argmax()]}: {field!r} up to {most.max():.3g}; expected within "
-            f"{FARTHEST:g} R"
-        )
+        size = f"{field!r} up to {most.max():.3g}; expected within {FARTHEST:g} R"
+        raise InputError(f"{places[most.argmax()]}: {size}")
     undeformed = np.asarray(points, dtype=float)[nodes, :2]
     x, height = np.moveaxis(undeformed + np.array(moved, dtype=float)[:, nodes], -1, 0)
-    named = [path.name for path in paths if path != first][:_MOST_NAMED]
+    rim = f"{len(nodes)} of {len(points)} nodes are the rim"
+    named = [path.name for path in paths if path != first][:SHOWN]
     return ContactHistory(
         load,
         where,
@@ -100,9 +83,7 @@ def read_series(
         R=R,
         digits=float(np.finfo(np.result_type(*moved)).eps * most.max()),
         load_is=time or "p_over_E",
-        messages=(
-            f"{where}: {len(moved)} states, {len(nodes)} of {len(points)} nodes are the rim",
-        ),
+        messages=(f"{where}: {len(moved)} states, {rim}",),
     )
 
 
@@ -148,10 +129,10 @@ def _rim(points: FloatArray, R: float | None, where: str) -> tuple[IntArray, flo
     R = R if R is not None else float(np.abs(points[:, 0] - lowest[0]).max())
     centre = lowest[:2] + np.array([0.0, R])
     away = np.hypot(*(points[:, :2] - centre).T)
-    if not (R >= 1 / HUGE and away.max() <= R * (1 + _ROUND)):
+    if not (R >= 1 / HUGE and away.max() <= R * (1 + NEAR)):
         raise InputError(
             f"{where}: a node {away.max():.6g} from ({centre[0]:.4g}, {centre[1]:.4g}), and "
             f"R = {R:.6g}; expected a disk, undeformed, its lowest node below its centre; or --R"
         )
-    on = (away >= R * (1 - _ROUND)) & (points[:, 1] <= centre[1] + _ROUND * R)
+    on = (away >= R * (1 - NEAR)) & (points[:, 1] <= centre[1] + NEAR * R)
     return np.flatnonzero(on), R

@@ -1,6 +1,6 @@
 """A table of node results, of any program: a row for each node at each step."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,29 +8,29 @@ import pandas as pd
 
 from ridgebayes.fea.columns import open_table
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.record import FileError, Given, provenance
+from ridgebayes.fea.record import FileError, Given, parse_map, provenance
 from ridgebayes.fea.transitions import last_digit
 from ridgebayes.fea.words import OF_NODES, STATUS_RULE, plain, split_header, touching
+from ridgebayes.runtime.text import some_of
+from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import as_text
 
-_MOST = 50  # columns that a message shows
 _CONTACT = ("gap", "pressure", "status")
 _NEEDED = {"load": "the load of the step, the same in its rows", "x": "where the node is"}
 
 
-def read_node_table(path: Path, mapping: Mapping[str, str], how: Given) -> ContactHistory:
+def read_node_table(paths: Sequence[Path], facts: Given) -> ContactHistory:
     """Read a table of a row for each node at each step.
 
     Parameters
     ----------
-    path : pathlib.Path
-        As `ridgebayes.fea.columns.read_columns` reads them, in one system of units: ``load``, ``x``
-        across the ridges, one of ``gap`` (to the ridges' tops), ``pressure`` and ``status``, and
-        ``step`` and ``node`` where loads or coordinates do not distinguish rows.
-    mapping : mapping of str to str
-        Keys to headers, in addition to those that words show.
-    how : Given
-        How the file is to be read, and which codes of a status mean contact.
+    paths : sequence of pathlib.Path
+        One file, as `ridgebayes.fea.columns.read_columns` reads them, in one system of units:
+        ``load``, ``x`` across the ridges, one of ``gap`` (to the ridges' tops), ``pressure`` and
+        ``status``, and ``step`` and ``node`` where loads or coordinates do not distinguish rows.
+    facts : Given
+        How the file is to be read, headers by key in addition to those that words show, and which
+        codes of a status mean contact.
 
     Returns
     -------
@@ -41,9 +41,9 @@ def read_node_table(path: Path, mapping: Mapping[str, str], how: Given) -> Conta
     InputError
         If a column is missing or not clear, a cell breaks a rule, or nodes differ between steps.
     """
-    problems = FileError(str(path))
-    source = open_table(path, how, problems)
-    columns = _columns(source.headers, mapping, problems)
+    path, problems = paths[0], FileError(str(paths[0]))
+    source = open_table(path, facts, problems)
+    columns = _columns(source.headers, parse_map(facts.map), problems)
     kind = next((key for key in _CONTACT if key in columns), "")
     if not kind:
         problems.need("no column gap, pressure or status: name it with --map 'gap=HEADER'")
@@ -56,7 +56,7 @@ def read_node_table(path: Path, mapping: Mapping[str, str], how: Given) -> Conta
     for header in numeric:
         problems.cells(cells.index[cells[header].isna()], header, "expected a number in each row")
     if kind == "status":
-        gap, bad = touching(as_text(cells[columns[kind]]), how.closed_is)
+        gap, bad = touching(as_text(cells[columns[kind]]), facts.closed_is)
         problems.cells(cells.index[bad | np.isnan(gap)], columns[kind], STATUS_RULE)
         if bad.any():
             problems.options["closed_is"] = "?"
@@ -104,7 +104,7 @@ def _columns(
     columns = dict(mapping)
     for key, header in mapping.items():
         if key not in OF_NODES or header not in headers:
-            there = ", ".join(map(repr, headers[:_MOST]))
+            there = some_of(map(repr, headers), MOST_SHOWN)
             raise problems.error(
                 f"--map {key}={header}: expected one of {', '.join(OF_NODES)}, and one of the "
                 f"columns {there}"

@@ -14,9 +14,10 @@ import pandas as pd
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.lines import MOST_WHOLE, Line, numbers_of, read_lines
+from ridgebayes.fea.lines import Line, numbers_of, read_lines
 from ridgebayes.fea.record import SHOWN
 from ridgebayes.runtime.text import clipped, some_of
+from ridgebayes.table.columns import LARGEST_Q
 
 _ROW = re.compile(r"\s*\d+\s+[-+.\d][-+0-9.Ee\s]*$")
 Handler = Any  # a method of a `Printed`, of a line and its match
@@ -74,7 +75,7 @@ class NodeTable:
         try:
             values = numbers_of(self.lines, ["node", *self.columns])
             node = values[:, 0]
-            is_odd = (node % 1 != 0) | (np.abs(node) > MOST_WHOLE)
+            is_odd = (node % 1 != 0) | (np.abs(node) > LARGEST_Q)
             is_odd |= ~np.isin(np.arange(len(node)), np.unique(node, return_index=True)[1])
             for i in np.flatnonzero(is_odd)[:1]:
                 word = clipped(self.lines[i].words[0])
@@ -195,6 +196,11 @@ class Printed:
         self._rule, self._where, self._n_again = rule, "", 0
         self._nodes: dict[str, pd.Index[int]] = {}
         self._handlers = [item for item in vars(type(self)).values() if hasattr(item, "pattern")]
+
+    @property
+    def tables(self) -> list[NodeTable]:
+        """All tables that were read."""
+        return [table for increment in self.increments.values() for table in increment.tables]
 
     def read(self, path: Path, *, unfinished: bool = False) -> Self:
         """Take the lines of a file."""

@@ -133,10 +133,8 @@ def import_files(
     if name not in FORMATS:
         raise InputError(f"--format {name}: expected {', '.join(FORMATS)}")
     if len(paths) > 1 and name not in _OF_SEVERAL:
-        raise InputError(
-            f"{len(paths)} files of format {name}: expected one (several of "
-            f"{', '.join(_OF_SEVERAL)})"
-        )
+        rule = f"expected one (several of {', '.join(_OF_SEVERAL)})"
+        raise InputError(f"{len(paths)} files of format {name}: {rule}")
     _check_given(name, facts)
     imported = read_columns(path, facts) if name == "table" else read_run(name, paths, facts)
     table, messages = imported.table, (f"format: {name}", *imported.messages)

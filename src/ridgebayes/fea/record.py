@@ -17,11 +17,10 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_bytes, read_toml
 from ridgebayes.runtime.text import clipped, count, shown_value, some_of
 from ridgebayes.table.columns import CURVE, OK, TRANSITION
+from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.table import ContactTable
 
 SHOWN = 3  # cells of one complaint that a message lists; the rest is counted
-_MOST = 20  # complaints
-_LARGEST = 10**30  # of whole numbers: longer ones cannot be shown
 
 
 @dataclass(frozen=True)
@@ -171,7 +170,7 @@ def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
         if name not in tables or not isinstance(entries, dict):
             raise InputError(f"{path}: {name[:80]}: expected tables [columns] and [values]")
         for key, value in entries.items():
-            is_number = isinstance(value, float) or (type(value) is int and abs(value) < _LARGEST)
+            is_number = type(value) in (int, float)
             text = value if isinstance(value, str) else shown_value(value)
             if not isinstance(value, str) and not (is_number and name == "values"):
                 raise InputError(f"{path}: [{name}] {key[:80]} = {text}: expected text in quotes")
@@ -238,8 +237,8 @@ class FileError(InputError):
             return lines[0] if lines[0].startswith(self.where) else f"{self.where}: {lines[0]}"
         counts = ((len(self.wrong), "rules broken"), (len(self.needs), "values missing or unclear"))
         head = " and ".join(f"{n} {what}" for n, what in counts if n)
-        more = [f"and {len(lines) - _MOST} more"] if len(lines) > _MOST else []
-        return "\n  ".join([f"{self.where}: {head}", *lines[:_MOST], *more])
+        more = [f"and {len(lines) - MOST_SHOWN} more"] if len(lines) > MOST_SHOWN else []
+        return "\n  ".join([f"{self.where}: {head}", *lines[:MOST_SHOWN], *more])
 
     def __bool__(self) -> bool:
         return bool(self.wrong or self.needs or self._cells)

@@ -86,10 +86,8 @@ class Rim:
         InputError
         """
         if not distance <= FARTHEST * self.R:
-            raise InputError(
-                f"{where}: a {what} {distance:.3g} from the axis, R = {self.R:.6g}; expected "
-                f"within {FARTHEST:g} R"
-            )
+            rule = f"R = {self.R:.6g}; expected within {FARTHEST:g} R"
+            raise InputError(f"{where}: a {what} {distance:.3g} from the axis, {rule}")
 
     def _outwards(self, position: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
         """Return each side's x, counted outwards from the axis, and y."""

@@ -1,8 +1,7 @@
 """Runs of other programs: the facts that their readers need, and the table of what they print."""
 
 import math
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,16 +11,23 @@ from ridgebayes.fea.abaqus_dat import read_abaqus_dat
 from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
 from ridgebayes.fea.ansys import read_ansys
 from ridgebayes.fea.calculix import read_calculix
-from ridgebayes.fea.deck import Deck, RunDeck, read_deck
+from ridgebayes.fea.deck import Deck, read_deck
 from ridgebayes.fea.febio import read_febio
 from ridgebayes.fea.history import ContactHistory, RunBody, table_of
 from ridgebayes.fea.mesh_series import read_series
 from ridgebayes.fea.node_table import read_node_table
-from ridgebayes.fea.record import FileError, Given, Imported, parse_map
+from ridgebayes.fea.record import FileError, Given, Imported
 
-_OF_DECKS = ("deck", "surface", "reaction")
 _WITH_DECK = ("calculix", "abaqus-dat")
-_CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
+_READERS: dict[str, Callable[[Sequence[Path], Given], ContactHistory]] = {
+    "calculix": read_calculix,
+    "abaqus-dat": read_abaqus_dat,
+    "abaqus-rpt": read_abaqus_rpt,
+    "febio": read_febio,
+    "ansys": read_ansys,
+    "nodes": read_node_table,
+    "series": read_series,
+}
 
 
 def read_run(name: str, paths: Sequence[Path], facts: Given) -> Imported:
@@ -41,56 +47,16 @@ def read_run(name: str, paths: Sequence[Path], facts: Given) -> Imported:
     InputError
         If a file cannot be understood, or a fact is missing.
     """
-    facts, messages = _completed(paths[0], facts, name)
+    facts, deck, messages = _completed(paths[0], facts, name)
     body = _body(facts)
-    if name == "nodes":  # gaps are from the tops
-        body = replace(body, top=body.top or 0.0)
-    history = _history(name, paths, facts, body)
+    if facts.deck is not None:
+        deck.check_material(body.E, body.nu, facts.deck)
+    history = _READERS[name](paths, facts)
     history = replace(history, messages=(*messages, *history.messages))
     return table_of(history, body, brackets=facts.brackets)
 
 
-def _history(name: str, paths: Sequence[Path], facts: Given, body: RunBody) -> ContactHistory:
-    """Return what the files of a run print."""
-    path = paths[0]
-    if name == "series":
-        how = {key: getattr(facts, key) or None for key in ("field", "time", "loads")}
-        return read_series(paths, R=body.R, **how)
-    if name == "febio":
-        return read_febio(paths)
-    if name == "nodes":
-        return read_node_table(path, parse_map(facts.map), facts)
-    if name == "ansys":
-        corners = {}
-        for key, node in parse_map(facts.map).items():
-            match = _CORNER.fullmatch(key.strip())
-            if match is None or not node.isdigit():
-                raise InputError(f"--map {key}={node}: expected 'status Q=4=NODE' for a listing")
-            corners[int(match[1])] = int(node)
-        if corners and facts.symmetry is None:
-            raise FileError(
-                str(path),
-                needs=["--symmetry: missing; expected half or full, the body of the reactions"],
-                options={"symmetry": "?"},
-            )
-        return read_ansys(paths, closed_is=facts.closed_is, corners=corners)
-    if name == "abaqus-rpt":
-        if facts.deck is not None:
-            read_deck(facts.deck).check_material(body.E, body.nu, facts.deck)
-        options = {option: getattr(facts, option) for option in _OF_DECKS}
-        return read_abaqus_rpt(path, **options)
-    assert facts.deck is not None
-    assert facts.surface is not None
-    assert facts.reaction is not None
-    run = RunDeck.read(facts.deck, facts.surface, facts.reaction, E=body.E, nu=body.nu)
-    if name == "abaqus-dat":
-        return read_abaqus_dat(path, deck=run)
-    # CalculiX writes its status beside its results.
-    sta = path.with_suffix(".sta")
-    return read_calculix(path, deck=run, sta=sta if sta.is_file() else None)
-
-
-def _completed(path: Path, facts: Given, name: str) -> tuple[Given, list[str]]:
+def _completed(path: Path, facts: Given, name: str) -> tuple[Given, Deck, list[str]]:
     """Return what is given and what the run's deck says; ask for all the rest at once."""
     problems = FileError(str(path))
     more: dict[str, Any] = {}
@@ -114,6 +80,10 @@ def _completed(path: Path, facts: Given, name: str) -> tuple[Given, list[str]]:
         if getattr(facts, key) is None:
             value = {"texture": "?,?", "deck": "?.inp"}.get(key, "?")
             problems.need(f"--{key}: missing; expected {what}", **{key: value})
+    if name == "ansys" and facts.map and facts.symmetry is None:  # its nodes do not tell
+        problems.need("--symmetry: missing; expected half or full, the body", symmetry="?")
+    if name == "nodes" and facts.top is None:  # gaps are from the tops
+        facts = replace(facts, top=0.0)
     problems.raise_all()
     more = {key: value for key, value in more.items() if getattr(facts, key) is None}
     if facts.E is None and deck.E is None and file is not None:
@@ -121,7 +91,7 @@ def _completed(path: Path, facts: Given, name: str) -> tuple[Given, list[str]]:
     if more:
         shown = ", ".join(f"{key} = {value}" for key, value in more.items())
         problems.messages.append(f"{file}: {shown}")
-    return replace(facts, **more), problems.messages
+    return replace(facts, **more), deck, problems.messages
 
 
 def _facts_of(path: Path, name: str, facts: Given, deck: Deck, *, has_file: bool) -> dict[str, str]:

@@ -17,9 +17,8 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import TextTable
 from ridgebayes.fea.delimited import LOOKED_AT, Row, find_header, n_known
 from ridgebayes.fea.record import FileError, Given
-from ridgebayes.runtime.reading import extra, refusing
+from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
 
-LARGEST_XML = 2**26  # bytes of the members that are parsed: more would take minutes
 LARGEST_RATIO = 200  # of unpacked to packed, above a megabyte
 MOST_CELLS = 250_000  # of a worksheet, and rows: some seconds
 _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
@@ -120,8 +119,8 @@ def _check_archive(content: bytes, where: str) -> None:
         rules = {
             f"unpacks to {total} bytes from {len(content)}; expected at most {LARGEST_RATIO} times "
             "its size": total <= max(10**6, LARGEST_RATIO * len(content)),
-            f"{size} bytes of sheets; expected at most {LARGEST_XML}, save larger tables as CSV": (
-                size <= LARGEST_XML
+            f"{size} bytes of sheets; expected at most {LARGEST_TEXT}, save larger tables as CSV": (
+                size <= LARGEST_TEXT
             ),
             "holds macros; expected a workbook without macros": not any(
                 "vbaproject" in member.filename.lower() for member in members
@@ -211,10 +210,8 @@ def _rows(sheet: Any, where: str, typed: set[str]) -> list[list[str]]:
     for number, row in enumerate(sheet.iter_rows(), start=1):
         n_cell += len(row)
         if max(number, n_cell) > MOST_CELLS:
-            raise InputError(
-                f"{where}, sheet {sheet.title!r}: more than {MOST_CELLS} cells; save larger "
-                "tables as CSV"
-            )
+            rule = f"more than {MOST_CELLS} cells; save larger tables as CSV"
+            raise InputError(f"{where}, sheet {sheet.title!r}: {rule}")
         rows.append([_text(cell.value, cell.data_type) for cell in row])
         typed.update(
             text for cell, text in zip(row, rows[-1], strict=True) if cell.data_type == "n" and text

@@ -11,13 +11,13 @@ from scipy.interpolate import krogh_interpolate
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.record import SHOWN
+from ridgebayes.fea.words import MOST_DISTINCT
 from ridgebayes.runtime.text import some_of
+from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import row_codes
 
 MOST = 2000  # histories in a file: some milliseconds each
-_MOST_REMARKS = 20  # on single histories that messages show
 _TOUCHING = 1e-12  # over R: rounding error of a body that lies on a corner
-_MOST_DISTINCT = 1000  # numbers whose digits are counted
 
 
 def transitions_of(
@@ -169,7 +169,7 @@ def last_digit(values: FloatArray) -> float:
     >>> last_digit(np.array([0.25, 0.003, np.nan, 0.0])), last_digit(np.array([np.inf]))
     (0.001, 0.0)
     """
-    distinct = np.unique(values[np.isfinite(values) & (values != 0)])[:_MOST_DISTINCT]
+    distinct = np.unique(values[np.isfinite(values) & (values != 0)])[:MOST_DISTINCT]
     places = [int(Decimal(repr(number)).as_tuple().exponent) for number in distinct.tolist()]
     return 10.0 ** min(places) if places else 0.0
 
@@ -237,8 +237,8 @@ def transitions_of_runs(
     if not frames:
         raise InputError(failed[0])
     messages += [f"run ignored: {text}" for text in failed]
-    if (n := len(messages) - _MOST_REMARKS) > 0:
-        messages = [*messages[:_MOST_REMARKS], f"and {n} more remarks on runs"]
+    if (n := len(messages) - MOST_SHOWN) > 0:
+        messages = [*messages[:MOST_SHOWN], f"and {n} more remarks on runs"]
     return pd.concat(frames, ignore_index=True), [f"{n_run} runs of increments", *messages]
 
 
@@ -259,10 +259,8 @@ def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray, digits: float) 
     touched = gap <= digits
     first = np.where(touched.any(axis=0), touched.argmax(axis=0), len(load))
     for i in np.flatnonzero(np.diff(first) < 0).tolist():
-        raise InputError(
-            f"Q = {Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before "
-            f"Q = {Q[i]}; expected inner corners first"
-        )
+        early = f"Q = {Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before Q = {Q[i]}"
+        raise InputError(f"{early}; expected inner corners first")
 
 
 def _label(run: "pd.Series[Any]") -> str:

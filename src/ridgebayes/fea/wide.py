@@ -29,10 +29,8 @@ def melted(
     row, which = np.nonzero(cells[[loads[label].header for label in labels]].notna())
     names = ", ".join(repr(use.header) for use in wide[:8])
     if not row.size and not problems:
-        raise problems.error(
-            f"columns {names}: expected a number in some cell, got "
-            f"{count(len(cells), 'row')} with empty cells only"
-        )
+        rows = f"{count(len(cells), 'row')} with empty cells only"
+        raise problems.error(f"columns {names}: expected a number in some cell, got {rows}")
     key = "Q" if is_Q else "series"
     new = {key: np.array(labels, dtype=float if is_Q else object)[which]}
     long = [Use(key, key, "1" if is_Q else None, how="wide")]
@@ -70,8 +68,5 @@ def _broken(uses: Sequence[Use], wide: Sequence[Use]) -> str:
         )
     if extra := [use for use in wide if use.Q not in counts]:
         return f"column {extra[0].header!r}: no load of Q = {extra[0].Q}; expected one"
-    return (
-        ""
-        if len({use.key for use in loads}) == 1
-        else ("loads of several kinds; expected one unit for all Q")
-    )
+    several = len({use.key for use in loads}) > 1
+    return "loads of several kinds; expected one unit for all Q" if several else ""

@@ -15,6 +15,7 @@ from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_toml
 from ridgebayes.scene.units import Dimension, to_si
+from ridgebayes.table.columns import NAMES
 
 _WORDS = read_toml(Path(__file__).with_name("words.toml"))
 _UNITS = _WORDS["units"]
@@ -22,7 +23,7 @@ DIMENSIONS: dict[str, Dimension] = {
     key: dimension for dimension, keys in _WORDS["dimensions"].items() for key in keys
 }
 _PLACES = [re.compile(pattern) for pattern in _UNITS["places"]]
-_MOST_ROUNDED = 10_000  # distinct numbers
+MOST_DISTINCT = 10_000  # numbers that are treated one by one
 NUMBER = re.compile(r"\s*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 # Exponents as Fortran prints them: with a D, or of three digits and without any letter.
 FORTRAN = re.compile(r"\s*([+-]?(?:\d+\.\d*|\.\d+))(?:[dD]([+-]?\d+)|([+-]\d{3}))\s*", re.A)
@@ -60,7 +61,7 @@ def split_header(header: str) -> tuple[str, str]:
     >>> split_header("Load, total"), split_header("p_kPa")
     (('Load, total', ''), ('p', 'kPa'))
     """
-    for pattern in _PLACES:
+    for pattern in _PLACES if header not in NAMES else ():  # units take half a second to load
         if match := pattern.fullmatch(header):
             words, unit = match.group(1).strip(), match.group(2).strip().replace("_per_", "/")
             # "Load N/mm" is no load in N over mm, and "load_N_mm" none in mm.
@@ -73,7 +74,9 @@ def split_header(header: str) -> tuple[str, str]:
 
 def is_unit(text: str) -> bool:
     """Return whether text is a unit of length, pressure, line load or force."""
-    return any(unit_factor(text, dimension) is not None for dimension in _WORDS["dimensions"])
+    is_number = NUMBER.fullmatch(text) is not None
+    dimensions = () if is_number else _WORDS["dimensions"]
+    return any(unit_factor(text, dimension) is not None for dimension in dimensions)
 
 
 def number_and_unit(text: str) -> tuple[float, str]:
@@ -150,7 +153,7 @@ def divided(over: FloatArray, *under: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         quotient = np.asarray(functools.reduce(np.divide, under, over))
     place, distinct = pd.factorize(quotient.ravel(), use_na_sentinel=False)
-    if distinct.size > _MOST_ROUNDED:
+    if distinct.size > MOST_DISTINCT:
         return quotient
     short = np.array([float(f"{number:.14g}") for number in distinct])
     near = np.isclose(short, distinct, rtol=2e-15, atol=0.0)
@@ -169,7 +172,7 @@ _PATTERNS = [
 ]
 _TERMS = {term: _any(count["words"]) for term, count in _WORDS["counts"].items()}
 NOT_READ, DISGUISES, OPTIONS = (_WORDS[name] for name in ("not_read", "disguises", "options"))
-OF_NODES = _WORDS["nodes"]
+OF_NODES, ANSYS_CLOSED = _WORDS["nodes"], _WORDS["status"]["ansys_closed"]
 COUNTS = {term: count["said"] for term, count in _WORDS["counts"].items()}
 STATUS_RULE = (
     "expected open or 0, closed or 1, or an empty cell; --closed-is says which codes are contact"
@@ -178,7 +181,9 @@ _LOWER, _FILLERS = (
     re.compile(rf"\b{_any(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
 )
 NOTHING = re.compile(rf"\s*{_any(_WORDS['columns']['nothing'])}\s*", re.I)
-_NO_CORNER = re.compile(_any(_WORDS["columns"]["no_corner"]))
+_COUNTER, _ERRORS, _NO_CORNER = (
+    re.compile(_any(_WORDS["columns"][name])) for name in ("counter", "errors", "no_corner")
+)
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
 
 
@@ -294,6 +299,16 @@ def repeats_of(headers: Iterable[str]) -> dict[str, str]:
 def is_number_of_repeats(words: str) -> bool:
     """Return whether a header beside a mean and its deviation says how many were measured."""
     return plain(words) in _WORDS["columns"]["n_mean"]
+
+
+def is_counter(header: str) -> bool:
+    """Return whether a header counts rows, or is none."""
+    return _COUNTER.search(header.lower()) is not None
+
+
+def is_error(header: str) -> bool:
+    """Return whether a header may be of an error of loads, but does not say of which kind."""
+    return _ERRORS.search(header.lower()) is not None
 
 
 def touching(

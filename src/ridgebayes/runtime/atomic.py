@@ -129,7 +129,8 @@ def exclusive_lock(path: Path) -> Iterator[None]:
 
     lock = FileLock(path.with_name(f".{path.name}.lock"))
     try:
-        path.parent.stat()  # raises for a missing folder, which filelock would create
+        # Raises for a missing folder, which filelock would create, and for one without new files.
+        Path(lock.lock_file).touch()
         lock.acquire(blocking=False)
     except Timeout:
         hint = "use another -o, or wait until it has ended"

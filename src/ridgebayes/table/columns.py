@@ -8,7 +8,7 @@ import numpy as np
 
 from ridgebayes._types import BoolArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.runtime.text import clipped
+from ridgebayes.runtime.text import clipped, shown_value, some_of
 
 if TYPE_CHECKING:  # scenes import this module without pandas
     import pandas as pd
@@ -33,8 +33,8 @@ class Column:
 TRANSITION, COUNT = "transition", "count"
 CALIBRATION, HELD_OUT = "calibration", "held-out"
 OK = "ok"
-_MAX_COLUMNS_LISTED, _MAX_LENGTH = 50, 80  # in messages; characters of each name
-LARGEST_Q = 2**53  # integers up to it are exact as floats
+# 2^53: integers up to it are exact as floats.
+LARGEST_Q = int(2 / np.finfo(float).eps)
 
 # Within these limits the load of any countable Q is a float of full precision.
 LEAST_WIDTH, LARGEST_WIDTH, LARGEST_LOAD = 1e-50, 1e50, 1e300
@@ -137,16 +137,14 @@ def check_header(names: Sequence[Any], where: str, contract: Sequence[Column] = 
     ridgebayes.errors.InputError: fea.csv, header: missing column p_over_E;
     the columns are 'a_over_R', 'b_over_R', 'Q', 'p'
     """
-    there = ", ".join(repr(name)[:_MAX_LENGTH] for name in names[:_MAX_COLUMNS_LISTED]) or "none"
-    if len(names) > _MAX_COLUMNS_LISTED:
-        there += f" and {len(names) - _MAX_COLUMNS_LISTED} more"
+    there = some_of(map(shown_value, names), SHOWN) or "none"
     before: set[str] = set()
     for i, name in enumerate(names, start=1):
         rule = "each column must stand once" if name in before else None
         if not isinstance(name, str) or not name:
             rule = "must have a name, as text"
         if rule is not None:
-            at = f"column {i} = {repr(name)[:_MAX_LENGTH]}"
+            at = f"column {i} = {shown_value(name)}"
             raise InputError(f"{where}, header: {at}: {rule}; the columns are {there}")
         before.add(name)
     required = [column.name for column in contract if column.default is None]

@@ -7,8 +7,8 @@ import pandas as pd
 from ridgebayes.errors import InputError
 from ridgebayes.table.table import ContactTable, read_table
 
-_PACKAGE = Path(__file__).resolve().parents[1]
-_ROOTS = (_PACKAGE / "data", _PACKAGE.parents[1] / "data")
+_PACKAGE = Path(__file__).resolve().parent.parent
+_ROOTS = (_PACKAGE / "data", _PACKAGE.parent.parent / "data")
 
 PAPER_SWEEP = "paper_sweep.csv"
 CYLINDER_SWEEP = "fea/cylinder_sweep.csv"

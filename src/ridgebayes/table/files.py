@@ -21,7 +21,7 @@ from ridgebayes.runtime.text import clipped
 from ridgebayes.table.columns import COLUMNS, SHOWN, Column, RawTable, check_header, listed
 
 SUFFIXES = (".csv", ".parquet")
-MOST_CELLS = 10**8  # in a Parquet file, where few bytes can hold any number of equal rows
+MOST_CELLS = 100_000_000  # in a Parquet file, where few bytes can hold any number of equal rows
 
 
 def raw_cells(

@@ -293,7 +293,9 @@ def row_codes(*columns: Any) -> IntArray:
     frame = pd.DataFrame(
         {i: pd.Series(column).reset_index(drop=True) for i, column in enumerate(columns)}
     )
-    groups = frame.groupby(list(frame), sort=False, dropna=False)
+    same = {i: frame[i].eq(frame[i].iloc[0]) for i in frame if len(frame)}
+    varying = [i for i in same if not same[i].to_numpy(dtype=bool, na_value=False).all()]
+    groups = frame.groupby(varying or [0], sort=False, dropna=False)
     return np.asarray(groups.ngroup(), dtype=np.int64)
 
 
