@@ -32,7 +32,7 @@ BUDGETS = {
     "checks": 795,
     "friction": 892,  # draws the blocks of a scene itself
     "texture_design": 1_196,
-    "report": 1_523,
+    "report": 1_519,
     "commands": 2_206,
 }
 _NO_CODE = {
