@@ -344,19 +344,10 @@ def calibrate(  # noqa: PLR0913  (each parameter is part of the question, and ha
     >>> round(float(fit.summary["sd"][1]), 3)
     0.001
     """
-    request = replace(
-        Request.of(
-            table,
-            form,
-            noise=noise,
-            priors=priors,
-            accuracy=accuracy,
-            rng=rng,
-            settings=settings,
-        ),
-        progress=progress,
+    request = Request.of(
+        table, form, noise=noise, priors=priors, accuracy=accuracy, rng=rng, settings=settings
     )
-    weighed = request.weigh()
+    weighed = replace(request, progress=progress).weigh()
     (name,), selected = (form.name for form in request.forms), weighed.selected()
     n_kept = request.accuracy.n_kept
     posteriors = weighed.posteriors([name], selected.name, n_kept)[name]

@@ -492,14 +492,15 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
 def test_report__is_written_again(command, monkeypatch, run):
     asked = []
     monkeypatch.setattr(
-        "ridgebayes.commands.report.write_pages",
-        lambda *words, command: asked.append((*words, command)),
+        "ridgebayes.commands.run.write_pages",
+        lambda *galleries, folder, command: asked.append((galleries, folder, command)),
     )
     said = command("report", run)
     assert said.code == 0
     assert said.out.startswith(f"read {run / 'report.html'}\n")
-    assert asked[0][1:3] == (run, None)
-    assert asked[0][3].startswith("ridgebayes ")
+    ((galleries, folder, line),) = asked
+    assert (len(galleries), folder) == (1, run)
+    assert line.startswith("ridgebayes ")
 
 
 # --- predict --------------------------------------------------------------------------------------

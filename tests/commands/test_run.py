@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands.report import report_job
+from ridgebayes.commands.run import report_job
 from ridgebayes.errors import OutputError
 from ridgebayes.runtime.progress import Progress
 from tests.columns import COLUMNS
@@ -66,8 +66,8 @@ class Pages:
     def __init__(self):
         self.asked = []
 
-    def __call__(self, comparison, folder, reference, galleries=(), command=""):
-        self.asked.append((comparison, folder, reference))
+    def __call__(self, *galleries, folder, command=""):
+        self.asked.append([gallery and gallery.data.comparison for gallery in galleries])
         (folder / "report.html").write_text("a page")
 
 
@@ -223,8 +223,7 @@ def test_run__announces_as_many_stages_as_come(runs):
 @pytest.fixture
 def no_pages(monkeypatch):
     pages = Pages()
-    for command in ("run", "report"):
-        monkeypatch.setattr(f"ridgebayes.commands.{command}.write_pages", pages)
+    monkeypatch.setattr("ridgebayes.commands.run.write_pages", pages)
     return pages
 
 
@@ -268,7 +267,7 @@ def test_default__compares_every_form_on_the_finite_element_rows(default):
     again = rb.read_run(folder / "reference-fe")
     assert list(again.fits) == forms
     assert again.table.digest() == rb.reference_fe().digest()
-    assert pages.asked[0][2].table.where == again.table.where == "finite-element reference rows"
+    assert pages.asked[0][1].table.where == again.table.where == "finite-element reference rows"
 
 
 def test_default__the_table_is_the_embedded_sweep(default, paper):

@@ -70,7 +70,7 @@ def test_json__of_no_command_is_an_object_too(command):
 
 def test_json__of_what_failed_half_way_has_result_and_error(command, monkeypatch):
     monkeypatch.setattr(
-        "ridgebayes.commands.report.command", lambda asked: Answer(result=1, problem="not all")
+        "ridgebayes.commands.run.command", lambda asked: Answer(result=1, problem="not all")
     )
     said = command("report", "run", "--json")
     content = json.loads(said.out)

@@ -301,7 +301,7 @@ def test_loads__simulation_bands_hold_the_rows_known_error(paper, fits):
 def test_loads__of_very_many_rows_take_fewer_draws(paper, fits, monkeypatch):
     comparison = compared(paper, fits, {"modified": 1.0})
     many = loads_table(comparison)
-    monkeypatch.setattr(module, "_DRAWN", 44 * 320)  # rows times draws
+    monkeypatch.setattr(module, "MAX_DRAWS_TIMES_ROWS", 44 * 320)  # rows times draws
     few = loads_table(comparison)
     error = np.log(few["p_over_E_median"] / many["p_over_E_median"])
     width = np.log(many["p_over_E_upper"] / many["p_over_E_lower"]) / (2 * 1.645)

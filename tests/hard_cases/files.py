@@ -23,7 +23,7 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.commands.report import report_job
+from ridgebayes.commands.run import report_job
 from ridgebayes.fea.read import import_files
 from ridgebayes.fea.record import Given
 from tests.hard_cases.case import hard_case, refused

@@ -15,7 +15,7 @@ def test_predictions__from_some_draws_at_a_time_are_those_of_all(paper, monkeypa
     model = model_of(paper, rb.Hybrid(), "step-smooth:student")
     fit = drawn_posterior(model, n_draw=128)
     whole = predict_q(fit, A, B, P), predict_load(fit, A, B, 6)
-    monkeypatch.setattr(posterior_loads, "NUMBERS_AT_ONCE", 6 * model.offsets.n_smooth**2)
+    monkeypatch.setattr(posterior_loads, "MAX_DRAWS_TIMES_ROWS", 96 * model.offsets.n_smooth**2)
     assert max(len(part) for part in posterior_loads.PosteriorLoads(fit).parts()) <= 100
     q, load = predict_q(fit, A, B, P), predict_load(fit, A, B, 6)
     # Algebra: the same mean; what falls with a further count is cut part by part, under 1e-6.

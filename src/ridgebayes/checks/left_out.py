@@ -26,6 +26,7 @@ from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import ResolvedPriors, priors_of
 from ridgebayes.predict.load_distribution import LoadDistribution
+from ridgebayes.predict.load_draws import MAX_DRAWS_TIMES_ROWS
 from ridgebayes.predict.predict import predict_load
 from ridgebayes.results import Fit
 from ridgebayes.runtime.pool import map_ordered
@@ -37,9 +38,6 @@ LEFT_OUT_COLUMNS += ["stacking_weight", "failed"]
 # Each fold costs a posterior for every form. Above these numbers ten folds of a tenth each suffice.
 _MAX_FOLDS = dict.fromkeys(("texture", "step", "series"), 24) | {"row": 50}
 _N_GROUPS = 10
-# Draws behind a CRPS, whose standard error is about 1 % of a predictive sd. With many rows fewer
-# draws suffice, because only the mean over rows is reported.
-_MIN_DRAWS, _MAX_DRAWS_TIMES_ROWS = N_KEPT // 10, 2**22
 _T = TypeVar("_T")
 
 
@@ -325,7 +323,9 @@ def row_crps(fit: Posterior, data: Observations, rng: np.random.Generator) -> Fl
     exact = data.take(data.is_exact)
     if not len(exact):
         return np.zeros(0)
-    n = int(np.clip(_MAX_DRAWS_TIMES_ROWS // len(exact), _MIN_DRAWS, N_KEPT))
+    # The standard error of a CRPS is about 1 % of a predictive sd. With many rows fewer draws
+    # suffice, because only the mean over rows is reported.
+    n = min(N_KEPT, -(-MAX_DRAWS_TIMES_ROWS // len(exact)))
     return crps_of_draws(np.log(row_loads(fit, exact).rvs(n, rng)), exact.log_load)
 
 

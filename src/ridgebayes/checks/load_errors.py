@@ -13,7 +13,6 @@ from ridgebayes.model.forms import PowerLaw
 from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE
 
 _MAX_TEXTURES_SHOWN = 3  # one panel for each in a row
-_PROB = 0.9
 
 
 def held_out_loads(comparison: Comparison) -> pd.DataFrame:
@@ -130,14 +129,14 @@ def slopes_table(comparison: Comparison) -> pd.DataFrame:
     for name, fit in comparison.fits.items():
         if name == "half-plane" or not has_trend:
             continue
-        theta = fit.draws[:, : fit.model.n_coefficient]
+        theta, prob = fit.draws[:, : fit.model.n_coefficient], float(fit.summary["prob"].iloc[0])
         textures = np.array(fit.model.data.textures)
         step = max(NUMBERS_AT_ONCE // len(theta), 1)
         for i in range(0, len(textures), step):
             a, b = textures[i : i + step].T
             slope = fit.form.slope(a, b, theta)
-            lower, upper = np.quantile(slope, [0.5 - _PROB / 2, 0.5 + _PROB / 2], axis=0)
+            lower, upper = np.quantile(slope, [0.5 - prob / 2, 0.5 + prob / 2], axis=0)
             values = (a, b, a + b, slope.mean(axis=0), lower, upper)
-            rows += [(name, *row, _PROB) for row in zip(*values, strict=True)]
+            rows += [(name, *row, prob) for row in zip(*values, strict=True)]
     columns = ["form", "a_over_R", "b_over_R", "pitch", "K", "K_lower", "K_upper", "prob"]
     return pd.DataFrame(rows, columns=columns)

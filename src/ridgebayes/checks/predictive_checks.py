@@ -17,6 +17,7 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.replicated import form_log_loads, prior_draws, simulate_log_loads
+from ridgebayes.predict.load_draws import MAX_DRAWS_TIMES_ROWS
 from ridgebayes.runtime.randomness import seed_of, stream
 
 QUANTITIES = {
@@ -28,7 +29,7 @@ QUANTITIES = {
 }
 CHECK_COLUMNS = ["quantity", "observed", "lower", "upper", "prob", "p_value", "two_sided"]
 BAND_COLUMNS = ["texture", "a_over_R", "b_over_R", "Q", "lower", "median", "upper", "prob"]
-_MAX_DRAWS_TIMES_ROWS, _MIN_DRAWS = 10_000_000, 200  # the product limits memory
+_MIN_DRAWS = 200  # with any number of rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,7 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
         Seed.
     n_draw : int, optional
         Number of posterior draws, with a replicate for each; at most the number kept by the fit.
-        Above 5,000 rows it is reduced so that draws times rows is ten million.
+        Above 8,000 rows it is reduced so that draws times rows is 17 million.
 
     Returns
     -------
@@ -113,7 +114,7 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
         raise InputError("fit: no row gives its load exactly; expected at least one")
     seed = seed_of(rng)
     # The draws are spread evenly over the chains.
-    n = min(n_draw, len(fit.draws), max(_MAX_DRAWS_TIMES_ROWS // len(model.data), _MIN_DRAWS))
+    n = min(n_draw, len(fit.draws), max(MAX_DRAWS_TIMES_ROWS // len(model.data), _MIN_DRAWS))
     places = np.linspace(0, len(fit.draws) - 1, n).astype(int)
     theta = fit.draws[places]
     curve = form_log_loads(model, theta)[:, exact]
@@ -138,7 +139,7 @@ def prior_bands(
     rng : int or numpy.random.Generator, optional
         Seed.
     n_draw : int, optional
-        Number of draws from the prior; reduced above 2,500 rows as in `posterior_checks`.
+        Number of draws from the prior; reduced above 4,000 rows as in `posterior_checks`.
     prob : float, optional
         Probability of the equal-tailed interval.
 
@@ -154,7 +155,7 @@ def prior_bands(
         If almost no prior draw has positive rates.
     """
     data, seed = model.data, seed_of(rng)
-    n = min(n_draw, max(_MAX_DRAWS_TIMES_ROWS // len(data), _MIN_DRAWS))
+    n = min(n_draw, max(MAX_DRAWS_TIMES_ROWS // len(data), _MIN_DRAWS))
     theta = prior_draws(model, stream(seed, "prior"), n)
     loads = simulate_log_loads(model, theta, stream(seed, "rows"))[0]
     ends = np.quantile(loads, [0.5 - prob / 2, 0.5, 0.5 + prob / 2], axis=0)

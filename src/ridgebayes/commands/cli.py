@@ -40,7 +40,7 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "cost": ("cost", table_options.Cost),
     "import": ("import_", table_options.Import),
     "export-deck": ("export_deck", table_options.ExportDeck),
-    "report": ("report", options.Report),
+    "report": ("run", options.Report),
 }
 # Modules that workers of a run import while this process does; in a quick run they do not draw.
 _OF_A_RUN = ("ridgebayes.commands.run", "h5netcdf", "scipy.stats", "xarray", "arviz_stats.base")

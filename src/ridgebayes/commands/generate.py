@@ -42,18 +42,11 @@ def command(asked: options.Generate) -> Answer:
     warned = warn(*filter(None, [beyond_reach(wanted, asked.solver)]))
     solving: dict[str, Any]
     solving = {"solver": asked.solver, "rel_tol": asked.tol, "accuracy": asked.accuracy}
+    how = {name: getattr(asked, name) for name in ("workers", "scheduler", "resume")}
     if asked.fields is None:
-        table, left_out = sweep_job(
-            asked.out,
-            wanted,
-            workers=asked.workers,
-            scheduler=asked.scheduler,
-            resume=asked.resume,
-            force=asked.force,
-            **solving,
-        )
+        table, left_out = sweep_job(asked.out, wanted, force=asked.force, **how, **solving)
     else:
-        if asked.workers is not None or asked.scheduler is not None or asked.resume:
+        if any(how.values()):
             raise InputError("--fields: cannot be combined with --workers, --scheduler or --resume")
         # Here, not above: it loads matplotlib and finite elements, which sweeps do without.
         from ridgebayes.commands.fields import generate_fields

@@ -11,7 +11,7 @@ from ridgebayes.commands.parsing import medians_taken, refuse_existing, refuse_s
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.atomic import write_text
-from ridgebayes.runtime.templates import environment_of
+from ridgebayes.runtime.templates import rendered
 from ridgebayes.runtime.text import duration, percent
 from ridgebayes.scene.effects import Plan, beyond_reach, plan_table
 from ridgebayes.scene.estimates import plan
@@ -95,9 +95,10 @@ def scene_text(scene: Scene, planned: Plan) -> list[str | pd.DataFrame]:
     (contact,) = contact_at_loads(alone, [p]).to_dict("records")
     width = 2 * contact["half_width_over_R"]
     simulated = [effect for effect in planned.effects if effect.simulated]
-    environment = environment_of("ridgebayes.commands", "plan.txt.jinja")
-    environment.filters["percent"] = percent
-    text = environment.get_template("plan.txt.jinja").render(
+    text = rendered(
+        "ridgebayes.commands",
+        "plan.txt.jinja",
+        percent=percent,
         scene=scene,
         planned=planned,
         p=p,

@@ -21,8 +21,7 @@ from ridgebayes.report.figures.bodies import plot_deformed, plot_pressed
 from ridgebayes.runtime.text import one_line_message
 from ridgebayes.scene.effects import HIGHEST_LOAD, Plan, full_profile, plan_label, plan_table
 from ridgebayes.scene.scene import Scene
-
-_EDGES = 10.0  # a ridge, of the mesh
+from ridgebayes.simulate.generation import LOAD_PRESETS
 
 
 def draw_plan(scene: Scene, planned: Plan, folder: Path) -> list[str]:
@@ -84,7 +83,8 @@ def _deformed(profile: Profile, scene: Scene, planned: Plan, p_max: float) -> Fi
     if p_max > HIGHEST_LOAD:  # it would take minutes to find out
         raise ComputationError(f"p/E = {p_max:.2g} is above {HIGHEST_LOAD:g}")
     nu, friction, ogden = scene.nu, scene.friction, scene.ogden
-    body = Cylinder(profile, p_max=p_max, nu=nu, friction=friction, edges=_EDGES, ogden=ogden)
+    edges = LOAD_PRESETS["quick"].meshes[0]
+    body = Cylinder(profile, p_max=p_max, nu=nu, friction=friction, edges=edges, ogden=ogden)
     try:
         return plot_deformed(body, body.at_load(p_max, body.unloaded()))
     except NotConvergedError as failed:

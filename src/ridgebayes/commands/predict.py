@@ -1,6 +1,7 @@
 """`ridgebayes predict`: bands on Q at textures and loads, from a finished run."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,6 @@ from ridgebayes.scene.units import (
     first_quantity,
     is_uncertain,
     load_to_si,
-    number_and_unit,
-    to_si,
 )
 from ridgebayes.table.files import check_name, write_frame
 
@@ -68,20 +67,20 @@ def command(asked: options.Predict) -> Answer:
         "prob": asked.prob,
         "kinds": KINDS if asked.kind == "both" else (asked.kind,),
     }
-    scene = _uncertain_scene(asked)
-    if scene is None:
-        textures, loads, how["nu"], unit = _where(asked)
-        run, form = read_run(asked.folder), parse_form(asked.form)
-        how |= {"textures": textures, "forms": [form]}
-        bands = drawn = bands_table(run, loads=loads, **how)
-    else:
+    form, scene, textures = parse_form(asked.form), _scene(asked), None
+    if scene is not None and (scene.uncertain or any(t.offset != 0 for t in scene.textures)):
         how |= _scene_loads(asked, scene)
-        run, form = read_run(asked.folder), parse_form(asked.form)
+        run = read_run(asked.folder)
         bands = drawn = scene_bands(run, scene, form, **how)
         unit = _unit_of(bands)
+    else:
+        textures, loads, how["nu"], unit = _where(asked, scene)
+        run = read_run(asked.folder)
+        how |= {"textures": textures, "forms": [form]}
+        bands = drawn = bands_table(run, loads=loads, **how)
     write_frame(bands, asked.out)
     if asked.plot is not None:
-        if scene is None:
+        if textures is not None:
             drawn = bands_table(run, loads=with_transitions(run, form, bands, textures), **how)
         rows = run.table.frame
         seen = rows[rows["status"] == "ok"]
@@ -91,27 +90,17 @@ def command(asked: options.Predict) -> Answer:
     return _answer(bands, files, unit)
 
 
-def _uncertain_scene(asked: options.Predict) -> Scene | None:
-    """Return the scene of the command line where something of it is not certain, or off centre."""
+def _scene(asked: options.Predict) -> Scene | None:
+    """Return the scene of a file, or that of typed values if one of them has an error."""
     typed = {"--R": asked.R, "--E": asked.E, "--thickness": asked.thickness}
-    if asked.scene is not None:
-        if any(value is not None for value in typed.values()):
-            raise InputError(
-                "--scene, and --R or --E or --thickness: expected only one of the two, got both"
-            )
-        scene = Scene.from_toml(asked.scene)
-        if scene.uncertain is None and all(texture.offset == 0 for texture in scene.textures):
-            return None
-        for option, value in (("--texture", asked.texture), ("--nu", asked.nu)):
-            if value:
-                raise InputError(
-                    f"--scene and {option}: a scene with distributions or an offset keeps its own "
-                    "values; remove one of the two options"
-                )
-        return scene
-    if not any(is_uncertain(text) for text in (asked.load, *typed.values()) if text):
-        return None
-    return _typed_scene(asked)
+    if asked.scene is None:
+        uncertain = any(is_uncertain(text) for text in (asked.load, *typed.values()) if text)
+        return _typed_scene(asked) if uncertain else None
+    if any(value is not None for value in typed.values()):
+        raise InputError(
+            "--scene, and --R or --E or --thickness: expected only one of the two, got both"
+        )
+    return Scene.from_toml(asked.scene)
 
 
 def _typed_scene(asked: options.Predict) -> Scene:
@@ -122,11 +111,11 @@ def _typed_scene(asked: options.Predict) -> Scene:
             f"--R {asked.R!r}: expected textures with units beside an uncertain radius, such "
             "as --texture '0.3 mm,0.25 mm'"
         )
-    radius = asked.R or "1 m"  # a pressure, on shares of the radius, needs none
-    body = {"radius": radius, "youngs_modulus": asked.E, "poissons_ratio": asked.nu}
+    # A pressure, on shares of the radius, needs no radius.
+    body = {"radius": asked.R or "1 m", "youngs_modulus": asked.E, "poissons_ratio": asked.nu}
     load: dict[str, str] = {"length": asked.thickness} if asked.thickness else {}
     if asked.load is not None:
-        highest = asked.load.split(":")[-2:][0]
+        highest = _highest(asked.load)
         if is_uncertain(highest) and ":" in asked.load:
             raise InputError(f"--load {asked.load!r}: expected one load where it has an error")
         quantity = first_quantity(highest) if is_uncertain(highest) else highest
@@ -137,22 +126,27 @@ def _typed_scene(asked: options.Predict) -> Scene:
         if kind != "pressure" and asked.R is None:
             raise InputError(f"--load {asked.load!r}: needs the radius; expected --R")
         load[{"pressure": "max", "line load": "line", "force": "force"}[kind]] = highest
-    textures, exact = [], []
-    for text in asked.texture or ():
-        a, b = parse_texture(text, "1 m" if varies else asked.R)
-        parts = [part.strip() for part in text.split(",")]
-        if not varies:
-            exact.append(Texture(a_over_R=a, b_over_R=b))
-            size = float(to_si(radius, "length"))
-            parts = [f"{width * size!r} m" for width in (a, b)]
-        textures.append(dict(zip(("ridge_width", "groove_width"), parts, strict=True)))
+    texts = asked.texture or ()
+    shares = [parse_texture(text, "1 m" if varies else asked.R) for text in texts]
+    # Without an error of the radius exact shares take the place of these widths below.
+    widths = [text.split(",") for text in texts] if varies else [["1 m", "1 m"]]
+    textures = [{"ridge_width": a, "groove_width": b} for a, b in widths]
     data = {"body": {k: v for k, v in body.items() if v is not None}, "texture": textures}
     scene = Scene.from_dict({**data, "load": load} if load else data)
-    return scene.model_copy(update={"textures": tuple(exact)}) if exact else scene
+    if varies:
+        return scene
+    exact = tuple(Texture(a_over_R=a, b_over_R=b) for a, b in shares)
+    return scene.model_copy(update={"textures": exact})
 
 
 def _scene_loads(asked: options.Predict, scene: Scene) -> dict[str, Any]:
     """Return the loads at which a scene is predicted whose distributions are drawn; none: its."""
+    for option, value in (("--texture", asked.texture), ("--nu", asked.nu)):
+        if value and asked.scene is not None:
+            raise InputError(
+                f"--scene and {option}: a scene with distributions or an offset keeps its own "
+                "values; remove one of the two options"
+            )
     if asked.p_over_E is not None:
         return {"p_over_E": parse_loads(asked.p_over_E)}
     if asked.load is not None and not is_uncertain(asked.load):
@@ -176,41 +170,30 @@ def _unit_of(bands: pd.DataFrame) -> tuple[float, str] | None:
 
 
 def _where(
-    asked: options.Predict,
+    asked: options.Predict, scene: Scene | None
 ) -> tuple[Sequence[scaling.Texture], FloatArray, float, tuple[float, str] | None]:
     """Return textures, their loads, Poisson's ratio and the loads' unit: as typed, or a scene's."""
-    if asked.scene is None:
-        scene, body = None, Body.of(asked.R, asked.E, asked.thickness)
-    else:
-        scene = Scene.from_toml(asked.scene)
-        body = scene.body
+    body = Body.of(asked.R, asked.E, asked.thickness) if scene is None else scene.body
     textures = [parse_texture(text, body) for text in asked.texture or ()]
     of_scene = [] if textures or scene is None else scene.textures
     textures += [(texture.a_over_R, texture.b_over_R) for texture in of_scene]
     if asked.load is not None:
         loads = parse_loads(asked.load, "--load", body.p_over_E)
+        body = replace(body, load=_highest(asked.load))
     elif asked.p_over_E is not None or scene is None:
         loads = parse_loads(asked.p_over_E or "")
     else:
         highest = [scene.highest_load(texture) for texture in of_scene] or [scene.p_over_E]
         loads = np.array(highest)[:, None]
     nu = 0.5 if scene is None else scene.nu
-    unit = _unit(asked.load or body.load, body)
-    return textures, loads, nu if asked.nu is None else asked.nu, unit
+    unit = None if body.load_unit is None else body.load_unit[0]
+    size = unit and (1 / body.p_over_E(f"1 {unit}"), unit)
+    return textures, loads, nu if asked.nu is None else asked.nu, size or None
 
 
-def _unit(load: str, body: Body) -> tuple[float, str] | None:
-    """Return the load at which p = E in the unit that a load is given in, and that unit.
-
-    The load is one of ``--load``, or a scene's, such as ``5 N on 12 mm`` or
-    ``lognormal(5 N, 10 %)``; None where no number and unit stands in it.
-    """
-    last = load.split(":")[-2:][0]  # a number of loads may stand behind it
-    quantity = first_quantity(last)
-    if quantity is None or "empirical(" in load:
-        return None
-    number, unit = number_and_unit(quantity)
-    return number / body.p_over_E(quantity), unit
+def _highest(loads: str) -> str:
+    """Return the highest of typed loads: a number of loads may stand behind it."""
+    return loads.split(":")[-2:][0]
 
 
 def with_transitions(

@@ -1,7 +1,11 @@
-"""`ridgebayes run`, `compare` and `fit`: one job, which writes more or less of a run folder."""
+"""`ridgebayes run`, `compare` and `fit`: one job, which writes more or less of a run folder.
+
+`ridgebayes report` does the end of it again: figures and pages of a finished folder.
+"""
 
 import io
 import os
+import shlex
 from collections.abc import Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
@@ -19,17 +23,18 @@ from ridgebayes.checks.report_data import ReportData, report_data
 from ridgebayes.commands import BEGAN, options
 from ridgebayes.commands.answers import comparison_answer, fit_answer
 from ridgebayes.commands.parsing import parse_form, parse_forms, parse_odds
-from ridgebayes.commands.report import command_line, write_pages
 from ridgebayes.commands.run_files import (
     EMBEDDED,
     REFERENCE,
+    read_command,
+    read_run,
     write_comparison,
     write_fits,
     write_run_json,
 )
 from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.shared_options import DEFAULT_OUT
-from ridgebayes.commands.terminal import Answer
+from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.comparison.compare import compared
 from ridgebayes.comparison.comparison import Comparison
@@ -41,6 +46,7 @@ from ridgebayes.model.forms import FORMS
 from ridgebayes.model.noise import AUTO, Noise
 from ridgebayes.predict.posterior_loads import N_SHARED
 from ridgebayes.predict.predict import KINDS
+from ridgebayes.report import write_reports
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.request import DEFAULT_FORMS, FormsLike, PriorsLike, Request, TableLike
 from ridgebayes.runtime.memory import watched_memory
@@ -55,11 +61,17 @@ _FIT = ("evidences", "posteriors")
 _COMPARE = (*_FIT, "prior sensitivity", "leave-one-out")
 _RUN = (*_COMPARE, "files of posteriors", "bands", "what the report shows", "figures and report")
 _STAGES = {"fit": _FIT, "compare": _COMPARE, "run": _RUN}
+_DEFAULTS = (("noise", AUTO), ("accuracy", STANDARD.name))
 _EXTRAS = ("textures and steps left out", "coverage of the bands", "what accuracy costs")
 
 
-def command(asked: options.Run | options.Compare | options.FitOne) -> Answer:
+def command(asked: options.Run | options.Compare | options.FitOne | options.Report) -> Answer:
     """Do what the command line asks for."""
+    if isinstance(asked, options.Report):
+        report_job(asked.folder)
+        pages = {"report.html", "report.md", "figures"}
+        written = [path for path in files_in(asked.folder) if not pages.isdisjoint(path.parts)]
+        return Answer((f"read {asked.folder / 'report.html'}",), files=written)
     wanted = vars(asked) | {"prior_odds": parse_odds(getattr(asked, "prior_odds", ""))}
     out, seed = wanted.pop("out"), wanted.pop("seed")
     if isinstance(asked, options.FitOne):
@@ -193,7 +205,7 @@ def run(
         if executor is not None:  # this process often waits: time for what figures import
             thread.submit(import_module, "ridgebayes.drawing.predictions")
         comparison = _compared(request, progress, partial)
-        reference = None
+        reference, galleries = None, []
         if command == "fit":
             write_fits(comparison, partial, local)
         elif command == "compare":
@@ -206,17 +218,14 @@ def run(
                     comparison = replace(comparison, cost=costs())
             # The few figures of a quick run are drawn here, and workers need no library for them.
             drawing = local if extras or local is None else thread
-            galleries = [_write(comparison, partial, progress, local, drawing)]
+            galleries.append(_write(comparison, partial, progress, local, drawing))
             if second is not None:
-                below = partial / REFERENCE
-                below.mkdir(exist_ok=True)
                 with progress.stage("finite-element comparison"):
                     second = replace(second, executor=executor)
-                    reference, gallery = _second(second, below, local)
-                    galleries.append(gallery)
+                    galleries.append(_second(second, partial / REFERENCE, local))
+                    reference = galleries[1].data.comparison
             with progress.stage("figures and report"):
-                line = command_line(command, typed, seed)
-                write_pages(comparison, partial, reference, galleries, command=line)
+                write_pages(*galleries, folder=partial, command=command_line(command, typed, seed))
         write_run_json(
             partial,
             comparison,
@@ -235,16 +244,15 @@ def run(
     return comparison
 
 
-def _second(
-    request: Request, folder: Path, local: Executor | None
-) -> tuple[Comparison, Gallery | None]:
+def _second(request: Request, folder: Path, local: Executor | None) -> Gallery:
     """Make the second comparison and its files; its stages are in its own run.json."""
+    folder.mkdir(exist_ok=True)
     with Progress(0, io.StringIO()) as progress:
         comparison = _compared(request, progress, folder)
-        begun = _write(comparison, folder, progress, local, local)
+        gallery = _write(comparison, folder, progress, local, local)
     about: dict[str, Any] = {"seed": request.seed, "options": {}, "stages": progress.stages}
     write_run_json(folder, comparison, command="run", **about)
-    return comparison, begun
+    return gallery
 
 
 def _add_left_out(comparison: Comparison, request: Request, progress: Progress) -> Comparison:
@@ -302,9 +310,9 @@ def _write(
     progress: Progress,
     executor: Executor | None,
     drawing: Executor | None,
-) -> Gallery | None:
+) -> Gallery:
     """Write a comparison and its predictions; return its figures, whose drawing has started."""
-    data, begun = submit_or_defer(executor, _shown, comparison), None
+    data = submit_or_defer(executor, _shown, comparison)
     loads = [submit_or_defer(executor, loads_table, comparison, kinds=[kind]) for kind in KINDS]
     with progress.stage("files of posteriors"):  # first: they stay if the disk is full
         write_comparison(comparison, folder, executor)
@@ -313,11 +321,61 @@ def _write(
         write_csv(bands, folder / "bands.csv", executor)
         write_csv(pd.concat([kind() for kind in loads], ignore_index=True), folder / "loads.csv")
     with progress.stage("what the report shows"):
-        if drawing is not None:  # else it is computed when it is drawn
-            begun = Gallery(replace(data(), comparison=comparison), drawing)
-    return begun
+        return Gallery(replace(data(), comparison=comparison), drawing)
 
 
 def _shown(comparison: Comparison) -> ReportData:
     """Return what the report shows without the fits, which the caller has."""
     return replace(report_data(comparison), comparison=replace(comparison, fits={}))
+
+
+def report_job(folder: Path) -> None:
+    """Write the figures and the report of a run folder again, from what is in it."""
+    folders = [folder, *filter(Path.is_dir, [folder / REFERENCE])]
+    runs = [read_run(path) for path in folders]  # before the work: a file may be damaged
+    galleries = [Gallery(report_data(run)) for run in runs]
+    write_pages(*galleries, folder=folder, command=command_line(*read_command(folder)))
+
+
+def write_pages(
+    gallery: Gallery, second: Gallery | None = None, *, folder: Path, command: str = ""
+) -> None:
+    """Write figures, report.html and report.md into a folder.
+
+    Parameters
+    ----------
+    gallery : Gallery
+        Comparison to report, with its figures.
+    second : Gallery, optional
+        Second comparison, whose own pages go into a folder of their own.
+    folder : Path
+        Folder to write to.
+    command : str, optional
+        Command line as typed, see `command_line`.
+    """
+    if second is not None:
+        second.save(folder / REFERENCE / "figures")
+        write_reports(second, folder / REFERENCE, command=command)
+    gallery.save(folder / "figures")
+    write_reports(gallery, folder, reference=second, command=command)
+
+
+def command_line(command: str, options: Mapping[str, Any], seed: int) -> str:
+    """Return a command line that gives the same numbers; files without their folders.
+
+    Examples
+    --------
+    >>> command_line("run", {"table": "/home/me/a.csv", "forms": [], "noise": "auto"}, 3)
+    'ridgebayes run --table a.csv --seed 3'
+    >>> command_line("run", {"prior_odds": {"hybrid": 2.0, "classic": 0.5}}, 0)
+    'ridgebayes run --prior-odds hybrid=2,classic=0.5 --seed 0'
+    """
+    words = ["ridgebayes", command]
+    for name, value in options.items():
+        if value and (name, value) not in _DEFAULTS:
+            if isinstance(value, dict):  # prior odds
+                value = [f"{key}={odds:.15g}" for key, odds in value.items()]
+            text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
+            word = Path(text).name if name in ("table", "priors") else text
+            words += [f"--{name.replace('_', '-')}", word]
+    return shlex.join([*words, "--seed", str(seed)])

@@ -49,27 +49,21 @@ _TABLES = {
 _OTHER_FOLDERS = {"coverage.json": "coverage", "cost.csv": "cost", "design.json": "design"}
 _ONLY_IF_ANY = ("left_out", "coverage", "cost")
 _FORM = ("form", "form_a", "form_b")  # columns of forms of the run
-_TEXT = (
-    *_FORM,
-    "noise",
-    "method",
-    "status",
-    "reading",
-    "prior",
-    "leave",
-    "failed",
-    "task",
-    "preset",
-)
+_WORDS = ("noise", "method", "status", "reading", "prior", "leave", "failed", "task", "preset")
+_TEXT = _FORM + _WORDS
 
 
 def write_fits(comparison: Comparison, folder: Path, executor: Executor | None = None) -> None:
-    """Write the table, each posterior and the summary and evidence of all."""
+    """Write the table, each posterior and the summary and evidence of all.
+
+    Draws of prior and predictions are of a form that the rows do not rule out; of a quick run none.
+    """
     comparison.table.write(folder / "table.csv")
-    complete = Preset.named(comparison.accuracy).extras
+    extras, shares = Preset.named(comparison.accuracy).extras, comparison.probabilities
     tasks: list[tuple[Posterior, Path, bool]] = []
     for name, fit in comparison.fits.items():
         alone = replace(fit, others={}, error_model_weights={})
+        complete = extras and shares.get(name, 1.0) >= MIN_FORM_PROBABILITY
         tasks.append((alone, folder / f"posterior-{name}.nc", complete))
         for noise, posterior in fit.others.items():
             (folder / OTHERS).mkdir(exist_ok=True)

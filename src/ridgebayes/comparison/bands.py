@@ -18,7 +18,7 @@ from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.load_draws import NEGLIGIBLE
+from ridgebayes.predict.load_draws import MAX_DRAWS_TIMES_ROWS, NEGLIGIBLE
 from ridgebayes.predict.of_scene import q_of_scene
 from ridgebayes.predict.posterior_loads import N_SHARED
 from ridgebayes.predict.predict import KINDS, predict_load, predict_q
@@ -31,7 +31,6 @@ AVERAGE = "average"
 _KEPT = 100_000  # bands of each posterior up to which all are kept; of more, some are made twice
 _N_LOAD, _FEWEST = 200, 10  # loads of a texture: fewer where bands would be more than are kept
 _DECIMALS = round(-math.log10(NEGLIGIBLE))  # of probabilities
-_DRAWN = 2**24  # draws times rows of a form's loads, beyond which there are fewer draws
 
 
 def default_loads(comparison: Comparison, n: int = _N_LOAD) -> FloatArray:
@@ -186,7 +185,7 @@ def loads_table(
     a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
     mixtures = _mixtures(comparison, [*comparison.fits, AVERAGE])
     share_of = _largest_shares(mixtures)
-    few = min(_DRAWN / (N_SHARED * max(len(frame), 1)), 1.0)
+    few = min(MAX_DRAWS_TIMES_ROWS / (N_SHARED * max(len(frame), 1)), 1.0)
 
     @cache
     def predicted(fit: Posterior, kind: str) -> LoadDistribution:

@@ -4,8 +4,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import pandas as pd
 
@@ -27,6 +26,7 @@ from ridgebayes.model.noise import AUTO, Noise
 from ridgebayes.request import DEFAULT_FORMS, FormsLike, PriorsLike, Request, TableLike
 from ridgebayes.results import Fit, chain_checkpoint
 from ridgebayes.runtime.pool import submit_or_defer
+from ridgebayes.runtime.progress import untimed
 
 MOST_APART = 4.0  # joint standard errors of a posterior's two evidences
 
@@ -176,20 +176,6 @@ def compared(request: Request) -> Comparison:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Check:
-    """A walk of a selected posterior; holds all that a process of its own needs."""
-
-    pair: Pair
-    drawn: Drawn
-    posterior: Posterior
-    table_digest: str
-    settings: SampleSettings
-    checkpoints: Path | None
-    progress: ProgressCallback | None
-    scores: bool
-
-
 def _begun_walks(
     request: Request,
     weighed: WeighedPairs,
@@ -197,41 +183,37 @@ def _begun_walks(
     selected: Noise,
 ) -> dict[str, Callable[[], tuple[tuple[Posterior, LogEvidence], float]]]:
     """Begin to walk what is selected and not negligible; return what waits, by form."""
-    # A progress callback cannot be sent to another process.
-    progress = None if request.executor else request.progress
-    digest = request.table.calibration.digest()
-    settings = request.settings or request.accuracy.settings
+    # Executors, and what reports progress, cannot be sent to another process.
+    alone = replace(request, executor=None, stage=untimed)
+    if request.executor is not None:
+        alone = replace(alone, progress=None)
     walks = {}
     for form in (form.name for form in request.walked):
-        drawn = weighed.weighed[form, selected.name].drawn
-        if drawn is None or weighed.form_share(form) < MIN_FORM_PROBABILITY:
-            continue
-        pair, posterior = weighed.pairs[form, selected.name], posteriors[form][selected.name]
-        where = (digest, settings, request.checkpoints, progress, request.scores)
-        task = _Check(pair, drawn, posterior, *where)
-        walks[form] = submit_or_defer(request.executor, _check, task)
+        pair, drawn = weighed.pairs[form, selected.name], weighed.weighed[form, selected.name].drawn
+        if drawn is not None and weighed.form_share(form) >= MIN_FORM_PROBABILITY:
+            posterior = posteriors[form][selected.name]
+            walks[form] = submit_or_defer(request.executor, _check, alone, pair, drawn, posterior)
     return walks
 
 
-def _check(task: _Check) -> tuple[tuple[Posterior, LogEvidence], float]:
+def _check(
+    request: Request, pair: Pair, drawn: Drawn, posterior: Posterior
+) -> tuple[tuple[Posterior, LogEvidence], float]:
     """Walk a posterior and bridge it, with the CPU seconds it took.
 
     The posterior keeps its importance draws. It does not count as converged if the walk did not
     meet its rules, or if its two evidences differ by more than four joint standard errors.
     """
-    began, form, model = time.process_time(), task.pair.form.name, task.posterior.model
-    path = task.checkpoints and task.checkpoints / f"chains-{form}.npz"
-    checkpoint = chain_checkpoint(path, task.table_digest, model, task.pair.own_seed, task.settings)
-    walked, bridge = walk_pair(
-        task.pair,
-        task.drawn,
-        task.settings,
-        progress=task.progress and _labelled(task.progress, form),
-        checkpoint=checkpoint,
-    )
+    began, form, model, progress = time.process_time(), pair.form.name, posterior.model, None
+    settings, folder = request.settings or request.accuracy.settings, request.checkpoints
+    path, digest = folder and folder / f"chains-{form}.npz", request.table.calibration.digest()
+    if request.progress is not None:
+        progress = _labelled(request.progress, form)
+    checkpoint = chain_checkpoint(path, digest, model, pair.own_seed, settings)
+    walked, bridge = walk_pair(pair, drawn, settings, progress=progress, checkpoint=checkpoint)
     failures = [f"walk: {failure}" for failure in failed_walk(model, walked)]
-    drawn = task.drawn.evidence
-    apart = abs(bridge.value - drawn.value) / math.hypot(bridge.se, drawn.se)
+    by_draws = drawn.evidence
+    apart = abs(bridge.value - by_draws.value) / math.hypot(bridge.se, by_draws.se)
     if bridge.ok and apart > MOST_APART:
         failures.append(
             f"evidences of the walk and of importance sampling differ by {apart:.1f} joint "
@@ -240,10 +222,9 @@ def _check(task: _Check) -> tuple[tuple[Posterior, LogEvidence], float]:
     elif not bridge.ok:
         failures.append(f"bridge: {bridge.status}")
     checked = replace(
-        task.posterior,
-        convergence_failures=task.posterior.convergence_failures + tuple(failures),
+        posterior, convergence_failures=posterior.convergence_failures + tuple(failures)
     )
-    if task.scores:  # and for the fit's file, which is written elsewhere
+    if request.scores:  # and for the fit's file, which is written elsewhere
         checked = checked.with_log_likelihood()
     return (checked, bridge), time.process_time() - began
 

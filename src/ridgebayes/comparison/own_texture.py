@@ -16,17 +16,18 @@ from scipy.special import ndtr, ndtri
 from ridgebayes._types import FloatArray, Json
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.errors import InputError
+from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.posterior_loads import PosteriorLoads
 from ridgebayes.predict.predict import Predictive
 from ridgebayes.predict.q_distribution import heavy_parts
 
-_PROB = ndtr(ndtri(0.05) * np.arange(-8, 9)[::-1] / 4)  # at even steps of the normal score
+_PROB = ndtr(ndtri(0.05) * np.linspace(2, -2, 17))  # at even steps of the normal score
 _LEAST_RATIO = 0.04  # of a/pitch; and as far from 1
 _N_RATIO = 10  # numbers of a/pitch below, within and above the calibrated
 _MOST_Q = 40  # the last count, unless more were calibrated
-_N_SAMPLE = 2**14  # loads of each place
+_N_SAMPLE = 2 * N_KEPT  # loads of each place
 _UNIT = 1e-5  # of ln load, far below what Monte Carlo error leaves
 
 
@@ -120,7 +121,8 @@ def _log_quantiles(
     n = -(-_N_SAMPLE // len(load.weight)), len(load.weight), 1
     score = ndtri((np.arange(math.prod(n)) + 0.5) / golden % 1).reshape(n)
     value = np.empty((*load.shape, len(prob)))
-    log_mean, log_sd = load.log_mean, load.sd
+    columns = load.draws.columns(load.place.ravel())  # both at once: they take most of the time
+    log_mean, log_sd = (np.reshape(x, (len(load.weight), *load.shape)) for x in columns)
     for i in range(len(ratio)):
         order = np.argsort(log_mean[:, i], axis=0)
         mean, sd = (np.take_along_axis(x[:, i], order, axis=0) for x in (log_mean, log_sd))

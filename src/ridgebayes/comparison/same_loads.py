@@ -13,7 +13,6 @@ from ridgebayes.model.rows import Rows
 _CLOSE = 1e-7  # of log loads that are the same: those of the half-plane are computed to 1e-8
 _N_POINT, _SHIFT = 3, 0.5  # coefficients tried of each form; prior sds between them
 _MANY = 200  # coefficients beyond which not all textures are looked at, but so many
-_N_HALVED = 30  # steps towards a draw, until a form has loads there
 
 
 def same_loads(first: Posterior, other: Posterior) -> bool:
@@ -103,7 +102,7 @@ class _Reachable:
         points = [reached.points[0]]
         for k in range(1, _N_POINT):
             step = _SHIFT * np.cos(k + np.arange(len(u)))  # no coefficient, and no pair alike
-            for _ in range(_N_HALVED):
+            while np.abs(step).max() > _CLOSE:  # towards the draw, until the form has loads
                 theta = model.to_theta(u + step)[names]
                 if np.isfinite(reached.log_rates(theta)).all():
                     points.append(theta)

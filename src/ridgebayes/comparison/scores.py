@@ -42,17 +42,13 @@ def loo_table(fits: Mapping[str, Fit]) -> pd.DataFrame:
         return pd.DataFrame(columns=LOO_COLUMNS)
     sound = {name: score.pointwise for name, score in scores.items() if score.status == "ok"}
     weights = stacking_weights(np.stack([*sound.values()])) if sound else np.empty(0)
-    weight_of = dict(zip(sound, weights, strict=True))
-    frame = pd.DataFrame(
-        [
-            (name, fits[name].noise.name, score.elpd, score.se, score.p, score.n_bad_k, np.nan)
-            for name, score in scores.items()
-        ],
-        columns=LOO_COLUMNS,
-    )
-    frame["stacking_weight"] = frame["form"].map(weight_of).astype(float)
-    frame.loc[frame["stacking_weight"].isna(), ["elpd", "se", "p"]] = np.nan
-    return frame
+    weight_of = dict(zip(sound, weights.tolist(), strict=True))
+    table = []
+    for name, score in scores.items():
+        sums = (score.elpd, score.se, score.p) if name in sound else (np.nan,) * 3
+        cells = (*sums, score.n_bad_k, weight_of.get(name, np.nan))
+        table.append((name, fits[name].noise.name, *cells))
+    return pd.DataFrame(table, columns=LOO_COLUMNS)
 
 
 def _left_out(fit: Fit, rows: np.ndarray) -> Loo:

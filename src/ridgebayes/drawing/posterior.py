@@ -9,7 +9,6 @@ from matplotlib.ticker import MaxNLocator
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.drawing.style import (
-    DPI,
     OBSERVED,
     WIDTH,
     colour_of,
@@ -62,7 +61,7 @@ def plot_corner(
     draws = draws * 10.0**powers
     n = len(names)
     size = min(1.6 + 1.1 * n, WIDTH)
-    figure = Figure(figsize=(size, size), dpi=DPI)
+    figure = Figure(figsize=(size, size))
     FigureCanvasAgg(figure)
     colour = colour_of(form)
     # Draws far out in the tails must not squeeze the panels.

@@ -16,6 +16,7 @@ from ridgebayes.drawing.predictions import draw_band
 from ridgebayes.drawing.scenes import draw_effects, draw_steps
 from ridgebayes.drawing.style import (
     COLOURS,
+    MOST_LEGEND,
     colour_of,
     draw_intervals,
     look_of,
@@ -24,8 +25,7 @@ from ridgebayes.drawing.style import (
     title_of,
 )
 
-_COLOURS = list(COLOURS.values())[:-1]
-_MAX_ENTRIES_INSIDE = 4  # legend entries; a longer legend stands beside the axes
+_COLOURS = [colour for name, colour in COLOURS.items() if name != "average"]
 _LOAD, _COUNT = "load $p/E$", "edges in contact $Q$"
 
 
@@ -202,8 +202,8 @@ def _band_title(frame: pd.DataFrame) -> str:
 
 def _add_legend(axes: Axes, n_shown: int, n: int) -> None:
     outside: Any = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)}
-    # A long legend would cover the data.
-    many = len(axes.get_legend_handles_labels()[1]) > _MAX_ENTRIES_INSIDE
+    # A long legend would cover the data: it stands beside the axes.
+    many = len(axes.get_legend_handles_labels()[1]) > MOST_LEGEND
     axes.legend(fontsize="small", **(outside if many else {}))
     if n_shown < n:
         axes.set_title(f"the first {n_shown} of {n:,}")

@@ -33,7 +33,9 @@ _FORMS = {
     "half-plane": ("Half-plane", "#6B4E00", "P"),
     "average": ("Average of forms", "#444444", "X"),
 }
-TITLES, COLOURS, MARKERS = ({name: look[i] for name, look in _FORMS.items()} for i in range(3))
+TITLES, COLOURS, MARKERS = (
+    dict[str, str](zip(_FORMS, looks, strict=True)) for looks in zip(*_FORMS.values(), strict=True)
+)
 SYMBOLS = {  # of parameters, in text and on an axis
     "c": ("c", "$c$"),
     "c1": ("c₁", "$c_1$"),
@@ -49,8 +51,7 @@ SYMBOLS = {  # of parameters, in text and on an axis
 OBSERVED = "#000000"
 QUIET = "#8A8A8A"
 WIDTH = 7.4  # inches; fits A4, so that a tick label of 9 pt is printed in this size
-DPI = 180
-MOST_LEGEND = 4  # legend entries in a row
+MOST_LEGEND = 4  # legend entries in a row, or on the axes
 # Paths of an SVG are in points: a hundredth is far below a pixel.
 _PATH, _BEYOND_HUNDREDTH = re.compile(rb'(?<= d=")[^"]*'), re.compile(rb"(\.\d\d)\d+")
 _STYLE = Path(__file__).with_name("figures.mplstyle")
@@ -69,7 +70,7 @@ def styled() -> Iterator[None]:
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure, with sizes in inches, whose layout makes room for labels."""
-    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 

@@ -255,14 +255,26 @@ class LoadDistribution(Predicted):
             "extrapolation_of": self.extrapolation_of,
         }
 
-    def _some(self, which: IntArray) -> "LoadDistribution":
-        flags = np.broadcast_to(self.flags, self.shape).ravel()[which]
-        place, highest = self.place.ravel()[which], self.highest.ravel()[which]
-        return LoadDistribution(self.draws, place, flags, highest, self._flat_places(which))
+    def _first(self, n: int) -> "LoadDistribution":
+        flags = np.broadcast_to(self.flags, self.shape).ravel()[:n]
+        place, highest = self.place.ravel()[:n], self.highest.ravel()[:n]
+        return LoadDistribution(self.draws, place, flags, highest, self._first_places(n))
 
-    def _drawn(self, ax: "Axes | None") -> "Axes":
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw 90 % intervals against load or count, texture by texture; of one place, all of it.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure's if not given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
         if not self.shape or "Q" not in self.places:
-            first = self._some(self._numbers.ravel()[:1])
+            first = self._first(1)
             low, high = (float(first.quantile(prob)[0]) for prob in (1e-3, 0.999))
             p = np.linspace(low, high, 200)
             unit = next(map(str, np.ravel(self.places.get("load_unit", ()))), None)

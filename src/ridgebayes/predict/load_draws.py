@@ -19,11 +19,13 @@ from ridgebayes.errors import InputError
 
 NEGLIGIBLE = 1e-6  # P(Q >= n) at the highest load under which no further n is computed
 LARGEST_Q = 20_000
-_SATURATED = 8.3  # standard deviations beyond which a normal distribution function is 0 or 1
+# Standard deviations beyond which a normal distribution function is 0 or 1.
+_SATURATED = -ndtri(np.finfo(float).epsneg)
 _N_NODE = 256  # of a table: its error is a tenth of that of the number of draws at most
 COUNTS_AT_ONCE = 8
 _N_PART = 8  # of draws, by their sd
 NUMBERS_AT_ONCE = 2**19  # draws times loads or places, which bounds memory: 4 MB
+MAX_DRAWS_TIMES_ROWS = 32 * NUMBERS_AT_ONCE  # limits memory: with more rows there are fewer draws
 _PRECISION = 1e-10  # of the log of a quantile
 
 Columns = tuple[FloatArray, FloatArray]

@@ -19,11 +19,10 @@ from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.posterior import Posterior, SharedOffsets
 from ridgebayes.model.default_priors import slope_prior
 from ridgebayes.model.forms import Form, PowerLaw
-from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE
+from ridgebayes.predict.load_draws import MAX_DRAWS_TIMES_ROWS
 from ridgebayes.runtime.randomness import stream
 
 Counts = IntArray | FloatArray
-_N_BLOCK = 16  # blocks of numbers that smooth offsets' matrices take at once: 64 MB
 N_SHARED = N_KEPT // 4  # draws where rows share offsets, whose places are worked out for each draw
 LEAST_SHARE = 16  # part of these that a posterior of no weight in an average has
 _WIDEST = 1e6  # of a Student scale: loads of such a draw are next to 0 or infinite
@@ -75,7 +74,7 @@ class PosteriorLoads:
         Smooth offsets take a matrix for each draw; the matrices of one part are held at once.
         """
         n_place = self.fit.model.offsets.n_smooth if self._has_offsets else 0
-        n_part = -(-len(self) * n_place**2 // (_N_BLOCK * NUMBERS_AT_ONCE))
+        n_part = -(-len(self) * n_place**2 // MAX_DRAWS_TIMES_ROWS)
         if n_part <= 1:
             return [self]
         parts = []

@@ -18,7 +18,6 @@ from ridgebayes.runtime.randomness import seeded
 
 if TYPE_CHECKING:  # heavy
     import xarray as xr
-    from matplotlib.axes import Axes
 
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
@@ -87,12 +86,8 @@ class Predicted(Tabular):
         """Return the columns of a table, each of `shape` or one number."""
 
     @abstractmethod
-    def _some(self, which: IntArray) -> "Predicted":
-        """Return the distributions of these numbers, in the order of the flat array."""
-
-    @abstractmethod
-    def _drawn(self, ax: "Axes | None") -> "Axes":
-        """Draw by a function of `drawing.records`."""
+    def _first(self, n: int) -> "Predicted":
+        """Return the first distributions of the flat array."""
 
     @labelled
     def quantile(self, prob: ArrayLike) -> np.ndarray:
@@ -204,31 +199,16 @@ class Predicted(Tabular):
             {name: np.broadcast_to(x, self.shape).ravel() for name, x in columns.items()}
         )
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw 90 % intervals against load or count, texture by texture; of one place, all of it.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure's if not given.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        return self._drawn(ax)
-
     def _first_rows(self, n: int) -> pd.DataFrame:
-        return self._some(self._numbers.ravel()[:n]).to_dataframe()
+        return self._first(n).to_dataframe()
 
     @property
     def _numbers(self) -> IntArray:
         return np.arange(prod(self.shape)).reshape(self.shape)
 
-    def _flat_places(self, which: IntArray) -> dict[str, np.ndarray]:
-        """Return what tables show of the distributions of these numbers."""
-        return {k: np.broadcast_to(v, self.shape).ravel()[which] for k, v in self._where.items()}
+    def _first_places(self, n: int) -> dict[str, np.ndarray]:
+        """Return what tables show of the first distributions."""
+        return {k: np.broadcast_to(v, self.shape).ravel()[:n] for k, v in self._where.items()}
 
     def _probability(self, prob: ArrayLike, n_tail: int) -> FloatArray:
         """Return probabilities, or raise InputError if `n_tail` tails leave none beside them."""

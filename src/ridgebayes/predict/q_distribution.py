@@ -255,16 +255,27 @@ class QDistribution(Predicted):
             "extrapolation_of": beyond,
         } | {f"p_q_ge_{n}": self.survival[..., i] for i, n in enumerate(self.q) if i}
 
-    def _some(self, which: IntArray) -> "QDistribution":
-        survival = self.survival.reshape(-1, self.survival.shape[-1])[which]
-        flags, places = np.broadcast_to(self.flags, self.shape), self._flat_places(which)
+    def _first(self, n: int) -> "QDistribution":
+        survival = self.survival.reshape(-1, self.survival.shape[-1])[:n]
+        flags, places = np.broadcast_to(self.flags, self.shape).ravel()[:n], self._first_places(n)
         places.pop("kind_of_band")
-        flags = flags.ravel()[which]
         return replace(self, survival=survival, flags=flags, places=places, labels=None)
 
-    def _drawn(self, ax: "Axes | None") -> "Axes":
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw 90 % intervals against load or count, texture by texture; of one place, all of it.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure's if not given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
         if not self.shape or "p_over_E" not in self.places:
-            first = self._some(self._numbers.ravel()[:1])
+            first = self._first(1)
             return drawing.records.draw_probabilities(first.q, np.asarray(first.pmf)[0], ax)
         return drawing.records.draw_bands(self.to_dataframe(), ax)
 

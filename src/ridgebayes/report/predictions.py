@@ -46,13 +46,7 @@ def held_out_section(data: ReportData) -> list[Block]:
             "Load error, %": lambda part: (
                 ABSENT if part["prior_alone"].all() else _range(part["error"])
             ),
-            "Extrapolation": lambda part: (
-                "prior only"
-                if part["prior_alone"].all()
-                else "yes"
-                if part["extrapolation"].any()
-                else "no"
-            ),
+            "Extrapolation": _extrapolation,
         },
         text=(0, 3),
     )
@@ -62,11 +56,9 @@ def held_out_section(data: ReportData) -> list[Block]:
             "a/R": lambda row: f"{row['a_over_R']:g}",
             "b/R": lambda row: f"{row['b_over_R']:g}",
             "Q": lambda row: str(row["Q"]),
-            "Observed p/E": lambda row: number(row["p_over_E_observed"], 4),
-            "Median": lambda row: number(row["p_over_E_median"], 4),
-            band: lambda row: " to ".join(
-                number(row[f"p_over_E_{end}"], 4) for end in ("lower", "upper")
-            ),
+            "Observed p/E": lambda row: number(row["p_over_E_observed"]),
+            "Median": lambda row: number(row["p_over_E_median"]),
+            band: lambda row: f"{number(row['p_over_E_lower'])} to {number(row['p_over_E_upper'])}",
             "Observed is": lambda row: "inside" if row["inside"] else "outside",
         },
         f"{form_name(data.shown)}, row by row.",
@@ -81,6 +73,12 @@ def held_out_section(data: ReportData) -> list[Block]:
         sums,
         Folded("Row by row", [row_by_row], short=True),
     ]
+
+
+def _extrapolation(part: pd.DataFrame) -> str:
+    if part["prior_alone"].all():
+        return "prior only"
+    return "yes" if part["extrapolation"].any() else "no"
 
 
 def _firsts(rows: Sequence[Sequence[str]]) -> str:

@@ -31,7 +31,6 @@ _SIDES = [[k, k + 4, (k + 1) % 4] for k in range(4)]
 _BOUNDARY = [node for start, middle, _ in _SIDES for node in (start, middle)]
 # Close-up: its half width over that of the contact, and its height over its half width.
 _WIDTH_OVER_CONTACT, _HEIGHT_OVER_WIDTH = 1.2, 0.68
-_SHARE_BELOW_BODY = 0.1  # share of the close-up's height below the body
 _ARC = np.linspace(0.0, 0.5 * math.pi, 13)
 _MAX_PRESSURE_OVER_MEAN = 3.0  # in the contact; peaks at sharp corners are cut
 
@@ -134,7 +133,9 @@ def plot_deformed(cylinder: Cylinder, state: State) -> Figure:
     low, high = body.points.min(axis=0), body.points.max(axis=0)
     wide = 1.05 * max(high[0], -low[0])
     half = _WIDTH_OVER_CONTACT * float((table["x"].abs() + 0.5 * table["length"]).max())
-    bottom = float(low[1]) - _SHARE_BELOW_BODY * _HEIGHT_OVER_WIDTH * half
+    # In shares of the close-up the room below the body is that on either side of the contact.
+    share_below = 0.5 * (_WIDTH_OVER_CONTACT - 1)
+    bottom = float(low[1]) - share_below * _HEIGHT_OVER_WIDTH * half
     # The extra height keeps the close-up as wide as the pressure below it.
     tall = high[1] - low[1] + 0.1
     rows = [WIDTH * 0.5 * tall / wide, WIDTH * 0.5 * _HEIGHT_OVER_WIDTH + 0.1, 1.7]
