@@ -54,6 +54,7 @@ HOLDS = {  # keys of `--map` that are no columns of the contract; `DIMENSIONS` h
     "load": "a load whose unit tells which of these it is",
     "load_lower": "as `p_lower`",
     "load_sd": "standard deviation of loads whose mean is the load, in its unit or another one",
+    "load_sem": "standard error of each load, such as that of a mean, in its unit or another one",
     "n_mean": "how many loads the mean is of",
     "load_se": "standard error of every load, in any unit of loads (`--load-se`)",
     "gap": "gap at a corner",
