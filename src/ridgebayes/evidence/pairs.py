@@ -121,13 +121,10 @@ class Weighed:
     drawn: Drawn | None = field(default=None, repr=False)
 
 
-def weigh(pair: Pair, *, rough: bool = False) -> Weighed:
-    """Return a pair's evidence and draws; the reason where there are none.
-
-    `rough` is that of `importance_sample`.
-    """
+def weigh(pair: Pair) -> Weighed:
+    """Return a pair's evidence and draws; the reason where there are none."""
     try:
-        drawn = importance_sample(pair.target(), pair.effort, pair.own_seed, rough=rough)
+        drawn = importance_sample(pair.target(), pair.effort, pair.own_seed)
     except ComputationError as error:
         return Weighed(LogEvidence("importance", math.nan, math.nan, str(error)))
     return Weighed(drawn.evidence, drawn)

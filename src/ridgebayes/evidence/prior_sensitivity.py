@@ -158,7 +158,7 @@ def _redrawn(task: _Task) -> dict[_Change, float]:
                 values[prior, factor] = drawn.evidence.value + difference
                 continue
         pair = _changed(task.pair, (prior, factor))
-        result = weigh(pair, rough=True)
+        result = weigh(replace(pair, effort=QUICK.effort))
         if math.isfinite(result.evidence.value):
             values[prior, factor] = result.evidence.value
         if furthest is None and result.drawn is not None and result.evidence.ok:

@@ -16,7 +16,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -117,7 +116,7 @@ class Drawn:
         )
 
 
-def importance_sample(target: Target, effort: Effort, seed: int, *, rough: bool = False) -> Drawn:
+def importance_sample(target: Target, effort: Effort, seed: int) -> Drawn:
     """Draw from a posterior and estimate its evidence.
 
     Parameters
@@ -128,19 +127,14 @@ def importance_sample(target: Target, effort: Effort, seed: int, *, rough: bool 
         Numbers of draws.
     seed : int
         Seed.
-    rough : bool, optional
-        Whether the draws of adaptation are all: their proposals are fitted to draws before them, so
-        that the mean weight has a small bias.
 
     Raises
     ------
     ComputationError
         If no start or no draw has a positive density.
     """
-    proposal, sets = adapted(target, effort, stream(seed, "adaptation"), rough)
-    return (
-        _drawn(target, sets, proposal, seed) if rough else draw_from(target, proposal, effort, seed)
-    )
+    proposal = adapted(target, effort, stream(seed, "adaptation"))
+    return draw_from(target, proposal, effort, seed)
 
 
 def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) -> Drawn:
@@ -168,39 +162,19 @@ def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> D
     ComputationError
         If no draw has a positive density.
     """
-    sets = []
+    sets, weights, halves = [], [], []
     n_draw = effort.n_draw * (EXACT_DRAW_FACTOR if target.is_exact else 1)
     for i in range(N_REPEAT):
         rng = stream(seed, f"set {i}")
         draws = target.evaluate(*proposal.draw(rng, n_draw), rng, effort.n_point)
-        sets.append(_Weighed.by(draws, [proposal]))
-    return _drawn(target, sets, proposal, seed)
-
-
-class _Weighed(NamedTuple):
-    """Draws with their log weights, by all points and by half of them."""
-
-    u: FloatArray
-    log_density: FloatArray
-    scores: FloatArray
-    log_weight: FloatArray
-    half: FloatArray
-
-    @classmethod
-    def by(cls, draws: Evaluated, proposals: Sequence[Mixture]) -> "_Weighed":
-        """Weigh draws of proposals."""
-        return cls(draws.u, draws.log_density, draws.scores, *log_weights(draws, proposals))
-
-
-def _drawn(target: Target, sets: Sequence[_Weighed], proposal: Mixture, seed: int) -> Drawn:
-    """Return sets of weighed draws as draws of equal weight, and their evidence."""
-    evidence = _evidence(target, [x.log_weight for x in sets], [x.half for x in sets])
-    chosen = [_resampled(x.log_weight, stream(seed, f"resampling {i}")) for i, x in enumerate(sets)]
-    u, log_density, scores = (
-        np.stack([x[column][index] for x, index in zip(sets, chosen, strict=True)])
-        for column in range(3)
-    )
-    share = effective_share(np.concatenate([x.log_weight for x in sets]))
+        log_weight, half = log_weights(draws, [proposal])
+        chosen = _resampled(log_weight, stream(seed, f"resampling {i}"))
+        sets.append((draws.u[chosen], draws.log_density[chosen], draws.scores[chosen]))
+        weights.append(log_weight)
+        halves.append(half)
+    u, log_density, scores = map(np.stack, zip(*sets, strict=True))
+    evidence = _evidence(target, weights, halves)
+    share = effective_share(np.concatenate(weights))
     return Drawn(u, log_density, scores, evidence, share, proposal)
 
 
@@ -237,40 +211,25 @@ def _evidence(
     return LogEvidence("importance", value, se, status)
 
 
-def adapted(
-    target: Target, effort: Effort, rng: np.random.Generator, rough: bool = False
-) -> tuple[Mixture, list[_Weighed]]:
-    """Return a proposal fitted to a target, round by round, and the rounds' draws in four sets.
-
-    Rounds end as soon as the last serves well, or if `rough` once enough draws of all count.
-    """
+def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture:
+    """Return a proposal fitted to a target, round by round, until one serves well."""
     shape = _split(_modes(target, rng), rng)
     prior = Mixture.prior(len(target.names))
     proposals = [shape.beside(prior, _PRIOR_SHARE_FIRST)]
     parts: list[Evaluated] = []
-    rounds: list[_Weighed] = []
-    shares: list[float] = []
     n, few = effort.n_per_round, max(effort.n_point // 2, 4)  # rougher estimates fit as well
     for _ in range(effort.n_round):
         parts.append(target.evaluate(*proposals[-1].draw(rng, n), rng, few))
-        rounds.append(_Weighed.by(parts[-1], proposals[-1:]))
-        shares.append(effective_share(rounds[-1].log_weight))
+        last, _ = log_weights(parts[-1], proposals[-1:])
         draws = joined(parts)
         log_weight, _ = log_weights(draws, proposals)
         if np.isfinite(log_weight).any():
             weights = _tempered(log_weight, len(target.names))
             shape = shape.fitted(draws.coordinates, draws.log_jacobian, weights)
         proposals.append(shape.beside(prior, _PRIOR_SHARE))
-        # The relative variance of a mean weight is one over the draws that count.
-        if n * sum(shares) > MAX_SE**-2 if rough else shares[-1] > _GOOD_SHARE:
+        if effective_share(last) > _GOOD_SHARE:
             break
-    # Rounds by the draws that count: each weighed by its own proposal, which has not seen them.
-    with np.errstate(divide="ignore"):
-        parts_of_sum = np.repeat(np.log(np.array(shares) / np.mean(shares)), n)
-    u, log_density, scores, log_weight, half = map(np.concatenate, zip(*rounds, strict=True))
-    columns = u, log_density, scores, log_weight + parts_of_sum, half + parts_of_sum
-    sets = [_Weighed(*(column[i::N_REPEAT] for column in columns)) for i in range(N_REPEAT)]
-    return proposals[-1], sets
+    return proposals[-1]
 
 
 def _modes(target: Target, rng: np.random.Generator) -> Mixture:
