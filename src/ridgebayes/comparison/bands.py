@@ -18,7 +18,7 @@ from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.load_draws import MAX_DRAWS_TIMES_ROWS, NEGLIGIBLE
+from ridgebayes.predict.load_draws import MAX_DRAWS_TIMES_ROWS, NEGLIGIBLE_PROBABILITY
 from ridgebayes.predict.of_scene import q_of_scene
 from ridgebayes.predict.posterior_loads import N_SHARED
 from ridgebayes.predict.predict import KINDS, predict_load, predict_q
@@ -30,7 +30,7 @@ from ridgebayes.table.table import ContactTable
 AVERAGE = "average"
 _KEPT = 100_000  # bands of each posterior up to which all are kept; of more, some are made twice
 _N_LOAD, _FEWEST = 200, 10  # loads of a texture: fewer where bands would be more than are kept
-_DECIMALS = round(-math.log10(NEGLIGIBLE))  # of probabilities
+_DECIMALS = round(-math.log10(NEGLIGIBLE_PROBABILITY))  # of probabilities
 
 
 def default_loads(comparison: Comparison, n: int = _N_LOAD) -> FloatArray:
@@ -273,7 +273,7 @@ def _joined(blocks: list[pd.DataFrame]) -> pd.DataFrame:
     """Join forms, zeros for the tails that others have, up to the first negligible column."""
     frame = pd.concat(blocks, ignore_index=True)
     tail = frame.filter(regex="^p_q_ge_").columns
-    n_kept = int((frame[tail].max() >= NEGLIGIBLE).sum()) + 1
+    n_kept = int((frame[tail].max() >= NEGLIGIBLE_PROBABILITY).sum()) + 1
     frame, kept = frame.drop(columns=tail[n_kept:]), list(map(str, tail[:n_kept]))
     frame[kept] = frame[kept].fillna(0.0)
     return frame.round(dict.fromkeys(["q_mean", *kept], _DECIMALS))
