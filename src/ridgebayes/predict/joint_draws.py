@@ -174,15 +174,15 @@ class PredictiveSampler:
         score = special.ndtri(rng.random(len(p)))
         with np.errstate(divide="ignore"):
             y = np.log(p)
-        Q, alive = np.full(p.shape, 2), np.ones(p.shape, dtype=bool)
+        Q, is_reached = np.full(p.shape, 2), np.ones(p.shape, dtype=bool)
         for first in range(0, MAX_Q // 2, COUNTS_PER_BLOCK):
             ids = np.arange(first, first + COUNTS_PER_BLOCK)
             location, sd = self.log_loads(textures, nu, which, ids)
             for load in (location + sd * score[:, None]).T:
                 # All counts of a body use one score, so its loads must be reached in order.
-                alive &= y >= load[:, None]
-                Q += 2 * alive
-            if not alive.any():
+                is_reached &= y >= load[:, None]
+                Q += 2 * is_reached
+            if not is_reached.any():
                 flags = self._range.load_flags(p, nu[:, None]) | self._range.count_flags(Q)
                 flags |= self._range.texture_flags(*textures[:, :2].T)[:, None]
                 return PredictiveDraws(Q, which * self.loads.stride, flags)
