@@ -15,7 +15,7 @@ from ridgebayes.evidence.tables import MIN_PAIR_WEIGHT, mean_evidence, used_evid
 from ridgebayes.model.noise import SERIES, Noise
 
 GRADES = ("decisive", "supports", "leans", "undecided")
-LEANS = 2.0  # smallest ln BF of the grade "leans"; below it the verdict is undecided
+MIN_LN_BF_LEANS = 2.0  # smallest ln BF of the grade "leans"; below it the verdict is undecided
 # A decisive ln BF must also stay above `MIN_LN_BF_SUPPORTS` under all priors and error models.
 MIN_LN_BF_SUPPORTS, MIN_LN_BF_DECISIVE = 3.0, 5.0
 _ERROR_MODEL_PRIORS = ("sigma", "tau_", "length_", "df", NUGGET)  # prefixes, the same in all forms
@@ -207,7 +207,7 @@ def _grade(ln_bf: float, low: float) -> str:
         return "decisive"
     if ln_bf >= MIN_LN_BF_SUPPORTS and low > 0:
         return "supports"
-    return "leans" if ln_bf >= LEANS and low > 0 else "undecided"
+    return "leans" if ln_bf >= MIN_LN_BF_LEANS and low > 0 else "undecided"
 
 
 def _unfitted(failed: Collection[str]) -> str:
@@ -237,8 +237,8 @@ def _why(grade: str, ln_bf: float, low: float, weakest: str) -> str:
     at = f" ({weakest})" if weakest and low < ln_bf else ""
     if grade != "undecided":
         return lead + at
-    if ln_bf < LEANS:
-        return f"ln BF {ln_bf:.1f} over the next form is under {LEANS:g}"
+    if ln_bf < MIN_LN_BF_LEANS:
+        return f"ln BF {ln_bf:.1f} over the next form is under {MIN_LN_BF_LEANS:g}"
     return f"ln BF {ln_bf:.1f}, but another form is ahead under another prior or error model{at}"
 
 

@@ -25,7 +25,7 @@ _MAX_Z = -ndtri(np.finfo(float).epsneg)
 # The interpolation error of 256 nodes is at most a tenth of the Monte Carlo error.
 _N_NODE = 256
 COUNTS_PER_BLOCK = 8  # counts computed together, until they are negligible
-_MIN_BLOCKS = 8  # blocks of draws of similar sd; most blocks are 0 or 1 at most loads
+_MIN_BLOCKS = 8  # of draws with similar sd, see `_mean_cdf`
 NUMBERS_AT_ONCE = 2**19  # draws times loads or places in one block: arrays of 4 MB
 MAX_DRAWS_TIMES_ROWS = 32 * NUMBERS_AT_ONCE  # limits memory; more rows get fewer draws
 _LOG_QUANTILE_TOL = 1e-10  # absolute
