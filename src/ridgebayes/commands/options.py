@@ -84,8 +84,8 @@ class Predict:
     out : Path
         Bands to write, .csv or .parquet.
     texture : list of str, optional
-        A,B: ridge and groove width, over the radius or with units (needs --R or --scene). May
-        be repeated. The textures of --scene if not given.
+        A,B: ridge and groove width, as shares of the radius, or with units (needs --R or
+        --scene). May be repeated. The textures of --scene if not given.
     p_over_E : str, optional
         Loads p/E: a number such as 0.01, LO:HI:N (evenly spaced) or log:LO:HI:N
         (log-spaced).
@@ -180,8 +180,8 @@ class DesignOptions:
         Goal, such as 'P(Q >= 8) >= 0.95', 'P(6 <= Q <= 10 at p/E = 0.01) >= 90 %',
         'P(Q(0.2 N) < 8 <= Q(0.8 N)) >= 0.9' or 'sd(Q) <= 1'. May be repeated.
     a : str, optional
-        Range of ridge widths LO:HI, over the radius or with units. The calibrated range if
-        not given.
+        Range of ridge widths LO:HI, as shares of the radius or with units. The calibrated
+        range if not given.
     b : str, optional
         Range of groove widths LO:HI, in the same way.
     step : str, optional
