@@ -172,7 +172,7 @@ def test_default_loads__pass_over_rows_that_are_not_ok(comparison, paper):
 
 @pytest.mark.parametrize(("kept", "n_load"), [(10_000, 200), (500, 50), (20, 10)])
 def test_bands__of_very_many_textures_are_at_fewer_loads(comparison, monkeypatch, kept, n_load):
-    monkeypatch.setattr("ridgebayes.comparison.bands._KEPT", kept)
+    monkeypatch.setattr("ridgebayes.comparison.bands.MAX_BANDS_KEPT", kept)
     found = bands_table(comparison, forms=["modified"], kinds=["curve"])
     n_texture = len(comparison.table.textures)
     assert len(found) == n_load * n_texture == n_load * 10
@@ -181,7 +181,7 @@ def test_bands__of_very_many_textures_are_at_fewer_loads(comparison, monkeypatch
 def test_bands__of_very_many_places_keep_no_posteriors_and_are_the_same(comparison, monkeypatch):
     where = {"textures": [(0.022, 0.02)], "loads": np.geomspace(1e-3, 0.02, 30)}
     kept = bands_table(comparison, **where)
-    monkeypatch.setattr("ridgebayes.comparison.bands._KEPT", 29)
+    monkeypatch.setattr("ridgebayes.comparison.bands.MAX_BANDS_KEPT", 29)
     pd.testing.assert_frame_equal(bands_table(comparison, **where), kept, check_exact=True)
 
 

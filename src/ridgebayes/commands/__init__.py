@@ -1,11 +1,12 @@
-"""The command line: one module a command, their shared options, and the run folder.
+"""Command line: one module for each command, the shared options and the run folder.
 
-`options` and `table_options` declare what each command may be told, `shared_options` what several
-may, and `cli` lists them; they load nothing heavy. `command` in the module of a command's name does
-the work and returns an `Answer`, which `terminal` shows. `run_folder` writes a folder whole or not
-at all, `run_files` says which files a run has. The room knows every other one, and none knows it.
+`options` and `table_options` declare the options of each command, `shared_options` those of several
+commands, and `cli` lists the commands; these modules import nothing heavy. The function `command`
+in the module of each command does the work and returns an `Answer`, which `terminal` prints.
+`run_folder` writes a folder completely or not at all, and `run_files` lists the files of a run. The
+package imports all other packages and none imports it.
 """
 
 import time
 
-BEGAN = time.perf_counter()  # the program, of which imports are the first second
+BEGAN = time.perf_counter()  # start of the program; imports take about one second

@@ -1,4 +1,4 @@
-"""Answers of `run`, `compare` and `fit` at their end: the verdict, and each form in numbers."""
+"""Printed results of `run`, `compare` and `fit`: the verdict and a summary of each form."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from ridgebayes.runtime.text import count, short_label
 
 
 def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
-    """Return the verdict, forms by probability, and their coefficients."""
+    """Return the verdict, the forms in order of probability, and their coefficients."""
     verdict, shares, parts = done.verdict, done.probabilities, [_rows_text(done, out, then)]
     if verdict is not None:
         reason = f" Why: {why(verdict)}." if verdict.grade == "undecided" else ""
@@ -45,7 +45,7 @@ def comparison_answer(done: Comparison, out: Path, then: str = "") -> Answer:
 
 
 def fit_answer(done: Comparison, out: Path) -> Answer:
-    """Return the parameters of one fit, those of the error model too."""
+    """Return the parameters of one fit, including those of the error model."""
     (fit,) = done.fits.values()
     state = "converged" if fit.converged else "NOT converged"
     state_text = f"{fit.form.name}, error model {fit.noise.name}, drawn by {fit.sampler}: {state}"
@@ -59,7 +59,7 @@ def fit_answer(done: Comparison, out: Path) -> Answer:
 
 
 def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
-    """Say which rows were fitted."""
+    """Return a text about fitted, held-out and ignored rows, and the cautions."""
     table = done.table
     fitted = count(len(table.calibration), "row")
     held_out = f", {n} held out" if (n := len(table.held_out)) else ""
@@ -70,7 +70,7 @@ def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
 
 
 def _coefficients(fits: Sequence[Fit]) -> list[str | pd.DataFrame]:
-    """Return the coefficients of each form; of many textures' K only where they are."""
+    """Return a table of coefficients; name the file of forms with too many coefficients."""
     tables: list[pd.DataFrame] = []
     more: list[str | pd.DataFrame] = []
     for fit in fits:
@@ -86,7 +86,7 @@ def _coefficients(fits: Sequence[Fit]) -> list[str | pd.DataFrame]:
 
 
 def _rounded(summary: pd.DataFrame) -> pd.DataFrame:
-    """Return parameters to read: two digits of the sd, and the rest to match."""
+    """Round parameters to two digits of their standard deviation."""
     rows = []
     for row in summary.to_dict("records"):
         places = 3
@@ -100,7 +100,7 @@ def _rounded(summary: pd.DataFrame) -> pd.DataFrame:
 
 
 def _heaviest(weights: Mapping[str, float]) -> str:
-    """Return the error models of most weight; all are in run.json."""
+    """Return the error models with the largest weights; run.json has all of them."""
     ranked = sorted(weights.items(), key=lambda item: -item[1])
     shown = [f"{noise} {weight:.2g}" for noise, weight in ranked[:MOST_SHOWN]]
     more = [f"{len(ranked) - len(shown)} more"] if len(ranked) > len(shown) else []
@@ -116,9 +116,9 @@ def _share_text(share: float | None) -> str:
 
 
 def _problem(done: Comparison) -> str:
-    """Say which forms failed or did not converge; nothing if none did."""
-    lacking = done.unconverged.items()
-    unfinished = [f"{name} did not converge: {'; '.join(failures)}" for name, failures in lacking]
+    """Return a text about forms that failed or did not converge; empty if there are none."""
+    by_form = done.unconverged.items()
+    unconverged = [f"{name} did not converge: {'; '.join(failures)}" for name, failures in by_form]
     return "\n".join(
-        [*unfinished, *(f"{name} failed: {why}" for name, why in done.failures.items())]
+        [*unconverged, *(f"{name} failed: {why}" for name, why in done.failures.items())]
     )

@@ -1,11 +1,10 @@
-"""The command line: which commands there are, and errors turned into exit codes.
+"""List of commands, and conversion of errors to exit codes.
 
-Exit code 0 is done, 1 a computation that failed or did not converge (what was finished is written),
-2 bad input or usage (nothing written).
+Exit code 0 means success, 1 a computation that failed or did not converge (finished results are
+written), and 2 invalid input or usage (nothing is written).
 
-A command is the function `command` of the module of its name: it returns an `Answer`, which is
-printed here. The module is loaded when the command is called: until then nothing heavy is loaded,
-so that help is quick.
+The function `command` in the module of a command returns an `Answer`, which is printed here. The
+module is imported when the command is called, so that help needs no heavy imports.
 """
 
 import os
@@ -17,7 +16,7 @@ from importlib import import_module
 from inspect import Signature
 from typing import Annotated, Any
 
-# One BLAS thread: the matrices are small, and threads only fight. Before numpy is imported.
+# Small matrices are fastest with one BLAS thread. This must be set before numpy is imported.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -27,7 +26,7 @@ from ridgebayes.commands import options, table_options
 from ridgebayes.commands.shared_options import Output, help_of, parameters_of
 from ridgebayes.errors import ComputationError, InputError, OutputError
 
-_COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
+_COMMANDS: dict[str, tuple[str, type[Any]]] = {  # module and options record by command name
     "run": ("run", options.Run),
     "generate": ("generate", table_options.Generate),
     "fit": ("run", options.FitOne),
@@ -42,13 +41,13 @@ _COMMANDS: dict[str, tuple[str, type[Any]]] = {  # by name: module, and options
     "export-deck": ("export_deck", table_options.ExportDeck),
     "report": ("run", options.Report),
 }
-# Modules that workers of a run import while this process does; in a quick run they do not draw.
-_OF_A_RUN = ("ridgebayes.commands.run", "h5netcdf", "scipy.stats", "xarray", "arviz_stats.base")
-_OF_FIGURES = (
+# Imported by the workers of `run` while this process imports its own modules.
+_RUN_MODULES = ("ridgebayes.commands.run", "h5netcdf", "scipy.stats", "xarray", "arviz_stats.base")
+_FIGURE_MODULES = (
     *(f"ridgebayes.drawing.{name}" for name in ("coverage", "forms", "posterior", "predictions")),
     "corner",
 )
-# Click's, which newer versions of typer bring along and older ones import.
+# Click's class, from typer's own copy of Click or from the package, depending on the version.
 _UsageError: Any = typer.BadParameter.__base__
 app = typer.Typer(
     help="How many ridges does a soft body touch, how certain is that, and which contact model "
@@ -73,12 +72,12 @@ def _program(
 ) -> None: ...
 
 
-def _caller(name: str, module: str, options_of: type[Any]) -> Callable[..., None]:
-    """Return the function of a command, whose parameters are its options and those of all."""
+def _command_function(name: str, module: str, options_of: type[Any]) -> Callable[..., None]:
+    """Return the function of a command, with its options and the output options as parameters."""
 
     def call(**typed: Any) -> None:
         output = Output(**{record.name: typed.pop(record.name) for record in fields(Output)})
-        code = _done(name, module, options_of(**typed), output)
+        code = _run_command(name, module, options_of(**typed), output)
         if code:
             raise typer.Exit(code)
 
@@ -89,16 +88,16 @@ def _caller(name: str, module: str, options_of: type[Any]) -> Callable[..., None
     return call
 
 
-for _name, _what in _COMMANDS.items():
-    app.command(_name)(_caller(_name, *_what))
+for _name, _definition in _COMMANDS.items():
+    app.command(_name)(_command_function(_name, *_definition))
 
 
-def _done(name: str, module: str, asked: Any, output: Output) -> int:
-    """Do a command, tell what it found or what went wrong, and return the exit code."""
+def _run_command(name: str, module: str, asked: Any, output: Output) -> int:
+    """Run a command, print its answer or error, and return the exit code."""
     if name == "run" and asked.scheduler is None and asked.workers != 1:
-        # Workers import at the same time as this process, so their server starts first.
-        drawn = () if asked.accuracy == "quick" else _OF_FIGURES
-        import_module("ridgebayes.runtime.pool").start_server(_OF_A_RUN + drawn)
+        # Workers import at the same time as this process. Quick runs draw no figures in workers.
+        figures = () if asked.accuracy == "quick" else _FIGURE_MODULES
+        import_module("ridgebayes.runtime.pool").start_server(_RUN_MODULES + figures)
     terminal = import_module("ridgebayes.commands.terminal")
     progress = import_module("ridgebayes.runtime.progress")
     answer, code, error = terminal.Answer(), 0, ""
@@ -111,7 +110,7 @@ def _done(name: str, module: str, asked: Any, output: Output) -> int:
     except (ComputationError, OutputError) as failed:
         code, error = 1, str(failed)
     except OSError as failed:
-        code, error = 1, _words(failed)
+        code, error = 1, _error_text(failed)
     except (KeyboardInterrupt, _Interrupted):
         code, error = 130, "interrupted"
         if hasattr(asked, "resume"):
@@ -121,29 +120,29 @@ def _done(name: str, module: str, asked: Any, output: Output) -> int:
     try:
         terminal.tell(name, answer, code, error, output)
     except OSError as failed:
-        # The output has no reader: nothing is left to be written when Python ends.
+        # Python would fail again when it flushes standard output at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if isinstance(failed, BrokenPipeError):  # `| head` has seen what it wants
+        if isinstance(failed, BrokenPipeError):  # the reader, such as `head`, has ended
             return code
-        print(f"ridgebayes: {_words(failed)}", file=sys.stderr)
+        print(f"ridgebayes: {_error_text(failed)}", file=sys.stderr)
         return 1
     return code
 
 
-def _words(failed: OSError) -> str:
+def _error_text(failed: OSError) -> str:
     why = " ".join(str(failed.strerror or failed).split())
     return f"{failed.filename or 'output'}: {why}"
 
 
 def main() -> None:
-    """Run the command line, with errors as one message on standard error and an exit code."""
-    # Typer ends silently on its own KeyboardInterrupt; this one reaches the message above.
+    """Run the command line; print errors on standard error and exit with a code."""
+    # Typer exits without a message on KeyboardInterrupt, so another exception is raised.
     signal.signal(signal.SIGINT, _interrupt)
     words = sys.argv[1:]
     if "--json" not in words:
         app()
         return
-    try:  # wrong usage, too, is reported as an object
+    try:  # usage errors are also printed as a JSON object
         code = app(standalone_mode=False)
     except _UsageError as error:
         terminal = import_module("ridgebayes.commands.terminal")
@@ -154,7 +153,7 @@ def main() -> None:
 
 
 class _Interrupted(BaseException):
-    """Ctrl-C, past whatever catches exceptions."""
+    """Interruption by Ctrl-C, which handlers of `Exception` do not catch."""
 
 
 def _interrupt(signum: int, frame: object) -> None:

@@ -1,4 +1,4 @@
-"""`ridgebayes cost`: error and run time of each accuracy, on this machine, with this table."""
+"""`ridgebayes cost`: error and run time of each accuracy for a table on this machine."""
 
 from ridgebayes.checks.cost import cost
 from ridgebayes.commands import table_options as options
@@ -15,7 +15,7 @@ COST_CSV = "cost.csv"
 
 
 def command(asked: options.Cost) -> Answer:
-    """Do what the command line asks for."""
+    """Measure error and run time of each accuracy and write them to cost.csv."""
     if asked.source is not None and asked.source.suffix == ".toml":
         scene = Scene.from_toml(asked.source)
         table, first = generate(scene, solver="half-plane"), scene.textures[0]

@@ -1,4 +1,4 @@
-"""`ridgebayes coverage`: how often bands contain the loads of textures left out."""
+"""`ridgebayes coverage`: share of the loads of left-out textures inside their bands."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,9 +24,9 @@ COVERAGE_JSON = "coverage.json"
 
 
 def command(asked: Coverage) -> Answer:
-    """Count how often bands contain transitions of textures left out, form by form.
+    """Compute the share of transitions of left-out textures inside the bands of each form.
 
-    The folder holds coverage.csv, its figure as PNG and SVG, and coverage.json.
+    The output folder contains coverage.csv, a figure as PNG and SVG, and coverage.json.
     """
     names, noises = parse_forms(asked.forms), parse_names(asked.noise, "--noise")
     table = replace(paper_sweep(), where=EMBEDDED) if asked.table is None else asked.table
@@ -40,8 +40,8 @@ def command(asked: Coverage) -> Answer:
         Progress(len(request.forms) * len(models) + 1) as progress,
         executor_for(n_worker, asked.scheduler) as executor,
     ):
-        how: dict[str, Any] = {"rng": asked.seed, "executor": executor}
-        shares = coverage(request.table, request.forms, models, progress=progress.stage, **how)
+        keywords: dict[str, Any] = {"rng": asked.seed, "executor": executor}
+        shares = coverage(request.table, request.forms, models, progress=progress.stage, **keywords)
         if shares.empty:
             raise InputError(
                 f"{request.table.where}: expected a row that gives the load itself, got only "
@@ -62,7 +62,7 @@ def command(asked: Coverage) -> Answer:
 
 
 def _answer(shares: pd.DataFrame, out: Path) -> Answer:
-    """Return the bands of 90 %; fits that failed are an error."""
+    """Return the coverage of 90 % bands; failed fits are the problem of the answer."""
     shown = shares[shares["prob"] == 0.9]
     columns = ["form", "noise", "n", "covered", "share", "share_se", "mean_width"]
     failed = shown[shown["n_failed"] > 0]

@@ -1,4 +1,4 @@
-"""`ridgebayes design`: textures that meet a goal, from a finished run and a scene."""
+"""`ridgebayes design`: search for textures that meet a goal, given a run and a scene."""
 
 from pathlib import Path
 
@@ -21,11 +21,11 @@ from ridgebayes.texture_design.goals import parse_goals
 from ridgebayes.texture_design.record import Design
 
 _ABOUT = "design.json"
-_LITTLE = 0.01  # of what is open: not worth a measurement
+_MIN_RESOLVED_SHARE = 0.01  # of the uncertainty, for a recommended measurement
 
 
 def command(asked: options.DesignOptions) -> Answer:
-    """Do what the command line asks for."""
+    """Find textures that meet the goals and write them, a figure and a page to the folder."""
     scene = Scene.from_toml(asked.scene)
     body = scene.body
     typed = {"a": (asked.a, _bounds), "b": (asked.b, _bounds), "step": (asked.step, _length)}
@@ -35,7 +35,7 @@ def command(asked: options.DesignOptions) -> Answer:
         if text is not None
     }
     tolerance = Tolerance.parse(asked.tolerance, lambda text: _over_radius(text, body))
-    parse_goals(asked.goal, body=body)  # before the run is read, which takes seconds
+    parse_goals(asked.goal, body=body)  # report errors before the run is read, which takes seconds
     with new_folder(asked.out, force=asked.force, about=_ABOUT) as folder:
         result = design(
             read_run(asked.folder),
@@ -52,7 +52,7 @@ def command(asked: options.DesignOptions) -> Answer:
 
 
 def _over_radius(text: str, body: Body) -> float:
-    """Return a length over the radius, of a text with a unit or a number."""
+    """Return a length over the radius, from a text with a unit or a number."""
     return body.over_radius(text) if has_unit(text) else float(text)
 
 
@@ -117,11 +117,11 @@ def _answer(result: Design, out: Path, body: Body) -> Answer:
         parts.append("Q varies in too few draws to divide its variance among sources.")
     if len(result.measure):
         first = result.measure.iloc[0]
-        what = "nothing: no source, known exactly, would remove 1 % of the uncertainty"
-        if first["resolved"] >= _LITTLE:
+        text = "nothing: no source, known exactly, would remove 1 % of the uncertainty"
+        if first["resolved"] >= _MIN_RESOLVED_SHARE:
             share = percent(first["resolved"])
-            what = f"{first['measure']} (known exactly, it would remove {share} of the uncertainty)"
-        parts.append(f"What to measure next: {what}")
+            text = f"{first['measure']} (known exactly, it would remove {share} of the uncertainty)"
+        parts.append(f"What to measure next: {text}")
     beyond = f"the texture lies beyond what was calibrated: {row['extrapolation_of']}"
     warnings = [beyond] if row["extrapolation"] else []
     return Answer(parts, result.to_dict(), files_in(out), warnings=warnings)

@@ -1,4 +1,4 @@
-"""`ridgebayes export-deck`: a scene as a deck for the user's own finite elements."""
+"""`ridgebayes export-deck`: write a scene as an input deck for a finite-element program."""
 
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import refuse_existing, refuse_suffix
@@ -8,19 +8,19 @@ from ridgebayes.scene.scene import Scene
 
 
 def command(asked: options.ExportDeck) -> Answer:
-    """Do what the command line asks for."""
+    """Write the deck; print the command that imports its results."""
     refuse_suffix(asked.out, (".inp",))
     refuse_existing(asked.out, asked.force)
     disk = export_deck(asked.scene, asked.program, asked.out, edges=asked.edges)
-    wanted, out = Scene.from_toml(asked.scene), asked.out
-    (texture,) = wanted.textures
+    scene, out = Scene.from_toml(asked.scene), asked.out
+    (texture,) = scene.textures
     corner = texture.corner_radius_over_R
     n_cell, n_level = len(disk.cells), len(disk.displacements)
-    said = (
+    lines = (
         f"{out}: {n_cell} elements, {n_level} levels, R = 1, E = 1",
         f"import the run with: ridgebayes import {out.with_suffix('.dat')} --deck {out} "
         f"--surface {SURFACE} --reaction {REACTION} --texture {texture.a_over_R:g},"
-        f"{texture.b_over_R:g} --nu {wanted.nu:g}{f' --corner {corner:g}' if corner else ''} "
+        f"{texture.b_over_R:g} --nu {scene.nu:g}{f' --corner {corner:g}' if corner else ''} "
         "-o TABLE.csv",
     )
-    return Answer(said, {"elements": n_cell, "levels": n_level}, [out])
+    return Answer(lines, {"elements": n_cell, "levels": n_level}, [out])

@@ -1,4 +1,4 @@
-"""Finite-element results of each texture, as files: fields, contact tables, figures."""
+"""Files of finite-element results for each texture: fields, contact tables and figures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,42 +23,44 @@ LOADS_CSV = "loads.csv"
 def generate_fields(
     scene: Scene, folder: Path, *, force: bool = False, **solving: Any
 ) -> ContactTable:
-    """Generate as `ridgebayes.generate` does, and keep what finite elements found.
+    """Generate a table as `ridgebayes.generate` does, and write finite-element results.
 
     Parameters
     ----------
     scene : Scene
         Textures and loads.
     folder : Path
-        Folder to make. For each texture and offset that finite elements simulate, it holds states
-        at the transitions: ``fields-*.xdmf`` with its ``.h5``, a time series whose time is p/E;
-        ``contact-*.csv``, the segments of the rigid side in contact; ``deformed-*`` as PNG and
-        SVG, the last transition. It also holds ``loads.csv``, the table.
+        Folder to create. It contains the table, ``loads.csv``, and for each texture and offset
+        simulated by finite elements the states at the transitions: ``fields-*.xdmf`` with
+        ``.h5``, a time series whose time is p/E; ``contact-*.csv``, the segments of the rigid
+        surface in contact; ``deformed-*`` as PNG and SVG, the last transition.
     force : bool, optional
         Whether an existing folder of this kind may be replaced.
     **solving
-        Solver, rel_tol and accuracy, as there.
+        Solver, rel_tol and accuracy, as in `ridgebayes.generate`.
 
     Returns
     -------
     ContactTable
+        Table of transition loads.
 
     Raises
     ------
     InputError
-        As there, if the folder may not be made, or if nothing is simulated by finite elements.
+        If `ridgebayes.generate` raises it, the folder cannot be created, or no texture is
+        simulated by finite elements.
     """
-    n_seen = 0
+    n_simulated = 0
     with new_folder(folder, force=force, about=LOADS_CSV) as partial:
 
         def write(texture: Texture, body: Cylinder, reached: Sequence[Transition]) -> None:
-            nonlocal n_seen
-            n_seen += 1
+            nonlocal n_simulated
+            n_simulated += 1
             if reached:
                 _write(partial, texture, body, reached)
 
         table = generate(scene, pressed=write, **solving)
-        if not n_seen:
+        if not n_simulated:
             raise InputError(
                 f"--fields {folder}: no texture is simulated by finite elements; use --solver "
                 "cylinder-fe, or a scene whose `relative` calls for them"
@@ -68,11 +70,11 @@ def generate_fields(
 
 
 def _write(folder: Path, texture: Texture, body: Cylinder, reached: Sequence[Transition]) -> None:
-    """Write the transitions of a cylinder into a folder."""
+    """Write the states of a cylinder at its transitions to a folder."""
     label = plan_label(texture)
     if texture.offset == "uniform" and body.profile is not None:
         label = f"{label}_{body.profile.offset:g}"
-    # Where a coarser mesh takes over, its first transition tells the files apart.
+    # A texture has several files if a coarser mesh takes over; its first count is in the name.
     if (folder / f"contact-{label}.csv").exists():
         label = f"{label}_from_Q{reached[0].Q}"
     write_fields(body, [end.state for end in reached], folder / f"fields-{label}.xdmf")

@@ -1,6 +1,6 @@
-"""`ridgebayes friction`: joint draws for friction models, from a finished run and a scene.
+"""`ridgebayes friction`: joint draws for friction models, given a finished run and a scene.
 
-With --model also bands of the worked friction model, and what their variance comes from.
+With --model the command also computes bands of the friction model and their sources of variance.
 """
 
 from collections.abc import Iterator
@@ -23,11 +23,11 @@ from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.typed import parse_loads
 
 _SHOWN = ("p_over_E", "Q", "contact_length_over_R", "ridge_force_mean", "penetration_over_R")
-_N_MODEL = 20_000  # draws that bands are made of: more would only cost memory
+_MAX_MODEL_DRAWS = 20_000  # draws for the bands; limits memory
 
 
 def command(asked: options.Friction) -> Answer:
-    """Do what the command line asks for."""
+    """Write joint draws and, with --model, the bands and variance shares of friction."""
     mu_path, shares_path = (
         asked.out.with_name(f"{asked.out.stem}-{name}.csv") for name in ("mu", "mu-shares")
     )
@@ -38,7 +38,7 @@ def command(asked: options.Friction) -> Answer:
         raise InputError("--p-over-E and --loads: expected only one of the two, got both")
     scene, warnings = Scene.from_toml(asked.scene), []
     model = None
-    if asked.model:  # round edges have no forces, which interlocking is made of
+    if asked.model:  # interlocking needs edge forces, which round edges do not have
         is_round = any(texture.corner_radius_over_R > 0 for texture in scene.textures)
         model = FrictionModel(kappa=0) if is_round else FrictionModel()
     draws = InputDraws(
@@ -52,7 +52,7 @@ def command(asked: options.Friction) -> Answer:
     sums: list[pd.DataFrame] = []
     kept: list[FrictionInputs] = []
     with Progress(1) as progress, progress.stage("draws"):
-        write_inputs(_noted(draws, sums, kept, model, asked.edges, progress), asked.out)
+        write_inputs(_with_sums(draws, sums, kept, model, asked.edges, progress), asked.out)
     means = (sums[0] / draws.n).reset_index()
     outside = float(means["extrapolation"].mean())
     summary = (
@@ -73,7 +73,7 @@ def command(asked: options.Friction) -> Answer:
 
 
 def _answer(friction: FrictionBands) -> tuple[str | pd.DataFrame, ...]:
-    """Return bands, and the shares of terms and inputs at the largest load."""
+    """Return the bands, and the variance shares of terms and inputs at the largest load."""
     last = friction.shares["load"] == friction.shares["load"].max()
     shown = friction.shares[last & (friction.shares["kind"] != "scene")].round(3).astype(object)
     return (
@@ -84,7 +84,7 @@ def _answer(friction: FrictionBands) -> tuple[str | pd.DataFrame, ...]:
     )
 
 
-def _noted(
+def _with_sums(
     draws: InputDraws,
     sums: list[pd.DataFrame],
     kept: list[FrictionInputs],
@@ -92,10 +92,10 @@ def _noted(
     edges: bool,
     progress: Progress,
 ) -> Iterator[xr.Dataset]:
-    """Yield blocks of draws; keep their sum, alone in `sums`, and what friction needs."""
+    """Yield blocks of draws; store their sum in `sums` and the model's inputs in `kept`."""
     done = 0
     for block in draws.blocks():
-        if model is not None and done < _N_MODEL:
+        if model is not None and done < _MAX_MODEL_DRAWS:
             kept.append(FrictionInputs.of(block, edges=model.kappa != 0))
         yield block if edges else block.drop_dims("edge", errors="ignore")
         sum_of_block = block[[*_SHOWN, "extrapolation"]].sum("draw").to_dataframe()

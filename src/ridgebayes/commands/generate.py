@@ -1,4 +1,4 @@
-"""`ridgebayes generate`: transition loads of many textures, kept as they come, in one table."""
+"""`ridgebayes generate`: compute a table of transition loads, with a journal for resuming."""
 
 import sys
 from collections.abc import Iterator
@@ -26,41 +26,41 @@ from ridgebayes.table.table import ContactTable
 
 
 def command(asked: options.Generate) -> Answer:
-    """Do what the command line asks for."""
+    """Compute the table of a scene or of typed textures and write it."""
     refuse_existing(asked.out, asked.force)
     if asked.scene is not None and asked.texture:
         raise InputError("SCENE and --texture: expected only one of the two, got both")
     if asked.R is not None and not asked.texture:
         raise InputError("--R: needs --texture, with widths that have units")
     if asked.scene is not None:
-        wanted = Scene.from_toml(asked.scene)
+        scene = Scene.from_toml(asked.scene)
     elif asked.texture:
         textures = [parse_texture(text, asked.R) for text in asked.texture]
-        wanted = Scene.of(textures, p_over_E=asked.p_max, nu=asked.nu)
+        scene = Scene.of(textures, p_over_E=asked.p_max, nu=asked.nu)
     else:
-        wanted = Scene.paper()
-    warned = warn(*filter(None, [beyond_reach(wanted, asked.solver)]))
+        scene = Scene.paper()
+    warned = warn(*filter(None, [beyond_reach(scene, asked.solver)]))
     solving: dict[str, Any]
     solving = {"solver": asked.solver, "rel_tol": asked.tol, "accuracy": asked.accuracy}
-    how = {name: getattr(asked, name) for name in ("workers", "scheduler", "resume")}
+    resources = {name: getattr(asked, name) for name in ("workers", "scheduler", "resume")}
     if asked.fields is None:
-        table, left_out = sweep_job(asked.out, wanted, force=asked.force, **how, **solving)
+        table, left_out = sweep_job(asked.out, scene, force=asked.force, **resources, **solving)
     else:
-        if any(how.values()):
+        if any(resources.values()):
             raise InputError("--fields: cannot be combined with --workers, --scheduler or --resume")
-        # Here, not above: it loads matplotlib and finite elements, which sweeps do without.
+        # Imported here because it loads matplotlib and finite elements, which sweeps do not need.
         from ridgebayes.commands.fields import generate_fields
 
         check_name(asked.out)
         with exclusive_lock(asked.out):
-            table = generate_fields(wanted, asked.fields, force=asked.force, **solving)
+            table = generate_fields(scene, asked.fields, force=asked.force, **solving)
             table.write(asked.out)
-        left_out = _neglected_effects(wanted, None, **solving)
+        left_out = _neglected_effects(scene, None, **solving)
     failed = len(table.left_out)
     size = f"{count(len(table), 'row')}, {count(len(table.textures), 'texture')}"
     summary = f"{asked.out}: {size}, {failed} not ok"
     return Answer(
-        (summary, *medians_taken(wanted.uncertain_names), *left_out),
+        (summary, *medians_taken(scene.uncertain_names), *left_out),
         {"rows": len(table), "textures": len(table.textures), "not_ok": failed},
         [asked.out, *(files_in(asked.fields) if asked.fields else ())],
         early=warned,
@@ -83,38 +83,39 @@ def sweep_job(
     Parameters
     ----------
     out : Path
-        The table. Until it is written, finished textures lie in ``.<name>.journal`` beside it.
+        File of the table. Until it is written, finished textures are stored in the folder
+        ``.<name>.journal`` beside it.
     scene : Scene
         Textures and loads.
     workers, scheduler : optional
-        As for `ridgebayes.runtime.pool.executor_for`.
+        As in `ridgebayes.runtime.pool.executor_for`.
     resume : bool, optional
-        Whether to take what an earlier sweep left in the journal.
+        Whether to use the textures in the journal of an earlier sweep.
     force : bool, optional
-        Whether a journal may be dropped.
+        Whether an existing journal may be deleted.
     **solving
-        Solver, rel_tol and accuracy, as for `ridgebayes.generate`.
+        Solver, rel_tol and accuracy, as in `ridgebayes.generate`.
 
     Returns
     -------
     table : ContactTable
-        Table as written; the same for any number of workers and of interruptions.
+        Written table, which does not depend on the number of workers or interruptions.
     left_out : list of str
-        Lines about effects that exceed the scene's accuracy and are not simulated.
+        Descriptions of effects that exceed the scene's accuracy and are not simulated.
 
     Raises
     ------
     InputError
-        As `ridgebayes.generate` and `executor_for` do, or if there is a journal and it is neither
-        to be resumed nor dropped, or if another process writes the same table. Nothing is left
-        behind then, but with `resume` what is finished.
+        If `ridgebayes.generate` or `executor_for` raises it, a journal exists without `resume` or
+        `force`, or another process writes the same table. New journals are removed; with
+        `resume` finished textures are kept.
     ComputationError
-        If workers die. Finished textures stay in the journal.
+        If worker processes die. Finished textures are kept in the journal.
     OutputError
-        If the disk is full. Finished textures stay in the journal.
+        If the disk is full. Finished textures are kept in the journal.
     """
     check_name(out)
-    who = executor_for(workers, scheduler)
+    context = executor_for(workers, scheduler)
     journal, n = journal_of(out), len(scene.textures)
     with exclusive_lock(out):
         if journal.exists() and not resume and not force:
@@ -122,12 +123,12 @@ def sweep_job(
                 f"{journal.folder}: left by an earlier sweep; use --resume to continue it, or "
                 "--force to start again"
             )
-        with who as executor, _journal_report(journal, n, resume):
+        with context as executor, _journal_report(journal, n, resume):
             if not resume:
                 journal.remove()
             with Progress(1, name="textures"):
                 table = generation.generate(scene, executor=executor, journal=journal, **solving)
-            _print_taken(journal, n, resume)
+            _print_resumed(journal, n, resume)
             left_out = _neglected_effects(scene, executor, **solving)
             table.write(out)
         journal.remove()
@@ -135,14 +136,14 @@ def sweep_job(
 
 
 def journal_of(out: Path) -> Journal:
-    """Return the journal that belongs to a table to be written."""
+    """Return the journal of a table file."""
     return Journal(out.with_name(f".{out.name}.journal"))
 
 
 def _neglected_effects(
     scene: Scene, executor: Executor | None, *, solver: str = "auto", **_: Any
 ) -> list[str]:
-    """Return a line for each effect that exceeds a scene's accuracy and is not simulated."""
+    """Describe the effects that exceed a scene's accuracy and are not simulated."""
     if solver != "auto" or scene.relative is None:
         return []
     scenes = [scene.model_copy(update={"textures": (texture,)}) for texture in scene.textures]
@@ -156,7 +157,10 @@ def _neglected_effects(
 
 @contextmanager
 def _journal_report(journal: Journal, n_texture: int, resume: bool) -> Iterator[None]:
-    """Print what was taken from the journal, and what is in it if the sweep ends early."""
+    """Print the number of textures in the journal if the sweep ends early.
+
+    Invalid input removes the journal, unless it is resumed.
+    """
     try:
         yield
     except InputError:
@@ -170,7 +174,7 @@ def _journal_report(journal: Journal, n_texture: int, resume: bool) -> Iterator[
         raise
 
 
-def _print_taken(journal: Journal, n_texture: int, resume: bool) -> None:
+def _print_resumed(journal: Journal, n_texture: int, resume: bool) -> None:
     if journal.n_damaged:
         damaged = f"{journal.folder}: {journal.n_damaged} damaged textures, computed again"
         print(damaged, file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""`ridgebayes import`: output of the user's own finite elements or tests as a contact table."""
+"""`ridgebayes import`: convert results of a finite-element program or a test to a contact table."""
 
 import json
 import re
@@ -20,7 +20,7 @@ from ridgebayes.scene.typed import parse_texture
 
 
 def command(asked: options.Import) -> Answer:
-    """Do what the command line asks for."""
+    """Import files and write a contact table; suggest a command line if facts are missing."""
     for path in (asked.write_map, None if asked.dry_run else asked.out):
         if path is not None:
             refuse_existing(path, asked.force)
@@ -43,7 +43,7 @@ def command(asked: options.Import) -> Answer:
         if not (error.options or error.mapping):
             raise InputError(f"{error}{wrote}") from None
         first = "correct the file, then run" if error.is_broken else "run"
-        again = _again(asked, error.options, error.mapping)
+        again = _command_line(asked, error.options, error.mapping)
         marks = ", with your values in place of ?" if "?" in again else ""
         check = ", if that is what you mean" if not marks else ""
         raise InputError(f"{error}{wrote}\n{first}{marks}{check}:\n  {again}") from None
@@ -58,7 +58,7 @@ def command(asked: options.Import) -> Answer:
         lines = "\n".join(imported.messages)
         raise InputError(
             f"-o: missing; expected the table to write, or --dry-run\n{lines}\nrun:\n"
-            f"  {_again(asked)}"
+            f"  {_command_line(asked)}"
         )
     imported.table.write(asked.out)
     summary = f"{asked.out}: {count(size['rows'], 'row')}, {count(size['textures'], 'texture')}."
@@ -70,7 +70,7 @@ def command(asked: options.Import) -> Answer:
 
 
 def _codes(text: str) -> tuple[int, ...]:
-    """Return whole numbers between commas."""
+    """Return comma-separated whole numbers."""
     if not re.fullmatch(r"\s*|\s*\d{1,6}(\s*,\s*\d{1,6})*\s*", text):
         raise InputError(
             f"--closed-is {text}: expected whole numbers separated by commas, such as 2,3"
@@ -78,10 +78,10 @@ def _codes(text: str) -> tuple[int, ...]:
     return tuple(map(int, re.findall(r"\d+", text)))
 
 
-def _again(
+def _command_line(
     asked: options.Import, more: Mapping[str, str] | None = None, mapping: Mapping[str, str] = {}
 ) -> str:
-    """Return the command line that was typed, with more options, as a shell takes it."""
+    """Return the typed command line with additional options, quoted for a shell."""
     values = vars(asked) | dict(more or {})
     files = [str(path) for path in values.pop("file")]
     values["out"] = values["out"] or f"{Path(files[0]).stem}-table.csv"
@@ -96,15 +96,15 @@ def _again(
         if value is True:
             words.append(option)
         elif value is not False and value not in (None, "", []):
-            some = value if isinstance(value, list) else [value]
-            words += [word for part in some for word in (option, str(part))]
+            parts = value if isinstance(value, list) else [value]
+            words += [word for part in parts for word in (option, str(part))]
     return shlex.join(words)
 
 
 def _write_map(
     path: Path, columns: Mapping[str, str], needed: Mapping[str, str], asked: options.Import
 ) -> None:
-    """Write what is known of a file's columns as TOML, and marks for what is not."""
+    """Write a TOML file of columns and values, with marks for those to fill in."""
     constants = {key: getattr(asked, key) for key in ("R", "E", "nu", "thickness")}
     constants |= {key: text for key, text in needed.items() if key in constants}
 

@@ -1,7 +1,7 @@
-"""Options of commands that fit and of commands on a finished run: a record each.
+"""Records of the options of commands that fit and of commands on a finished run.
 
-A record's docstring gives the help of its options; fields that it leaves out are described in
-`shared_options`. Nothing heavy is loaded here, so that help is quick.
+The docstring of a record is the help of its options; shared options are described in
+`shared_options`. The module imports nothing heavy, so that help is fast.
 """
 
 from dataclasses import dataclass
@@ -87,11 +87,12 @@ class Predict:
         A,B: ridge and groove width, as shares of the radius, or with units (needs --R or
         --scene). May be repeated. The textures of --scene if not given.
     p_over_E : str, optional
-        Loads p/E: one such as 0.01, LO:HI:N evenly spaced, or log:LO:HI:N log-spaced.
+        Loads p/E: a number such as 0.01, LO:HI:N (evenly spaced) or log:LO:HI:N
+        (log-spaced).
     load : str, optional
-        Loads with units, in place of --p-over-E: a pressure on the projected area
-        ('1.2 kPa'), a force per length ('20 N/m') or a force ('5 N'), or LO:HI:N of them. A
-        single one may have an error ('20 N/m ± 3 %').
+        Loads with units, instead of --p-over-E: a pressure on the projected area ('1.2 kPa'),
+        a force per length ('20 N/m'), a force ('5 N'), or a range LO:HI:N of loads. A single
+        load may have an uncertainty ('20 N/m ± 3 %').
     scene : Path, optional
         Scene file that gives textures, Poisson's ratio, radius, modulus and highest load.
     R : str, optional
@@ -101,12 +102,12 @@ class Predict:
     thickness : str, optional
         Length of the body along the ridges, such as '20 mm'. Needed for forces.
     nu : float, optional
-        Poisson's ratio. The value of --scene, or else 0.5, if not given.
+        Poisson's ratio. The value of --scene or 0.5 if not given.
     kind : str, optional
-        simulation (the band of a further simulation or measurement, errors included), curve
-        (the band of the form alone) or both.
+        simulation (band for a further simulation or measurement, with its errors), curve
+        (band of the form's loads without errors) or both.
     form : str, optional
-        Form of the run, or average (over all of them).
+        Form of the run, or average (over all forms).
     prob : float, optional
         Probability inside the band.
     plot : Path, optional
@@ -184,13 +185,13 @@ class DesignOptions:
     b : str, optional
         Range of groove widths LO:HI, in the same way.
     step : str, optional
-        Consider only widths that are multiples of this one, such as '10 um'.
+        Consider only widths that are multiples of this length, such as '10 um'.
     tolerance : str, optional
         Manufacturing tolerance of both widths: a standard deviation ('5 %' or '10 um') or
         bounds ('worst 5 %').
     p_over_E : str, optional
-        Loads for goals that name none: p/E or with units, LO:HI:N or log:LO:HI:N. A goal has
-        to be met at the worst of them; --objective min-load looks for the smallest that
+        Loads of goals without a load: p/E or with units, LO:HI:N or log:LO:HI:N. A goal must
+        be met at the worst of these loads; --objective min-load finds the smallest load that
         meets it. The scene's largest load if not given.
     objective : str, optional
         Which feasible texture is recommended: margin, max-pitch, min-pitch, max-ridge,

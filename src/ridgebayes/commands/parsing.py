@@ -1,4 +1,4 @@
-"""Values of options as they are typed: names, textures, loads, files to write."""
+"""Parsers of option values, and checks of output files."""
 
 import math
 import os
@@ -10,7 +10,7 @@ from ridgebayes.scene.units import to_si
 
 
 def refuse_existing(path: Path, force: bool) -> None:
-    """Refuse a file that cannot be written, before the work rather than after it."""
+    """Raise InputError for an output file that cannot be written, before the work starts."""
     if path.is_dir():
         raise InputError(f"{path}: expected a file, got a folder")
     if not path.absolute().parent.is_dir():
@@ -26,7 +26,7 @@ def refuse_existing(path: Path, force: bool) -> None:
 
 
 def refuse_suffix(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Refuse a file of a kind that is not written: no other is written under its name."""
+    """Raise InputError for an output file whose suffix is not one of those given."""
     if path.suffix.lower() not in suffixes:
         raise InputError(
             f"{path}: expected a file name that ends in {' or '.join(suffixes)}, "
@@ -35,7 +35,7 @@ def refuse_suffix(path: Path, suffixes: tuple[str, ...]) -> None:
 
 
 def parse_names(text: str, option: str = "--forms") -> list[str]:
-    """Return comma-separated names."""
+    """Parse comma-separated names."""
     names = [name.strip() for name in text.split(",")] if text else []
     if not all(names):
         raise InputError(f"{option} {text!r}: an empty name; expected names separated by commas")
@@ -43,7 +43,7 @@ def parse_names(text: str, option: str = "--forms") -> list[str]:
 
 
 def parse_form(text: str) -> str:
-    """Return a form's name as pages write it: ``Hybrid`` and ``Power law`` are known, too.
+    """Convert a form's title, such as ``Power law``, to its name.
 
     Examples
     --------
@@ -54,12 +54,12 @@ def parse_form(text: str) -> str:
 
 
 def parse_forms(text: str) -> list[str]:
-    """Return names of forms separated by commas."""
+    """Parse comma-separated names of forms."""
     return [parse_form(name) for name in parse_names(text)]
 
 
 def parse_odds(text: str) -> dict[str, float]:
-    """Return prior odds by form, from FORM=NUMBER separated by commas."""
+    """Parse comma-separated FORM=NUMBER to prior odds by form."""
     odds_of: dict[str, float] = {}
     for part in text.split(",") if text else []:
         name, _, odds = part.partition("=")
@@ -78,7 +78,7 @@ def parse_odds(text: str) -> dict[str, float]:
 
 
 def parse_numbers(text: str, option: str) -> tuple[float, ...]:
-    """Return comma-separated numbers."""
+    """Parse comma-separated numbers."""
     try:
         return tuple(float(part) for part in text.split(",")) if text else ()
     except ValueError:
@@ -86,7 +86,7 @@ def parse_numbers(text: str, option: str) -> tuple[float, ...]:
 
 
 def parse_inches(text: str, option: str) -> float:
-    """Return the width of a figure in inches: room for a panel and its labels, up to a poster.
+    """Parse the width of a figure, 50 to 1000 mm, to inches.
 
     Examples
     --------
@@ -103,5 +103,5 @@ def parse_inches(text: str, option: str) -> float:
 
 
 def medians_taken(names: Sequence[str]) -> list[str]:
-    """Return a line that says of which values of a scene medians are taken, if of any."""
+    """Return a message that names the uncertain values replaced by their medians, if any."""
     return [f"medians are taken of {', '.join(names)}"] if names else []

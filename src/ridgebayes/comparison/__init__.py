@@ -1,10 +1,10 @@
-"""Forms against each other on one table: Bayes factors, probabilities, scores, verdict, bands.
+"""Comparison of forms on one table: Bayes factors, probabilities, scores, verdict and bands.
 
-`compare` fits and compares; `comparison` has its record. `bayes_factors` and `scores` make their
-tables, `verdict` grades the most probable form, `same_loads` finds forms with equal loads at all
-rows, and `ranking` arranges the results for a page. `bands` predicts Q and loads as the files of a
-run hold them, averaged over forms and error models. The room knows fits and evidences, and neither
-draws nor writes.
+`compare` fits and compares forms; `comparison` contains the result class. `bayes_factors` and
+`scores` compute tables, `verdict` grades the most probable form, `same_loads` finds forms that can
+reach equal loads at all rows, and `ranking` arranges the results for the report. `bands` computes
+the tables of predicted Q and loads in a run folder, averaged over forms and error models. The
+package neither draws figures nor writes files.
 
 >>> import ridgebayes as rb
 >>> cmp = rb.compare(rb.paper_sweep(), [rb.Classic(), rb.Modified()], noise="iid", rng=1)

@@ -1,4 +1,4 @@
-"""Bands on Q and on loads as tables: what `bands.csv` and `loads.csv` hold."""
+"""Tables of bands on Q and on loads, as in `bands.csv` and `loads.csv`."""
 
 import itertools
 import math
@@ -18,7 +18,7 @@ from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.load_draws import MAX_DRAWS_TIMES_ROWS, NEGLIGIBLE
+from ridgebayes.predict.load_draws import MAX_DRAWS_TIMES_ROWS, NEGLIGIBLE_PROBABILITY
 from ridgebayes.predict.of_scene import q_of_scene
 from ridgebayes.predict.posterior_loads import N_SHARED
 from ridgebayes.predict.predict import KINDS, predict_load, predict_q
@@ -28,9 +28,9 @@ from ridgebayes.scene.scene import Scene
 from ridgebayes.table.table import ContactTable
 
 AVERAGE = "average"
-_KEPT = 100_000  # bands of each posterior up to which all are kept; of more, some are made twice
-_N_LOAD, _FEWEST = 200, 10  # loads of a texture: fewer where bands would be more than are kept
-_DECIMALS = round(-math.log10(NEGLIGIBLE))  # of probabilities
+MAX_BANDS_KEPT = 100_000  # bands kept per posterior, to limit memory; more are recomputed
+_N_LOAD, _MIN_N_LOAD = 200, 10  # loads per texture; fewer than 200 if there are too many bands
+_N_DECIMAL = round(-math.log10(NEGLIGIBLE_PROBABILITY))  # decimals of probabilities
 
 
 def default_loads(comparison: Comparison, n: int = _N_LOAD) -> FloatArray:
@@ -50,34 +50,36 @@ def bands_table(
     kinds: Sequence[str] = KINDS,
     executor: Executor | None = None,
 ) -> pd.DataFrame:
-    """Return bands on Q for each form and their average, texture by texture and load by load.
+    """Return bands on Q of each form and of the average, for each texture and load.
 
     Parameters
     ----------
     comparison : Comparison
         Fits and model probabilities.
     textures : sequence of (float, float), optional
-        (a/R, b/R); those of the table if not given.
+        Textures (a/R, b/R); those of the table if not given.
     loads : ndarray of float, shape (n_load,) or (n_texture, n_load), dimensionless, optional
-        p/E, of each texture its own or of all; 200 log-spaced over the table's range if not given,
-        of more than 500 textures as many fewer as keep bands to 100,000 places, at least ten.
+        p/E, for each texture or for all textures. If not given, 200 loads log-spaced over the
+        table's range; with more than 500 textures fewer loads, at least ten, so that there are
+        about 100,000 bands.
     nu : float, optional
-        Poisson's ratio; if not given each texture's own in the table, 0.5 where it has none.
+        Poisson's ratio; if not given, that of each texture in the table, or 0.5.
     forms : sequence of str, optional
-        Names of fitted forms or ``average``; all and ``average`` if not given.
+        Names of fitted forms or ``average``; all forms and ``average`` if not given.
     prob : float, optional
         Probability inside the band.
     kinds : sequence of str, optional
         ``curve``, ``simulation`` or both, see `predict_q`.
     executor : concurrent.futures.Executor, optional
-        Runs the posteriors; one after the other in this process if not given.
+        Executor of the predictions, one task for each posterior; if not given, they are computed
+        one after the other in this process.
 
     Returns
     -------
     pandas.DataFrame
         Columns form, noise, kind_of_band (curve, simulation), a_over_R, b_over_R, nu,
         p_over_E, q_mean, q_median, q_lower, q_upper, prob, extrapolation, extrapolation_of,
-        p_q_ge_4, ... up to the first n that is nowhere more probable than 1e-6.
+        p_q_ge_4, ... up to the first n whose probability is below 1e-6 in all rows.
 
     Raises
     ------
@@ -85,34 +87,35 @@ def bands_table(
         If a form was not fitted, or `prob` is not between 0 and 1.
     """
     if nu is not None:
-        reduced_load(1.0, nu)  # refuses a Poisson's ratio by its own value, not as an array
-    wanted = [*comparison.fits, AVERAGE] if forms is None else list(forms)
-    _check(comparison, wanted, prob)
+        reduced_load(1.0, nu)  # checked here so that the error shows a number, not an array
+    names = [*comparison.fits, AVERAGE] if forms is None else list(forms)
+    _check(comparison, names, prob)
     chosen = comparison.table.textures if textures is None else tuple(textures)
     a, b = np.array(chosen).T[:, :, None]
     of_table = _nu_of_textures(comparison) if nu is None else {}
     poisson = np.array([[of_table.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
     if loads is None:
-        n_load = int(np.clip(_KEPT // len(chosen), _FEWEST, _N_LOAD))
+        n_load = int(np.clip(MAX_BANDS_KEPT // len(chosen), _MIN_N_LOAD, _N_LOAD))
         loads = default_loads(comparison, n_load)
     p = np.atleast_2d(loads).astype(float)
-    mixtures = _mixtures(comparison, wanted)
+    mixtures = _mixtures(comparison, names)
     where = {"a_over_R": a, "b_over_R": b, "p_over_E": p, "nu": poisson}
     share_of = _largest_shares(mixtures)
     tasks = {id(fit): (fit, share_of[id(fit)]) for parts in mixtures.values() for fit, _ in parts}
     kept: dict[int, dict[str, QDistribution]] = {}
-    if np.broadcast(a, p).size <= _KEPT:  # a form's own mixture and the average share posteriors
-        bands_of = partial(_bands_of, kinds=kinds, where=where)
-        bands = map_ordered(bands_of, [*tasks.values()], executor, name=lambda x: x[0].form.name)
+    # Each posterior enters the mixture of its form and the average, and is computed once if kept.
+    if np.broadcast(a, p).size <= MAX_BANDS_KEPT:
+        predicted = partial(_predict, kinds=kinds, where=where)
+        bands = map_ordered(predicted, [*tasks.values()], executor, name=lambda x: x[0].form.name)
         kept = dict(zip(tasks, bands, strict=True))
     blocks = []
     for kind, (name, parts) in itertools.product(kinds, mixtures.items()):
-        numbers = (id(fit) for fit, _ in parts)
-        each_q = ((kept.get(i) or _bands_of(tasks[i], [kind], where))[kind] for i in numbers)
+        ids = (id(fit) for fit, _ in parts)
+        each_q = ((kept.get(i) or _predict(tasks[i], [kind], where))[kind] for i in ids)
         q = mix_q(each_q, [weight for _, weight in parts])
-        blocks.append(_of_form(name, parts, q.to_dataframe(prob)))
-    kept.clear()  # as large as the frame, which is held twice while it is put together
-    return _joined(blocks)
+        blocks.append(_label(name, parts, q.to_dataframe(prob)))
+    kept.clear()  # frees memory before the blocks are concatenated
+    return _concatenate(blocks)
 
 
 def scene_bands(
@@ -125,18 +128,18 @@ def scene_bands(
     prob: float = 0.9,
     kinds: Sequence[str] = KINDS,
 ) -> pd.DataFrame:
-    """Return bands on Q of a scene, its distributions drawn together with the posterior.
+    """Return bands on Q of a scene, whose uncertain values are drawn with the posterior.
 
     Parameters
     ----------
     comparison : Comparison
         Fits and model probabilities.
     scene : Scene
-        With a texture or several.
+        Scene with one or more textures.
     form : str
         Name of a fitted form, or ``average``.
     load, p_over_E : array_like of float, shape (n_load,), optional
-        As of `Predictive.predict`.
+        As in `Predictive.predict`.
     prob : float, optional
         Probability inside the band.
     kinds : sequence of str, optional
@@ -145,7 +148,7 @@ def scene_bands(
     Returns
     -------
     pandas.DataFrame
-        Columns of `bands_table`, and load, load_unit, offset_pitches. Widths, Poisson's ratio,
+        Columns of `bands_table`, and load, load_unit and offset_pitches. Widths, Poisson's ratio,
         offset and p_over_E are medians.
     """
     _check(comparison, [form], prob)
@@ -153,8 +156,8 @@ def scene_bands(
     blocks = []
     for kind in kinds:
         q = q_of_scene(parts, scene, load=load, p_over_E=p_over_E, kind=kind)
-        blocks.append(_of_form(form, parts, q.to_dataframe(prob)))
-    return _joined(blocks)
+        blocks.append(_label(form, parts, q.to_dataframe(prob)))
+    return _concatenate(blocks)
 
 
 def loads_table(
@@ -175,21 +178,21 @@ def loads_table(
     -------
     pandas.DataFrame
         Columns form, noise, kind_of_band, a_over_R, b_over_R, nu, Q, p_over_E_median,
-        p_over_E_lower, p_over_E_upper, prob, extrapolation, extrapolation_of, p_over_E_observed;
-        for each form and the average one row for each ok transition of the table, held-out ones
-        included, those of a body off centre not, which no form predicts. Simulation bands hold the
-        row's known relative error `rel_se` too: they are of the load as it was observed.
+        p_over_E_lower, p_over_E_upper, prob, extrapolation, extrapolation_of, p_over_E_observed.
+        Each form and the average have one row for each ok transition of the table. Held-out rows
+        are included; rows of a body off centre are not, as no form predicts them. Simulation bands
+        include the known relative error `rel_se` of the row, as they predict the observed load.
     """
     frame = predicted_rows(comparison.table)
     blocks = []
     a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
     mixtures = _mixtures(comparison, [*comparison.fits, AVERAGE])
     share_of = _largest_shares(mixtures)
-    few = min(MAX_DRAWS_TIMES_ROWS / (N_SHARED * max(len(frame), 1)), 1.0)
+    share_of_draws = min(MAX_DRAWS_TIMES_ROWS / (N_SHARED * max(len(frame), 1)), 1.0)
 
     @cache
     def predicted(fit: Posterior, kind: str) -> LoadDistribution:
-        share = few * share_of[id(fit)]
+        share = share_of_draws * share_of[id(fit)]
         return predict_load(fit, a, b, q, nu=nu, kind=kind, share=share)
 
     for kind in kinds:
@@ -197,13 +200,13 @@ def loads_table(
         for name, parts in mixtures.items():
             weights = [weight for _, weight in parts]
             load = mix_loads([predicted(fit, kind).widened(rel_se) for fit, _ in parts], weights)
-            blocks.append(_of_form(name, parts, load.to_dataframe(prob)))
+            blocks.append(_label(name, parts, load.to_dataframe(prob)))
             blocks[-1]["p_over_E_observed"] = frame["p_over_E"].to_numpy()
     return pd.concat(blocks, ignore_index=True)
 
 
 def _check(comparison: Comparison, forms: Sequence[str], prob: float) -> None:
-    """Refuse forms that were not fitted, and what is no probability."""
+    """Raise InputError for forms that were not fitted and for an invalid probability."""
     if not 0 < prob < 1:
         raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
     for name in forms:
@@ -213,43 +216,46 @@ def _check(comparison: Comparison, forms: Sequence[str], prob: float) -> None:
 
 
 def predicted_rows(table: ContactTable) -> pd.DataFrame:
-    """Return the ok transitions of a table; no form predicts those of a body off centre."""
+    """Return the ok transitions of a table, except of bodies off centre, which no form predicts."""
     frame = table.frame
     is_predicted = (frame["kind"] == "transition") & (frame["offset_over_R"] == 0)
     return frame[(frame["status"] == "ok") & is_predicted]
 
 
 def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
-    """Return the first Poisson's ratio that each texture has in the table."""
+    """Return the first Poisson's ratio of each texture in the table."""
     rows = comparison.table.frame.drop_duplicates(["a_over_R", "b_over_R"])
     columns = (rows[name].tolist() for name in ("a_over_R", "b_over_R", "nu"))
     return {(a, b): nu for a, b, nu in zip(*columns, strict=True)}
 
 
-def _bands_of(
+def _predict(
     task: tuple[Posterior, float], kinds: Sequence[str], where: dict[str, Any]
 ) -> dict[str, QDistribution]:
-    """Predict, and let go of what was worked out for it: of all fits that would be gigabytes."""
-    posterior, share = copy(task[0]), task[1]  # the offsets it works out go with the copy
+    """Predict with a copy of the posterior, so that its cached offsets are freed.
+
+    The cached offsets of all fits would take gigabytes.
+    """
+    posterior, share = copy(task[0]), task[1]
     return {kind: predict_q(posterior, kind=kind, share=share, **where) for kind in kinds}
 
 
 _Mixture = list[tuple[Posterior, float]]
 
 
-def _mixtures(comparison: Comparison, wanted: Sequence[str]) -> dict[str, _Mixture]:
-    """Return the posteriors that each form's bands, and those of the average, are mixed of."""
+def _mixtures(comparison: Comparison, names: Sequence[str]) -> dict[str, _Mixture]:
+    """Return the weighted posteriors that predict each named form or the average."""
     mixtures: dict[str, _Mixture] = {}
-    for name in wanted:
+    for name in names:
         if name != AVERAGE:
             mixtures[name] = comparison.fits[name].averaged
-        elif comparison.probabilities:  # else there is no evidence to weigh forms by
+        elif comparison.probabilities:  # without evidences there is no average
             mixtures[AVERAGE] = comparison.averaged
     return mixtures
 
 
 def _largest_shares(mixtures: dict[str, _Mixture]) -> dict[int, float]:
-    """Return the largest weight that each posterior has in a mixture."""
+    """Return the largest weight of each posterior in any mixture, by the posterior's id."""
     largest: dict[int, float] = {}
     for parts in mixtures.values():
         for (fit, _), share in zip(parts, shares([w for _, w in parts]).tolist(), strict=True):
@@ -262,18 +268,18 @@ def _noise_of(parts: _Mixture) -> str:
     return AVERAGE if len(names) > 1 else names.pop()
 
 
-def _of_form(name: str, parts: _Mixture, rows: pd.DataFrame) -> pd.DataFrame:
-    """Put the form and its error model before the columns of bands or loads."""
+def _label(name: str, parts: _Mixture, rows: pd.DataFrame) -> pd.DataFrame:
+    """Insert the columns of the form and the error model."""
     rows.insert(0, "form", name)
     rows.insert(1, "noise", _noise_of(parts))
     return rows
 
 
-def _joined(blocks: list[pd.DataFrame]) -> pd.DataFrame:
-    """Join forms, zeros for the tails that others have, up to the first negligible column."""
+def _concatenate(blocks: list[pd.DataFrame]) -> pd.DataFrame:
+    """Concatenate bands; fill missing probabilities with 0 and drop negligible columns."""
     frame = pd.concat(blocks, ignore_index=True)
     tail = frame.filter(regex="^p_q_ge_").columns
-    n_kept = int((frame[tail].max() >= NEGLIGIBLE).sum()) + 1
-    frame, kept = frame.drop(columns=tail[n_kept:]), list(map(str, tail[:n_kept]))
-    frame[kept] = frame[kept].fillna(0.0)
-    return frame.round(dict.fromkeys(["q_mean", *kept], _DECIMALS))
+    n_shown = int((frame[tail].max() >= NEGLIGIBLE_PROBABILITY).sum()) + 1
+    frame, shown = frame.drop(columns=tail[n_shown:]), list(map(str, tail[:n_shown]))
+    frame[shown] = frame[shown].fillna(0.0)
+    return frame.round(dict.fromkeys(["q_mean", *shown], _N_DECIMAL))

@@ -1,4 +1,4 @@
-"""Bayes factors of several fits as a table, and in words."""
+"""Tables of Bayes factors, and their interpretation in words."""
 
 import itertools
 import math
@@ -12,27 +12,27 @@ from ridgebayes.evidence.components import strength
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.model.noise import Noise
 
-SUMMED = "summed out"  # the noise column of Bayes factors that hold for no error model alone
+SUMMED = "summed out"  # entry of the noise column if Bayes factors are summed over error models
 BAYES_FACTOR_COLUMNS = ["form_a", "form_b", "noise", "method", "ln_bf", "ln_bf_se", "log10_bf"]
 BAYES_FACTOR_COLUMNS += ["reading"]
 
 
 def reading(ln_bf: float, ln_bf_se: float, form_a: str, form_b: str, caution: str | None) -> str:
-    """Put a log Bayes factor in words, on the scale of Kass and Raftery.
+    """Describe a log Bayes factor in words, on the scale of Kass and Raftery.
 
     Parameters
     ----------
     ln_bf, ln_bf_se : float
         ln Z_a - ln Z_b and its standard error.
     form_a, form_b : str
-        Names.
+        Names of the forms.
     caution : str or None
-        Note about the error model.
+        Note about the error model, which is appended.
 
     Returns
     -------
     str
-        As `ridgebayes.evidence.components.strength`, with the favoured form and the caution.
+        Words of `ridgebayes.evidence.components.strength`, the favoured form and the caution.
 
     Examples
     --------
@@ -46,7 +46,7 @@ def reading(ln_bf: float, ln_bf_se: float, form_a: str, form_b: str, caution: st
 
 
 def bayes_factor_table(evidence: pd.DataFrame, forms: Sequence[str], noise: Noise) -> pd.DataFrame:
-    """Return the Bayes factor of each pair of forms under an error model."""
+    """Return the Bayes factor of each pair of forms under one error model."""
     used = evidence[evidence["used"] & (evidence["noise"] == noise.name)].set_index("form")
     columns = used[["log_evidence", "log_evidence_se", "method"]]
     rows = {form: tuple(columns.loc[form]) for form in forms if form in used.index}
@@ -54,18 +54,18 @@ def bayes_factor_table(evidence: pd.DataFrame, forms: Sequence[str], noise: Nois
 
 
 def summed_bayes_factors(evidence: pd.DataFrame) -> pd.DataFrame:
-    """Return the forms' Bayes factors with the error models summed out at equal prior.
+    """Return the forms' Bayes factors with equally probable error models summed out.
 
     Parameters
     ----------
     evidence : pandas.DataFrame
-        As for `mean_evidence`.
+        Table of evidences, as for `mean_evidence`.
 
     Returns
     -------
     pandas.DataFrame
-        Columns of `bayes_factors.csv`; the noise is ``summed out``. Empty where one error model
-        alone was weighed.
+        Columns of `bayes_factors.csv`, with the noise ``summed out``. Empty if only one error model
+        was weighed.
     """
     several = len(set(used_evidence(evidence)["noise"])) > 1
     sums = summed_evidence(evidence) if several else {}
@@ -75,7 +75,7 @@ def summed_bayes_factors(evidence: pd.DataFrame) -> pd.DataFrame:
 def _pairs(
     evidences: Mapping[str, tuple[float, float, str]], noise: str, caution: str | None = None
 ) -> pd.DataFrame:
-    """Return a row for each pair of forms, given ln evidence, its error and its method."""
+    """Return a row for each pair of forms, given each form's ln evidence, error and method."""
     rows = []
     for (a, first), (b, second) in itertools.combinations(evidences.items(), 2):
         ln_bf, se = first[0] - second[0], math.hypot(first[1], second[1])
@@ -86,12 +86,12 @@ def _pairs(
 
 
 def summed_evidence(evidence: pd.DataFrame) -> dict[str, tuple[float, float]]:
-    """Return ln evidence and its error of each form, error models summed out at equal prior.
+    """Return ln evidence and its error by form, with equally probable error models summed out.
 
     Parameters
     ----------
     evidence : pandas.DataFrame
-        As for `mean_evidence`.
+        Table of evidences, as for `mean_evidence`.
     """
     used, sums = used_evidence(evidence), {}
     for form, part in used.groupby("form", sort=False):

@@ -1,4 +1,4 @@
-"""Works to cite: the study, the methods behind a result, and the packages that computed it."""
+"""Works to cite for a result: the study, its methods and the packages used."""
 
 import io
 from importlib.resources import files
@@ -18,8 +18,8 @@ def citations(result: Fit | Comparison) -> pd.DataFrame:
     Parameters
     ----------
     result : Fit or Comparison
-        Its samplers and methods of evidence decide what is listed, and for a comparison also the
-        solver of its table.
+        Result. Its samplers and evidence methods determine the works, as does the solver in the
+        table of a comparison.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def citations(result: Fit | Comparison) -> pd.DataFrame:
         reasons |= {"factors"} if len(result.bayes_factors) else set()
         reasons |= {"scores"} if len(result.loo) else set()
         reasons |= {"elements"} if by_elements else set()
-    if "bridge" in reasons:  # from a walk to its evidence
+    if "bridge" in reasons:  # bridge sampling uses the chains of emcee
         reasons.add("emcee")
     text = (files("ridgebayes.comparison") / "citations.csv").read_text(encoding="utf-8")
     works = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)

@@ -1,4 +1,4 @@
-"""Which form does the evidence support: each is fitted, weighed against the others, and scored."""
+"""Comparison of forms: fit each form, weigh the forms by their evidences and score them."""
 
 import math
 import time
@@ -28,10 +28,10 @@ from ridgebayes.results import Fit, chain_checkpoint
 from ridgebayes.runtime.pool import submit_or_defer
 from ridgebayes.runtime.progress import untimed
 
-MOST_APART = 4.0  # joint standard errors of a posterior's two evidences
+MAX_EVIDENCE_GAP_SE = 4.0  # in joint standard errors; a larger gap is no Monte Carlo error
 
 
-def compare(  # noqa: PLR0913  (each names a part of the question, and has a default)
+def compare(  # noqa: PLR0913  (all but the table have a default)
     table: TableLike,
     forms: FormsLike = DEFAULT_FORMS,
     *,
@@ -48,47 +48,46 @@ def compare(  # noqa: PLR0913  (each names a part of the question, and has a def
     Parameters
     ----------
     table : ContactTable, path or pandas.DataFrame
-        Rows of role calibration and status ok are fitted.
+        Table; rows with role "calibration" and status "ok" are fitted.
     forms : sequence of Form or str, optional
         Forms or their names; Classic, power law, Modified and Hybrid if not given.
     noise : str or Noise, optional
-        Error model of all forms; ``auto`` weighs all that suit the table, and averages over them.
+        Error model of all forms; ``auto`` averages over all error models that suit the table.
     priors : mapping of str to mapping of str to prior, or path, optional
-        Replacements for default priors: by form name, or ``noise``, and parameter name. A prior is
-        a Distribution, one of SciPy's (`scipy.stats.norm(0, 0.1)`), or a text as in a file of
-        priors, such as ``lognormal(1.382, 10 %)``; a path is of such a file.
+        Replacements for default priors by form name, or ``noise``, and parameter name. A prior is
+        a Distribution, a SciPy distribution (`scipy.stats.norm(0, 0.1)`), or a text as in a file
+        of priors, such as ``lognormal(1.382, 10 %)``. A path is read as a file of priors.
     prior_odds : mapping of str to float, optional
-        Prior odds by form name, > 0 and dimensionless; forms that are not named have 1.
-        Posterior probabilities and averaged predictions use them, Bayes factors and the verdict do
-        not.
+        Prior odds by form name, > 0 and dimensionless; 1 for forms not named. They enter
+        posterior probabilities and averaged predictions, but not Bayes factors and the verdict.
     rng : int or numpy.random.Generator, optional
         Seed. Each form has its own random stream.
     settings : SampleSettings, optional
-        Lengths and thresholds of sampling, instead of those of `accuracy`.
+        Chain lengths and convergence thresholds; those of `accuracy` if not given.
     executor : concurrent.futures.Executor, optional
-        Runs the fits; one after the other in this process if not given.
+        Executor of the fits; if not given, they run one after the other in this process.
     accuracy : str or Preset, optional
         Target errors of draws and evidences: ``quick``, ``standard`` or ``reference``.
 
     Returns
     -------
     Comparison
-        Fits, evidences, Bayes factors, probabilities, scores, and a graded verdict. A form whose
-        fit failed is in `failures` and in no table.
+        Fits, evidences, Bayes factors, probabilities, scores and a graded verdict. A form whose
+        fit failed is listed in `failures` and in no table.
 
     Raises
     ------
     InputError
-        If no form is given, one is given twice, or one may not be fitted to these rows; if a prior
-        is for a parameter that no form or error model has; if prior odds are of another form, or
-        not finite and > 0.
+        If no form is given, a form is given twice or cannot be fitted to these rows, a prior
+        names a parameter that no form or error model has, or prior odds name a form that is not
+        compared or are not finite and > 0.
     ComputationError
         If no form could be fitted.
 
     Warns
     -----
     CautionWarning
-        If the comparison has `cautions`, once for each.
+        For each of the comparison's `cautions`.
 
     Examples
     --------
@@ -117,7 +116,7 @@ def compare(  # noqa: PLR0913  (each names a part of the question, and has a def
 
 
 def compared(request: Request) -> Comparison:
-    """Do what `compare` does, without warnings.
+    """Compare the forms of a request, without warnings.
 
     Raises
     ------
@@ -139,9 +138,9 @@ def compared(request: Request) -> Comparison:
     evidences = {
         key: [pair.evidence] for key, pair in weighed.weighed.items() if key[0] not in failures
     }
-    walks = _begun_walks(request, weighed, posteriors, selected)
+    walks = _submit_walks(request, weighed, posteriors, selected)
     sensitivity = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
-    if request.scores:  # while walks, which are few, leave other workers idle
+    if request.scores:  # computed on workers that the few walks leave idle
         with stage("prior sensitivity"):
             sensitivity = prior_sensitivity(weighed, executor=executor)
     for name, walk in walks.items():
@@ -176,58 +175,58 @@ def compared(request: Request) -> Comparison:
     )
 
 
-def _begun_walks(
+def _submit_walks(
     request: Request,
     weighed: WeighedPairs,
     posteriors: Mapping[str, Mapping[str, Posterior]],
     selected: Noise,
 ) -> dict[str, Callable[[], tuple[tuple[Posterior, LogEvidence], float]]]:
-    """Begin to walk what is selected and not negligible; return what waits, by form."""
-    # Executors, and what reports progress, cannot be sent to another process.
-    alone = replace(request, executor=None, stage=untimed)
+    """Submit the walks of forms that are not negligible; return functions that wait for them."""
+    # Executors and progress callbacks cannot be sent to another process.
+    job = replace(request, executor=None, stage=untimed)
     if request.executor is not None:
-        alone = replace(alone, progress=None)
+        job = replace(job, progress=None)
     walks = {}
     for form in (form.name for form in request.walked):
         pair, drawn = weighed.pairs[form, selected.name], weighed.weighed[form, selected.name].drawn
         if drawn is not None and weighed.form_share(form) >= MIN_FORM_PROBABILITY:
             posterior = posteriors[form][selected.name]
-            walks[form] = submit_or_defer(request.executor, _check, alone, pair, drawn, posterior)
+            walks[form] = submit_or_defer(request.executor, _check, job, pair, drawn, posterior)
     return walks
 
 
 def _check(
     request: Request, pair: Pair, drawn: Drawn, posterior: Posterior
 ) -> tuple[tuple[Posterior, LogEvidence], float]:
-    """Walk a posterior and bridge it, with the CPU seconds it took.
+    """Check a posterior by MCMC and bridge sampling; return it, its evidence and the CPU seconds.
 
-    The posterior keeps its importance draws. It does not count as converged if the walk did not
-    meet its rules, or if its two evidences differ by more than four joint standard errors.
+    The posterior keeps its importance draws. It is marked as not converged if the walk did not
+    converge, or if the two evidences differ by more than four joint standard errors.
     """
     began, form, model, progress = time.process_time(), pair.form.name, posterior.model, None
     settings, folder = request.settings or request.accuracy.settings, request.checkpoints
     path, digest = folder and folder / f"chains-{form}.npz", request.table.calibration.digest()
     if request.progress is not None:
-        progress = _labelled(request.progress, form)
+        progress = _prefixed(request.progress, form)
     checkpoint = chain_checkpoint(path, digest, model, pair.own_seed, settings)
     walked, bridge = walk_pair(pair, drawn, settings, progress=progress, checkpoint=checkpoint)
     failures = [f"walk: {failure}" for failure in failed_walk(model, walked)]
     by_draws = drawn.evidence
-    apart = abs(bridge.value - by_draws.value) / math.hypot(bridge.se, by_draws.se)
-    if bridge.ok and apart > MOST_APART:
+    gap = abs(bridge.value - by_draws.value) / math.hypot(bridge.se, by_draws.se)
+    if bridge.ok and gap > MAX_EVIDENCE_GAP_SE:
         failures.append(
-            f"evidences of the walk and of importance sampling differ by {apart:.1f} joint "
-            f"standard errors, above {MOST_APART:g}"
+            f"evidences of the walk and of importance sampling differ by {gap:.1f} joint "
+            f"standard errors, above {MAX_EVIDENCE_GAP_SE:g}"
         )
     elif not bridge.ok:
         failures.append(f"bridge: {bridge.status}")
     checked = replace(
         posterior, convergence_failures=posterior.convergence_failures + tuple(failures)
     )
-    if request.scores:  # and for the fit's file, which is written elsewhere
+    if request.scores:  # the fit's file in the run folder stores it as well
         checked = checked.with_log_likelihood()
     return (checked, bridge), time.process_time() - began
 
 
-def _labelled(progress: ProgressCallback, name: str) -> ProgressCallback:
+def _prefixed(progress: ProgressCallback, name: str) -> ProgressCallback:
     return lambda text: progress(f"{name}: {text}")

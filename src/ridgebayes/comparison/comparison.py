@@ -1,4 +1,4 @@
-"""Results of a comparison of forms, and predictions averaged over forms and error models."""
+"""Result of a comparison of forms, with predictions averaged over forms and error models."""
 
 import math
 from dataclasses import dataclass, field
@@ -32,62 +32,61 @@ if TYPE_CHECKING:  # heavy
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Predictive, Tabular):
-    """Fits of several forms to one table, and their comparison.
+    """Fits of several forms to one table and their comparison.
 
     Parameters
     ----------
     table : ContactTable
-        The table as used.
+        Table to which the forms were fitted.
     noise : Noise
-        Error model under which parameters are shown.
+        Selected error model, under which parameters are shown.
     fits : dict of str to Fit
-        By form name.
+        Fits by form name.
     evidence : pandas.DataFrame
         Columns form, noise, method, log_evidence, log_evidence_se, used, prior_probability,
-        model_probability, status. Where several error models were weighed, rows for each form under
-        each.
+        model_probability, status, with rows for each form under each error model weighed.
     bayes_factors : pandas.DataFrame
-        Columns form_a, form_b, noise, method, ln_bf, ln_bf_se, log10_bf, reading. Where several
-        error models were weighed, also with these summed out.
+        Columns form_a, form_b, noise, method, ln_bf, ln_bf_se, log10_bf, reading. If several
+        error models were weighed, there are also rows with the error models summed out.
     loo : pandas.DataFrame
         Columns form, noise, elpd, se, p, n_bad_k, stacking_weight.
     prior_sensitivity : pandas.DataFrame
-        Columns prior, factor, form, log_evidence: each prior's scale times 0.1 (coefficients: 0.3)
-        to 10 and the nugget times 0.1 to 10, error models summed out.
+        Columns prior, factor, form, log_evidence. The scale of each prior is multiplied by 0.1 (0.3
+        for coefficients) to 10 and the nugget by 0.1 to 10; error models are summed out.
     failures : dict of str to str
-        Forms that could not be fitted, and why.
+        Reason for each form that could not be fitted.
     left_out : pandas.DataFrame
-        Scores of each form on textures and steps left out, see `checks.left_out`; empty
-        if not computed.
+        Scores of each form on left-out textures and steps, see `checks.left_out`; empty if not
+        computed.
     coverage : pandas.DataFrame
-        How often the best form's bands contain the loads of textures left out, see
+        Share of the loads of left-out textures inside the best form's bands, see
         `checks.coverage`; empty if not computed.
     accuracy : str
-        Name of the accuracy that was asked for, see `ridgebayes.inference.presets`.
+        Name of the requested accuracy, see `ridgebayes.inference.presets`.
     cost : pandas.DataFrame
         Errors and run times of each accuracy, see `checks.cost`; empty if not measured.
 
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> found = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
-    >>> found.best, found.to_dataframe()["model_probability"].round(2).tolist()
+    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    >>> cmp.best, cmp.to_dataframe()["model_probability"].round(2).tolist()
     ('hybrid', [0.99, 0.01])
-    >>> found.complete, found.unconverged, found.verdict.grade
+    >>> cmp.complete, cmp.unconverged, cmp.verdict.grade
     (True, {}, 'supports')
-    >>> {form: round(share, 2) for form, share in found.probabilities.items()}
+    >>> {form: round(share, 2) for form, share in cmp.probabilities.items()}
     {'modified': 0.01, 'hybrid': 0.99}
-    >>> found.prior_probabilities, round(found.probabilities_at_equal_odds["hybrid"], 2)
+    >>> cmp.prior_probabilities, round(cmp.probabilities_at_equal_odds["hybrid"], 2)
     ({'modified': 0.5, 'hybrid': 0.5}, 0.99)
-    >>> [round(weight, 2) for _, weight in found.averaged]  # over these predictions are averaged
+    >>> [round(weight, 2) for _, weight in cmp.averaged]  # weights of the predictions
     [0.01, 0.99]
-    >>> set(found.own_evidence["noise"]) | set(found.own_bayes_factors["noise"])
+    >>> set(cmp.own_evidence["noise"]) | set(cmp.own_bayes_factors["noise"])
     {'iid'}
-    >>> len(found.components)  # one error model: nothing to compare
+    >>> len(cmp.components)  # one error model: nothing to compare
     0
-    >>> found.cautions[0].split(",")[0]
+    >>> cmp.cautions[0].split(",")[0]
     'Errors of rows were taken as independent'
-    >>> found.plot().get_xlabel()
+    >>> cmp.plot().get_xlabel()
     'ln Bayes factor over the most probable form'
     """
 
@@ -109,14 +108,14 @@ class Comparison(Predictive, Tabular):
         return f"Comparison({self.table.where}: {', '.join(parts)})"
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return a row for each form, the most probable first.
+        """Return a table with one row for each form, the most probable first.
 
         Returns
         -------
         pandas.DataFrame
-            Columns form, model_probability, log_evidence and log_evidence_se (error models summed
-            out), ln_bf (over the most probable form), elpd, elpd_se, stacking_weight, converged.
-            NaN where a form has no evidence or score.
+            Columns form, model_probability, log_evidence and log_evidence_se (with error models
+            summed out), ln_bf (over the most probable form), elpd, elpd_se, stacking_weight,
+            converged. Missing evidences and scores are NaN.
         """
         weighed, shares = summed_evidence(self.evidence), self.probabilities
         top = max((value for value, _ in weighed.values()), default=math.nan)
@@ -133,12 +132,12 @@ class Comparison(Predictive, Tabular):
         return frame.sort_values("ln_bf", ascending=False, ignore_index=True)[order]
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the log Bayes factor of each form over the most probable one.
+        """Plot the log Bayes factor of each form over the most probable form.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure's if not given.
+            Axes to draw on; those of a new figure if not given.
 
         Returns
         -------
@@ -149,33 +148,33 @@ class Comparison(Predictive, Tabular):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Reasons to doubt the answer, a sentence each: units, copies, independence, priors."""
+        """Reasons to doubt the result, one sentence each: units, copies, independence, priors."""
         shares, noises = self.probabilities, set(self.evidence["noise"])
         best = max(self.fits, key=lambda name: shares.get(name, -1.0))
         return cautions(self.table, noises, self.noise, {best: self.fits[best]})[best]
 
     @property
     def own_evidence(self) -> pd.DataFrame:
-        """The rows of `evidence` under the error model of the fits."""
+        """Rows of `evidence` under the selected error model."""
         return self.evidence[self.evidence["noise"] == self.noise.name]
 
     @property
     def own_bayes_factors(self) -> pd.DataFrame:
-        """The rows of `bayes_factors` under the error model of the fits."""
+        """Rows of `bayes_factors` under the selected error model."""
         return self.bayes_factors[self.bayes_factors["noise"] == self.noise.name]
 
     @property
     def components(self) -> pd.DataFrame:
-        """Inclusion Bayes factors of the error model's components, forms summed out.
+        """Inclusion Bayes factors of the error model's components, with forms summed out.
 
         Columns component (``texture``, ``step``, ``smooth``, ``series``, ``student``), ln_bf,
-        ln_bf_se, probability, reading. Empty where one error model alone was weighed.
+        ln_bf_se, probability, reading. Empty if only one error model was weighed.
         """
         return component_table(self.evidence)
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Posterior probabilities of the forms, error models summed out."""
+        """Posterior probabilities of the forms, with error models summed out."""
         used = self.evidence[self.evidence["used"]]
         sums = used.groupby("form", sort=False)["model_probability"].sum()
         return {str(name): float(share) for name, share in sums.items()}
@@ -188,14 +187,14 @@ class Comparison(Predictive, Tabular):
 
     @property
     def prior_probabilities(self) -> dict[str, float]:
-        """Prior probabilities of the fitted forms, all alike unless prior odds were given."""
+        """Prior probabilities of the fitted forms, equal unless prior odds were given."""
         pairs = self.evidence.drop_duplicates(["form", "noise"])
         sums = pairs.groupby("form", sort=False)["prior_probability"].sum()
         return {str(name): float(share) for name, share in sums.items()}
 
     @cached_property
     def verdict(self) -> Verdict | None:
-        """Which form the evidence supports, graded; None where only one form has an evidence."""
+        """Graded verdict on the best form; None if fewer than two forms have an evidence."""
         data = Observations.from_table(self.table)
         return verdict_of(
             self.evidence,
@@ -208,7 +207,7 @@ class Comparison(Predictive, Tabular):
 
     @property
     def best(self) -> str:
-        """The form of highest probability.
+        """Name of the form with the highest probability.
 
         Raises
         ------
@@ -221,15 +220,15 @@ class Comparison(Predictive, Tabular):
 
     @property
     def complete(self) -> bool:
-        """Whether every form was fitted and got an evidence, and those that count converged."""
+        """Whether all forms have a fit and an evidence, and all but negligible forms converged."""
         weighed = set(self.fits) == set(self.probabilities)
         return not self.failures and weighed and not self.unconverged
 
     @property
     def unconverged(self) -> dict[str, tuple[str, ...]]:
-        """Why forms did not converge, under any error model that their predictions average over.
+        """Reasons why forms did not converge, under all error models of their averaged predictions.
 
-        Forms of negligible probability need not converge.
+        Forms of negligible probability are not listed.
         """
         shares, lacking = self.probabilities, {}
         for name, fit in self.fits.items():
@@ -244,9 +243,9 @@ class Comparison(Predictive, Tabular):
 
     @property
     def averaged(self) -> list[tuple[Posterior, float]]:
-        """The posteriors that predictions are averaged over, with their weights.
+        """Posteriors over which predictions are averaged, with their weights.
 
-        Posteriors of every form and error model of more than one per cent.
+        These are the pairs of a form and an error model with a weight of at least 1 %.
 
         Raises
         ------

@@ -1,8 +1,8 @@
-"""Quantiles of the load at textures that were not fitted, as one table for the report's page.
+"""Table of load quantiles from which the report's page predicts new textures.
 
 Under every built-in form ``ln(p/E) = 2 ln L - ln((1 - nu^2)/0.75) + g_Q(a/pitch)``, where L is the
-pitch over R, and the offsets of a new texture depend on Q and a/pitch alone. So one table of
-quantiles of g over Q and a/pitch answers for every texture, body and unit.
+pitch over R, and the offsets of a new texture depend on Q and a/pitch alone. One table of quantiles
+of g over Q and a/pitch is therefore enough for every texture, body and unit.
 """
 
 import math
@@ -23,28 +23,28 @@ from ridgebayes.predict.posterior_loads import PosteriorLoads
 from ridgebayes.predict.predict import Predictive
 from ridgebayes.predict.q_distribution import heavy_parts
 
-_PROB = ndtr(ndtri(0.05) * np.linspace(2, -2, 17))  # at even steps of the normal score
-_LEAST_RATIO = 0.04  # of a/pitch; and as far from 1
-_N_RATIO = 10  # numbers of a/pitch below, within and above the calibrated
-_MOST_Q = 40  # the last count, unless more were calibrated
-_N_SAMPLE = 2 * N_KEPT  # loads of each place
-_UNIT = 1e-5  # of ln load, far below what Monte Carlo error leaves
+_PROB = ndtr(ndtri(0.05) * np.linspace(2, -2, 17))  # evenly spaced normal scores
+_MIN_RATIO = 0.04  # smallest a/pitch; the largest is 1 minus this value
+_N_RATIO = 10  # number of a/pitch below, within and above the calibrated range
+_MAX_Q = 40  # largest count, or twice the largest calibrated count if larger
+_N_SAMPLE = 2 * N_KEPT  # sampled loads per place
+_LN_LOAD_UNIT = 1e-5  # rounding of ln load, far below the Monte Carlo error
 
 
 @dataclass(frozen=True)
 class OwnTexture:
-    """Quantiles from which the page predicts textures that were not fitted.
+    """Load quantiles from which the page predicts new textures.
 
     Parameters
     ----------
     table : mapping or None
         ``ratio`` (a/pitch), ``Q`` and ``prob``; ``g``, quantiles of ln(p/E) at pitch R and nu = 0.5
-        in units of ``unit``, ratio by ratio, Q by Q, None where that share of the draws reaches Q
-        at no load; ``calibrated``, see `CalibratedRange.to_dict`; ``fitted``, textures with rows;
-        ``knows``, whether fitted textures have offsets or coefficients of their own; ``power_law``,
-        whether a form of weight has a coefficient for each texture.
+        in units of ``unit``, in the order ratio, Q, prob, and None if too few draws reach Q;
+        ``calibrated``, see `CalibratedRange.to_dict`; ``fitted``, textures with rows; ``knows``,
+        whether fitted textures have their own offsets or coefficients; ``power_law``, whether a
+        heavy part of the average is a power law.
     why : str
-        Why there is none; else empty.
+        Reason if there is no table; else empty.
     """
 
     table: Json | None
@@ -52,23 +52,24 @@ class OwnTexture:
 
 
 def own_texture(comparison: Comparison) -> OwnTexture:
-    """Return quantiles of the load over a/pitch and Q, averaged as `Comparison.predict_load` does.
+    """Return load quantiles over a/pitch and Q, averaged as in `Comparison.predict_load`.
 
     Parameters
     ----------
     comparison : Comparison
-        Forms with an evidence.
+        Comparison of forms.
 
     Returns
     -------
     OwnTexture
-        Without a table where no form has an evidence, or the loads of a form or the prior of the
-        power law's K do not go with the square of the pitch.
+        The table is None if no form has an evidence, or if a form's loads or the prior of the
+        power law's K do not scale with the pitch.
 
     Notes
     -----
-    *Accuracy.* 0.1 % in the load from 5 to 95 %, beside the Monte Carlo error of `predict_load`;
-    beyond some tenths of a per cent, of Student errors a few per cent.
+    *Accuracy.* In addition to the Monte Carlo error of `predict_load`, the load has an error of
+    0.1 % for quantiles from 5 to 95 %, and of some tenths of a per cent beyond (a few per cent
+    under Student errors).
     """
     if not comparison.probabilities:
         return OwnTexture(None, "no form has an evidence that can be used")
@@ -81,16 +82,16 @@ def own_texture(comparison: Comparison) -> OwnTexture:
     heavy = list(compress(posteriors, heavy_parts(np.array(weights))))
     calibrated = CalibratedRange.of(heavy[0])
     power_law = any(isinstance(posterior.form, PowerLaw) for posterior in heavy)
-    ratio, Q = _nodes(calibrated.ratio), np.arange(4, max(_MOST_Q, 2 * calibrated.Q_max) + 1, 2)
+    ratio, Q = _nodes(calibrated.ratio), np.arange(4, max(_MAX_Q, 2 * calibrated.Q_max) + 1, 2)
     prob = _PROB.round(12)
-    g = np.round(_log_quantiles(comparison, ratio, Q, prob).ravel() / _UNIT)
+    g = np.round(_log_quantiles(comparison, ratio, Q, prob).ravel() / _LN_LOAD_UNIT)
     reached = {key: value for key, value in calibrated.to_dict().items() if key != "textures"}
     return OwnTexture(
         {
             "ratio": ratio.round(12).tolist(),
             "Q": Q.tolist(),
             "prob": prob.tolist(),
-            "unit": _UNIT,
+            "unit": _LN_LOAD_UNIT,
             "g": [int(value) if math.isfinite(value) else None for value in g],
             "calibrated": reached,
             "fitted": [list(texture) for texture in posteriors[0].model.data.textures],
@@ -101,10 +102,10 @@ def own_texture(comparison: Comparison) -> OwnTexture:
 
 
 def _nodes(calibrated: tuple[float, float]) -> FloatArray:
-    """Return places in a/pitch: both ends of the calibrated range, and more within it."""
-    low, high = (min(max(end, 2 * _LEAST_RATIO), 1 - 2 * _LEAST_RATIO) for end in calibrated)
-    below = np.geomspace(_LEAST_RATIO, low, _N_RATIO)
-    above = 1 - np.geomspace(_LEAST_RATIO, 1 - high, _N_RATIO)
+    """Return values of a/pitch below, within and above the calibrated range, with both ends."""
+    low, high = (min(max(end, 2 * _MIN_RATIO), 1 - 2 * _MIN_RATIO) for end in calibrated)
+    below = np.geomspace(_MIN_RATIO, low, _N_RATIO)
+    above = 1 - np.geomspace(_MIN_RATIO, 1 - high, _N_RATIO)
     within = np.linspace(low, high, _N_RATIO if high > low else 1)
     return np.unique(np.concatenate([below, within, above]).round(12))
 
@@ -114,14 +115,14 @@ def _log_quantiles(
 ) -> FloatArray:
     """Return quantiles of ln(p/E) at a pitch of R, shape (n_ratio, n_Q, n_prob).
 
-    Each draw has some errors: steps of the golden ratio, over draws in the order of their loads,
-    leave no gap in probability.
+    Each draw gets several error scores. Steps of the golden ratio over the draws, sorted by load,
+    spread the scores evenly.
     """
     load = model.predict_load(ratio[:, None], 1 - ratio[:, None], Q)
     n = -(-_N_SAMPLE // len(load.weight)), len(load.weight), 1
     score = ndtri((np.arange(math.prod(n)) + 0.5) / golden % 1).reshape(n)
     value = np.empty((*load.shape, len(prob)))
-    columns = load.draws.columns(load.place.ravel())  # both at once: they take most of the time
+    columns = load.draws.columns(load.place.ravel())  # one call, which takes most of the time
     log_mean, log_sd = (np.reshape(x, (len(load.weight), *load.shape)) for x in columns)
     for i in range(len(ratio)):
         order = np.argsort(log_mean[:, i], axis=0)

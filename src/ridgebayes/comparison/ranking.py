@@ -1,4 +1,4 @@
-"""A comparison arranged for a reader: factors against the best form, and a verdict."""
+"""Results of a comparison arranged for the report: ranked forms, Bayes factors and problems."""
 
 from dataclasses import dataclass
 
@@ -9,36 +9,36 @@ from ridgebayes.comparison.bayes_factors import SUMMED, summed_evidence
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.model.noise import SMOOTH
 
-_PLAINEST = "classic"  # the smooth contact: it knows of pitch and groove, not of single ridges
+_BASELINE = "classic"  # the smooth contact, which has pitch and groove but no single ridges
 
 
 def best_form(comparison: Comparison) -> str | None:
-    """Return the form of highest probability, or None where no evidence could be used."""
+    """Return the form with the highest probability, or None if no form has a usable evidence."""
     return comparison.best if comparison.probabilities else None
 
 
 def forms_by_probability(comparison: Comparison) -> list[str]:
-    """Return the fitted forms, most probable first, those without an evidence last."""
+    """Return the fitted forms, the most probable first and forms without an evidence last."""
     shares = comparison.probabilities
     return sorted(comparison.fits, key=lambda name: -shares.get(name, -1.0))
 
 
 def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
-    """Return ln BF of every form over one of them, by every method that gives both evidences.
+    """Return ln BF of every form over a given form, by each method that gives both evidences.
 
     Parameters
     ----------
     comparison : Comparison
-        With its evidence table.
+        Comparison.
     against : str
-        Form that all are compared with.
+        Form in the denominator of the Bayes factors.
 
     Returns
     -------
     pandas.DataFrame
-        Columns form, method, ln_bf (= ln Z_form - ln Z_against), ln_bf_se (NaN where the method
-        has none). First with the error models summed out, where several were weighed; the methods
-        are of the selected one.
+        Columns form, method, ln_bf (= ln Z_form - ln Z_against), ln_bf_se (NaN if the method has
+        none). If several error models were weighed, the first rows have the error models summed
+        out. The methods' rows are under the selected error model.
     """
     columns = ["form", "method", "log_evidence", "log_evidence_se"]
     usable = comparison.own_evidence.query("status == 'ok'").drop_duplicates(["form", "method"])
@@ -55,14 +55,14 @@ def factors_by_method(comparison: Comparison, against: str) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class Predicting:
-    """Whether the form or the smooth offset predicts textures left out.
+    """Gain from the best form and from the smooth offset in predicting left-out textures.
 
     Parameters
     ----------
     without_form : float
-        Times that the error (CRPS) of log loads is larger with Classic in the best form's place.
+        Error (CRPS) of log loads of Classic, relative to the best form.
     without_offset : float
-        Times that the 90 % band of loads is wider with independent rows in the offset's place.
+        Width of the 90 % band of loads with independent rows, relative to the smooth offset.
     """
 
     without_form: float
@@ -70,41 +70,41 @@ class Predicting:
 
 
 def predicting(comparison: Comparison) -> Predicting | None:
-    """Return how well the best form and its smooth offset predict textures left out.
+    """Return the gain from the best form and its smooth offset for left-out textures.
 
-    None where the selected error model has no smooth offset, Classic was not compared or is the
-    best form, or textures were not left out.
+    The result is None if the selected error model has no smooth offset, Classic was not compared or
+    is the best form, or no textures were left out.
     """
     scores, widths, best = comparison.left_out, comparison.coverage, best_form(comparison) or ""
-    if SMOOTH not in comparison.noise.factors or best in ("", _PLAINEST):
+    if SMOOTH not in comparison.noise.factors or best in ("", _BASELINE):
         return None
     if not len(scores) or not len(widths):
         return None
     crps = scores[scores["leave"] == "texture"].set_index("form")["mean_crps"]
     width = widths[(widths["prob"] == 0.9) & (widths["form"] == best)].set_index("noise")
-    if not {best, _PLAINEST} <= set(crps.dropna().index) or len(width) < 2:
+    if not {best, _BASELINE} <= set(crps.dropna().index) or len(width) < 2:
         return None
     wide = width["mean_width"]
     ratios = Predicting(
-        float(crps[_PLAINEST] / crps[best]), float(wide["iid"] / wide[comparison.noise.name])
+        float(crps[_BASELINE] / crps[best]), float(wide["iid"] / wide[comparison.noise.name])
     )
     return ratios if np.isfinite([ratios.without_form, ratios.without_offset]).all() else None
 
 
 def sensitivity_factors(comparison: Comparison, against: str) -> pd.DataFrame:
-    """Return ln BF of every other form over one of them as each prior's scale is changed.
+    """Return ln BF of every other form over a given form for each changed prior scale.
 
     Parameters
     ----------
     comparison : Comparison
-        With its prior_sensitivity table, which may be empty.
+        Comparison, whose prior_sensitivity table may be empty.
     against : str
-        Form that all are compared with.
+        Form in the denominator of the Bayes factors.
 
     Returns
     -------
     pandas.DataFrame
-        Columns prior, factor, form, ln_bf; priors that no fitted form has are left out.
+        Columns prior, factor, form, ln_bf. Priors that change no evidence are left out.
     """
     columns = ["prior", "factor", "form", "ln_bf"]
     table = comparison.prior_sensitivity
@@ -120,10 +120,10 @@ def sensitivity_factors(comparison: Comparison, against: str) -> pd.DataFrame:
 
 
 def problems(comparison: Comparison) -> tuple[str, ...]:
-    """Return what is wrong with a comparison, a sentence each; empty if it is complete."""
+    """Return the problems of a comparison, one sentence each; empty if it is complete."""
     sentences = [f"{name}: could not be fitted: {why}" for name, why in comparison.failures.items()]
     for name, failures in comparison.unconverged.items():
-        sentences += [f"{name}: did not converge: {what}" for what in failures]
+        sentences += [f"{name}: did not converge: {failure}" for failure in failures]
     for name in comparison.fits:
         if name not in comparison.probabilities:
             sentences.append(f"{name}: no method gave a usable evidence")

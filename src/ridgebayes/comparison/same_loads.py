@@ -1,4 +1,7 @@
-"""Whether two forms can reach the same loads at all fitted rows: then no row tells them apart."""
+"""Test whether two forms can reach the same loads at all fitted rows.
+
+The rows cannot distinguish between such forms.
+"""
 
 from dataclasses import dataclass
 
@@ -10,77 +13,78 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
 from ridgebayes.model.rows import Rows
 
-_CLOSE = 1e-7  # of log loads that are the same: those of the half-plane are computed to 1e-8
-_N_POINT, _SHIFT = 3, 0.5  # coefficients tried of each form; prior sds between them
-_MANY = 200  # coefficients beyond which not all textures are looked at, but so many
+_LOG_LOAD_TOL = 1e-7  # log loads closer than this are equal; the half-plane solver has 1e-8
+# Number of sets of coefficients tried for each form, and their distance in prior sds.
+_N_POINT, _SHIFT_PRIOR_SD = 3, 0.5
+_MAX_TEXTURES = 200  # with more textures and coefficients, only a selection is compared
 
 
 def same_loads(first: Posterior, other: Posterior) -> bool:
-    """Return whether each of two forms can reach all loads that the other can, at the fitted rows.
+    """Return whether each of two forms can reach all loads of the other at the fitted rows.
 
-    Three sets of coefficients of each, far apart, are looked for in the other: by least squares of
-    log loads. Only the rows' textures and counts matter, not their loads.
+    The loads of one form at three distant sets of coefficients are fitted by the other form, by
+    least squares of log loads. Only the rows' textures and counts matter, not their loads.
 
     Parameters
     ----------
     first, other : Posterior
-        Posteriors of two forms, given the same rows.
+        Posteriors of two forms given the same rows.
 
     Returns
     -------
     bool
-        False also where a form has no load at coefficients that are tried.
+        False also if a form has no finite loads at the coefficients tried.
 
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> found = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
-    >>> same_loads(found.fits["modified"], found.fits["hybrid"])  # textures of several a/pitch
+    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    >>> same_loads(cmp.fits["modified"], cmp.fits["hybrid"])  # textures of several a/pitch
     False
     """
-    apart = _apart(first.model.rows, other.model.rows, len(first.model.data.textures))
-    if apart is None:
+    gap = _log_rate_gap(first.model.rows, other.model.rows, len(first.model.data.textures))
+    if gap is None:
         return False
-    n = len(apart)
-    if max(first.model.n_coefficient, other.model.n_coefficient) > _MANY and n > _MANY:
-        chosen = np.linspace(0, n - 1, _MANY).astype(np.int64)
+    n, n_coefficient = len(gap), max(first.model.n_coefficient, other.model.n_coefficient)
+    if n_coefficient > _MAX_TEXTURES and n > _MAX_TEXTURES:
+        chosen = np.linspace(0, n - 1, _MAX_TEXTURES).astype(np.int64)
     else:
         chosen = np.arange(n)
-    near, far = _Reachable.of(first, chosen), _Reachable.of(other, chosen)
-    shift = apart[chosen]
-    return far.holds(near.log_rates(near.points) + shift) and near.holds(
-        far.log_rates(far.points) - shift
+    one, two = _Reachable.of(first, chosen), _Reachable.of(other, chosen)
+    shift = gap[chosen]
+    return two.reaches_all(one.log_rates(one.points) + shift) and one.reaches_all(
+        two.log_rates(two.points) - shift
     )
 
 
-def _apart(first: Rows, other: Rows, n_texture: int) -> FloatArray | None:
+def _log_rate_gap(first: Rows, other: Rows, n_texture: int) -> FloatArray | None:
     """Return the gap of log rates at equal loads, (n_texture,); None if it varies in a texture.
 
-    A load is (shape/rate)^2, and the rate is one of all rows of a texture.
+    A load is (shape/rate)^2, and all rows of a texture have one rate.
     """
     texture = np.concatenate([first.texture, first.texture])
     with np.errstate(invalid="ignore"):
-        apart = 0.5 * np.concatenate([first.upper - other.upper, first.lower - other.lower])
-    has_load = np.isfinite(apart)
-    texture, apart = texture[has_load], apart[has_load]
+        gap = 0.5 * np.concatenate([first.upper - other.upper, first.lower - other.lower])
+    has_load = np.isfinite(gap)
+    texture, gap = texture[has_load], gap[has_load]
     low, high = np.full(n_texture, np.inf), np.full(n_texture, -np.inf)
-    np.minimum.at(low, texture, apart)
-    np.maximum.at(high, texture, apart)
-    return 0.5 * (low + high) if np.all(high - low < 0.5 * _CLOSE) else None
+    np.minimum.at(low, texture, gap)
+    np.maximum.at(high, texture, gap)
+    return 0.5 * (low + high) if np.all(high - low < 0.5 * _LOG_LOAD_TOL) else None
 
 
 @dataclass(frozen=True, eq=False)
 class _Reachable:
-    """The rates that a form reaches at some textures.
+    """Rates that a form can reach at a selection of textures.
 
     Parameters
     ----------
     form : Form
         Contact form, bound to these textures.
     a, b : ndarray of float, shape (n,)
-        Widths.
+        Ridge and groove widths over R.
     points : ndarray of float, shape (n_point, n_coefficient)
-        Coefficients, the first those of a draw.
+        Sets of coefficients; the first is a posterior draw.
     """
 
     form: Form
@@ -90,7 +94,7 @@ class _Reachable:
 
     @classmethod
     def of(cls, posterior: Posterior, chosen: IntArray) -> "_Reachable":
-        """Take a form at some of its textures, with coefficients that have loads there."""
+        """Return a posterior's form at the chosen textures, with coefficients of finite loads."""
         model, data = posterior.model, posterior.model.data
         textures = tuple(data.textures[j] for j in chosen)
         labels = tuple(data.labels[j] for j in chosen) if data.labels else ()
@@ -98,38 +102,38 @@ class _Reachable:
         names = [model.parameter_names.index(name) for name in form.parameter_names]
         u = posterior.coordinates[len(posterior.coordinates) // 2, : model.n_parameter]
         a, b = data.a_over_R[chosen], data.b_over_R[chosen]
-        reached = cls(form, a, b, model.to_theta(u)[None, names])
-        points = [reached.points[0]]
+        at_draw = cls(form, a, b, model.to_theta(u)[None, names])
+        points = [at_draw.points[0]]
         for k in range(1, _N_POINT):
-            step = _SHIFT * np.cos(k + np.arange(len(u)))  # no coefficient, and no pair alike
-            while np.abs(step).max() > _CLOSE:  # towards the draw, until the form has loads
+            step = _SHIFT_PRIOR_SD * np.cos(k + np.arange(len(u)))  # differs between coefficients
+            while np.abs(step).max() > _LOG_LOAD_TOL:  # halve the step until loads are finite
                 theta = model.to_theta(u + step)[names]
-                if np.isfinite(reached.log_rates(theta)).all():
+                if np.isfinite(at_draw.log_rates(theta)).all():
                     points.append(theta)
                     break
                 step = 0.5 * step
         return cls(form, a, b, np.array(points))
 
     def log_rates(self, theta: FloatArray) -> FloatArray:
-        """Return log rates, shape (..., n); not finite where there is no load."""
+        """Return log rates, shape (..., n); not finite where the form has no load."""
         with np.errstate(all="ignore"):
             return np.log(self.form.rate(theta, self.a, self.b))
 
-    def holds(self, log_rates: FloatArray) -> bool:
-        """Return whether the form reaches each of some sets of log rates, (n_point, n)."""
+    def reaches_all(self, log_rates: FloatArray) -> bool:
+        """Return whether the form can reach each set of log rates, shape (n_point, n)."""
         start = self.log_rates(self.points[0])
         have_loads = np.isfinite(log_rates).all() and np.isfinite(start).all()
         return bool(have_loads) and all(map(self._reaches, log_rates))
 
     def _reaches(self, target: FloatArray) -> bool:
-        """Return whether coefficients lead to log rates, by least squares."""
+        """Return whether least squares finds coefficients that reach the log rates."""
 
-        def off(theta: FloatArray) -> FloatArray:
+        def residuals(theta: FloatArray) -> FloatArray:
             return self.log_rates(theta) - target
 
-        def slopes(theta: FloatArray) -> FloatArray:
+        def jacobian(theta: FloatArray) -> FloatArray:
             return self.form.log_rate_gradient(theta, self.a, self.b)
 
         rounding = dict.fromkeys(["ftol", "xtol", "gtol"], float(np.finfo(float).eps))
-        nearest = least_squares(off, self.points[0], slopes, x_scale="jac", **rounding)
-        return bool(np.abs(nearest.fun).max() < 0.5 * _CLOSE)
+        nearest = least_squares(residuals, self.points[0], jacobian, x_scale="jac", **rounding)
+        return bool(np.abs(nearest.fun).max() < 0.5 * _LOG_LOAD_TOL)

@@ -1,4 +1,4 @@
-"""Leave-one-out scores of several fits and their stacking weights as a table."""
+"""Table of leave-one-out scores and stacking weights of several fits."""
 
 import math
 from collections.abc import Mapping
@@ -17,27 +17,27 @@ LOO_COLUMNS = ["form", "noise", "elpd", "se", "p", "n_bad_k", "stacking_weight"]
 
 
 def loo_table(fits: Mapping[str, Fit]) -> pd.DataFrame:
-    """Return elpd, its error, bad Pareto k and the stacking weight of each fit.
+    """Return elpd, its standard error, number of bad Pareto k and stacking weight of each fit.
 
-    Rows whose weights have a Pareto k above 0.7 are scored by a posterior without them; `n_bad_k`
-    counts those that remain: all of them where they are more than 20, and rows without which
-    there is no posterior. Such a fit's elpd, se, p and weight are NaN, and the other fits are
-    weighed without it. Fits to so many rows that no pointwise log-likelihood is kept are not in
-    the table.
+    A row with a Pareto k above 0.7 is scored by a posterior fitted without it. `n_bad_k` counts the
+    rows for which this is not done: all of them if there are more than 20, and rows without which
+    the posterior cannot be fitted. The elpd, se, p and weight of such a fit are NaN, and the other
+    fits are stacked without it. Fits with too many rows for a stored pointwise log-likelihood are
+    left out of the table.
 
     Examples
     --------
     >>> import ridgebayes as rb
     >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
-    >>> found = loo_table({"hybrid": fit})
-    >>> found["n_bad_k"].tolist(), found["stacking_weight"].tolist()
+    >>> loo = loo_table({"hybrid": fit})
+    >>> loo["n_bad_k"].tolist(), loo["stacking_weight"].tolist()
     ([0], [1.0])
     """
     scores = {}
     for name, fit in fits.items():
         rows = fit.rows_log_likelihood()
         if rows is not None:
-            scores[name] = _left_out(fit, rows)
+            scores[name] = _score(fit, rows)
     if not scores:
         return pd.DataFrame(columns=LOO_COLUMNS)
     sound = {name: score.pointwise for name, score in scores.items() if score.status == "ok"}
@@ -51,17 +51,17 @@ def loo_table(fits: Mapping[str, Fit]) -> pd.DataFrame:
     return pd.DataFrame(table, columns=LOO_COLUMNS)
 
 
-def _left_out(fit: Fit, rows: np.ndarray) -> Loo:
-    """Score a fit row by row, given each row's log-likelihood at its draws."""
-    # The kept draws are thinned beyond the autocorrelation time where chains are long.
+def _score(fit: Fit, rows: np.ndarray) -> Loo:
+    """Return the leave-one-out score of a fit, given the log-likelihood of rows at its draws."""
+    # Draws of long chains are thinned beyond the autocorrelation time.
     reff = float(fit.summary["ess_bulk"].min()) / fit.kept_chains.log_density.size
     all_rows = AllRows.of(fit, STANDARD.effort, fit.seed)
 
     def refitted(row: int) -> float:
-        left = np.arange(rows.shape[-1]) == row
+        is_left_out = np.arange(rows.shape[-1]) == row
         seed = int(stream(fit.seed, f"leave row {row + 1}").integers(2**63))
         try:
-            score = all_rows.without(left, seed)
+            score = all_rows.without(is_left_out, seed)
         except ComputationError:
             return math.nan
         return score.log_score if score.status == "ok" else math.nan

@@ -1,4 +1,4 @@
-"""The verdict of a comparison: which form, how surely, and what would change it."""
+"""Verdict of a comparison: the most probable form, a grade and the reason for the grade."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -15,47 +15,48 @@ from ridgebayes.evidence.tables import MIN_PAIR_WEIGHT, mean_evidence, used_evid
 from ridgebayes.model.noise import SERIES, Noise
 
 GRADES = ("decisive", "supports", "leans", "undecided")
-LEANS = 2.0  # ln BF; lower values leave the verdict undecided
-DECISIVE, LEAD = 5.0, 3.0  # ln BF of a decisive verdict, and its least value over all changes
-_OF_ERRORS = ("sigma", "tau_", "length_", "df", NUGGET)  # priors of the error model, in all forms
-_SURE = 0.95  # posterior probability that counts as decisive for a reader's own prior
-# Forms that are the same where each texture has a free factor of its own.
-_ALIKE_WITH_OFFSETS = frozenset({"modified", "power-law"})
+MIN_LN_BF_LEANS = 2.0  # smallest ln BF of the grade "leans"; below it the verdict is undecided
+# A decisive ln BF must also stay above `MIN_LN_BF_SUPPORTS` under all priors and error models.
+MIN_LN_BF_SUPPORTS, MIN_LN_BF_DECISIVE = 3.0, 5.0
+_ERROR_MODEL_PRIORS = ("sigma", "tau_", "length_", "df", NUGGET)  # prefixes, the same in all forms
+_SURE = 0.95  # posterior probability of the form at `min_prior_probability`
+# These forms are equal if each texture has a free factor.
+_EQUAL_WITH_OFFSETS = frozenset({"modified", "power-law"})
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Which form the evidence supports, graded, and the range over priors and error models.
+    """Most probable form, with a grade and the range of ln BF over priors and error models.
 
     Parameters
     ----------
     form : str
-        The most probable form at equal prior odds, whatever the grade.
+        Most probable form at equal prior odds, for any grade.
     grade : str
         ``decisive``, ``supports``, ``leans`` or ``undecided``.
     ln_bf : float
-        ln Bayes factor over the next form, error models summed out.
+        ln Bayes factor over the next form, with error models summed out.
     ln_bf_range : tuple of (float, float)
-        Its least and greatest value over the strongest other form, with the scale of one prior
-        changed at a time, and under each error model that carries weight, taken alone.
+        Smallest and largest ln Bayes factor over the strongest other form, if the scale of one
+        prior is changed at a time, and under each single error model of more than 1 % weight.
     over : str
-        The next form.
+        Next most probable form.
     min_prior_probability : float
-        Smallest prior probability of the form, the others sharing the rest, at which its posterior
-        one is 0.95.
+        Smallest prior probability of the form at which its posterior probability is 0.95, if the
+        other forms share the rest equally.
     error_model : str
-        The selected one.
+        Name of the selected error model.
     error_model_weights : dict of str to float
-        Posterior probabilities, forms summed out, of those above one per cent.
+        Posterior probabilities of the error models above 1 %, with forms summed out.
     why : str
         Reason for the grade, in words.
 
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> found = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
-    >>> said = found.verdict.to_dict()
-    >>> said["form"], said["over"], said["grade"], round(said["ln_bf"], 1)
+    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    >>> entries = cmp.verdict.to_dict()
+    >>> entries["form"], entries["over"], entries["grade"], round(entries["ln_bf"], 1)
     ('hybrid', 'modified', 'supports', 4.5)
     """
 
@@ -71,7 +72,7 @@ class Verdict:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entries of run.json."""
-        # JSON has no infinity, the ln BF where a form lacks an evidence under an error model.
+        # JSON has no infinity, which is the ln BF over forms without an evidence.
         ends = [end if math.isfinite(end) else None for end in self.ln_bf_range]
         return asdict(self) | {"ln_bf_range": ends}
 
@@ -85,28 +86,30 @@ def verdict_of(
     *,
     series_are_textures: bool = False,
 ) -> Verdict | None:
-    """Return the verdict that evidences and their sensitivity lead to.
+    """Return the verdict that follows from evidences and their prior sensitivity.
 
     Parameters
     ----------
     evidence : pandas.DataFrame
-        `evidence.csv`.
+        Table of `evidence.csv`.
     sensitivity : pandas.DataFrame
-        `prior_sensitivity.csv`; may be empty.
+        Table of `prior_sensitivity.csv`, which may be empty.
     selected : Noise
-        Error model of the fits that are shown.
+        Error model of the fits shown.
     same_loads : callable
-        Whether two forms, by name, can reach the same loads at all fitted rows, see
-        `ridgebayes.comparison.same_loads`.
+        Function of the names of two forms, True if they can reach the same loads at all fitted
+        rows, see `ridgebayes.comparison.same_loads`.
     failed : collection of str, optional
-        Forms that could not be fitted: any of them may be the best one, so that nothing is decided.
+        Forms that could not be fitted. As any of them may be the best form, the verdict is then
+        undecided.
     series_are_textures : bool, optional
-        Whether each series has rows of one texture alone, so that its offset is the texture's.
+        Whether each series has rows of only one texture, so that series offsets are texture
+        offsets.
 
     Returns
     -------
     Verdict or None
-        None where fewer than two forms have an evidence.
+        None if fewer than two forms have an evidence.
     """
     ranked = ranked_forms(evidence)
     if len(ranked) < 2:
@@ -120,8 +123,8 @@ def verdict_of(
     with_offsets = sum(
         w for name, w in weights.items() if shared & set(Noise.named(str(name)).factors)
     )
-    open_ = _unfitted(failed) or _alike(best, over, same_loads, with_offsets)
-    grade = "undecided" if open_ else _grade(ln_bf, low)
+    obstacle = _unfitted(failed) or _indistinguishable(best, over, same_loads, with_offsets)
+    grade = "undecided" if obstacle else _grade(ln_bf, low)
     return Verdict(
         form=best,
         grade=grade,
@@ -133,42 +136,42 @@ def verdict_of(
         error_model_weights={
             str(name): float(w) for name, w in weights.items() if w > MIN_PAIR_WEIGHT
         },
-        why=open_ or _why(grade, ln_bf, low, min(factors, key=lambda k: factors[k], default="")),
+        why=obstacle or _why(grade, ln_bf, low, min(factors, key=lambda k: factors[k], default="")),
     )
 
 
 def ranked_forms(evidence: pd.DataFrame) -> dict[str, float]:
-    """Return ln evidence by form, error models summed out, the highest first."""
+    """Return ln evidence by form with error models summed out, in descending order."""
     forms = {form: value for form, (value, _) in summed_evidence(evidence).items()}
     return dict(sorted(forms.items(), key=lambda item: -item[1]))
 
 
 def leads(evidence: pd.DataFrame, sensitivity: pd.DataFrame) -> dict[str, float]:
-    """Return ln BF of the best form over the strongest other one, by what is changed."""
+    """Return ln BF of the best form over the strongest other form, by the name of each change."""
     used, forms = used_evidence(evidence), ranked_forms(evidence)
     changes = [*_perturbed(used, forms, sensitivity), *_unusable(evidence, used, forms)]
-    by_change = {what: _lead(values, next(iter(forms))) for what, values in changes}
-    return {what: lead for what, lead in by_change.items() if not math.isnan(lead)}
+    by_change = {change: _lead(values, next(iter(forms))) for change, values in changes}
+    return {change: lead for change, lead in by_change.items() if not math.isnan(lead)}
 
 
-def of_errors(prior: str) -> bool:
-    """Return whether a prior is of the error models, and moves in all forms together."""
-    return prior.startswith(_OF_ERRORS)
+def is_error_model_prior(prior: str) -> bool:
+    """Return whether a prior belongs to the error model and so changes for all forms together."""
+    return prior.startswith(_ERROR_MODEL_PRIORS)
 
 
 def _perturbed(
     used: pd.DataFrame, forms: dict[str, float], sensitivity: pd.DataFrame
 ) -> Iterator[tuple[str, dict[str, float]]]:
-    """Give ln evidences by form under each change of a prior, and under each error model alone."""
+    """Yield the ln evidences of all forms for each changed prior and each single error model."""
     for (prior, factor), part in sensitivity.groupby(["prior", "factor"], sort=False):
         values = zip(part["form"], part["log_evidence"], strict=True)
         new = {form: value for form, value in values if form in forms and not math.isnan(value)}
-        of = "nugget" if prior == NUGGET else f"{prior} prior's scale"
-        what = f"{of} times {factor:g}"
-        if of_errors(str(prior)):
-            yield what, forms | new
+        scaled = "nugget" if prior == NUGGET else f"{prior} prior's scale"
+        change = f"{scaled} times {factor:g}"
+        if is_error_model_prior(str(prior)):
+            yield change, forms | new
         else:
-            yield from ((f"{form}'s {what}", forms | {form: new[form]}) for form in new)
+            yield from ((f"{form}'s {change}", forms | {form: new[form]}) for form in new)
     share = np.exp(used["log_evidence"] - logsumexp(used["log_evidence"]))
     by_noise = share.groupby(used["noise"]).sum()
     for noise in by_noise.index[by_noise > MIN_PAIR_WEIGHT]:
@@ -179,20 +182,20 @@ def _perturbed(
 def _unusable(
     evidence: pd.DataFrame, used: pd.DataFrame, forms: dict[str, float]
 ) -> Iterator[tuple[str, dict[str, float]]]:
-    """Give ln evidences with what is known of a pair whose own could not be used."""
+    """Yield ln evidences that include the best estimate of a pair without a usable evidence."""
     usable = pd.MultiIndex.from_frame(used[["form", "noise"]])
     pairs = pd.MultiIndex.from_frame(evidence[["form", "noise"]])
-    lost = evidence[~pairs.isin(usable) & np.isfinite(evidence["log_evidence"])]
+    unusable = evidence[~pairs.isin(usable) & np.isfinite(evidence["log_evidence"])]
+    estimates = unusable.groupby(["form", "noise"])["log_evidence"].max()
     n_noise = max(used["noise"].nunique(), 1)
-    for (form, noise), value in lost.groupby(["form", "noise"])["log_evidence"].max().items():
+    for (form, noise), value in estimates.items():
         if form in forms:
-            known_too = float(np.logaddexp(forms[form], value - math.log(n_noise)))
-            what = f"{form} under {noise}, whose evidence is uncertain"
-            yield what, forms | {form: known_too}
+            total = float(np.logaddexp(forms[form], value - math.log(n_noise)))
+            yield f"{form} under {noise}, whose evidence is uncertain", forms | {form: total}
 
 
 def _lead(values: Mapping[str, float], best: str) -> float:
-    """Return ln BF of a form over the strongest of the others."""
+    """Return ln BF of a form over the strongest other form."""
     others = [value for form, value in values.items() if form != best]
     if best not in values:
         return -math.inf
@@ -200,22 +203,22 @@ def _lead(values: Mapping[str, float], best: str) -> float:
 
 
 def _grade(ln_bf: float, low: float) -> str:
-    if ln_bf >= DECISIVE and low > LEAD:
+    if ln_bf >= MIN_LN_BF_DECISIVE and low > MIN_LN_BF_SUPPORTS:
         return "decisive"
-    if ln_bf >= 3 and low > 0:
+    if ln_bf >= MIN_LN_BF_SUPPORTS and low > 0:
         return "supports"
-    return "leans" if ln_bf >= LEANS and low > 0 else "undecided"
+    return "leans" if ln_bf >= MIN_LN_BF_LEANS and low > 0 else "undecided"
 
 
 def _unfitted(failed: Collection[str]) -> str:
-    """Say that a form without an evidence may be the best; empty if all have one."""
+    """Return the reason that failed forms leave the verdict open; empty if none failed."""
     return f"{' and '.join(failed)} could not be fitted, and may be better" if failed else ""
 
 
-def _alike(
+def _indistinguishable(
     best: str, over: str, same_loads: Callable[[str, str], bool], with_offsets: float
 ) -> str:
-    """Say why two forms cannot be told apart by any rows of this table; empty if they can.
+    """Return the reason that no loads at these rows can distinguish two forms; empty if they can.
 
     `with_offsets` is the probability that each texture has an offset.
     """
@@ -223,19 +226,19 @@ def _alike(
     names = " and ".join(sorted(pair))
     if same_loads(best, over):
         return f"{names} can predict the same loads at all fitted rows: only their priors differ"
-    if with_offsets > 0.5 and pair == _ALIKE_WITH_OFFSETS:
+    if with_offsets > 0.5 and pair == _EQUAL_WITH_OFFSETS:
         return f"{names} are the same where each texture has an offset: only their priors differ"
     return ""
 
 
 def _why(grade: str, ln_bf: float, low: float, weakest: str) -> str:
-    """Say what a grade follows from; `weakest`: where the lead is least."""
-    led = f"ln BF {ln_bf:.1f}, at least {low:.1f} over priors and error models"
+    """Return the reason for a grade; `weakest` names the change with the smallest lead."""
+    lead = f"ln BF {ln_bf:.1f}, at least {low:.1f} over priors and error models"
     at = f" ({weakest})" if weakest and low < ln_bf else ""
     if grade != "undecided":
-        return led + at
-    if ln_bf < LEANS:
-        return f"ln BF {ln_bf:.1f} over the next form is under {LEANS:g}"
+        return lead + at
+    if ln_bf < MIN_LN_BF_LEANS:
+        return f"ln BF {ln_bf:.1f} over the next form is under {MIN_LN_BF_LEANS:g}"
     return f"ln BF {ln_bf:.1f}, but another form is ahead under another prior or error model{at}"
 
 

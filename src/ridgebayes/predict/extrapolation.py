@@ -1,4 +1,4 @@
-"""Extrapolation beyond the calibrated range: flags, one bit for each quantity, and their names.
+"""Flags of quantities beyond the calibrated range, one bit for each quantity.
 
 >>> import numpy as np
 >>> names_of(np.array([0, LOAD, Q | RIDGE])).tolist()
@@ -18,15 +18,15 @@ from ridgebayes.model.forms import PowerLaw
 
 NAMES = ("Q", "load", "a/pitch", "a/R", "b/R", "texture", "offset")
 _BITS = Q, LOAD, RATIO, RIDGE, GROOVE, TEXTURE, OFFSET = [2**bit for bit in range(len(NAMES))]
-_MARGIN = 1.5  # widths may leave their calibrated range by this factor
-ROUNDING = 1e-12  # relative: closer values count as the calibrated value
+_MAX_WIDTH_FACTOR = 1.5  # widths beyond their calibrated range by more than this are flagged
+ROUNDING = 1e-12  # relative difference below which two values count as equal
 
 Flags = np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
 
 
 @dataclass(frozen=True)
 class CalibratedRange:
-    """Range of the rows that a posterior was calibrated on.
+    """Range of the rows to which a posterior was fitted.
 
     Parameters
     ----------
@@ -37,9 +37,9 @@ class CalibratedRange:
     load_max : float
         Highest load p/E, reduced to nu = 0.5.
     places : frozenset of (a/R, b/R, Q)
-        Counts of each texture.
+        Textures and counts of the rows.
     textures : frozenset of (a/R, b/R), or None
-        Textures that have a coefficient of their own, where the form needs one.
+        Textures with a fitted coefficient, or None if the form needs no coefficient per texture.
     """
 
     ratio: tuple[float, float]
@@ -67,7 +67,7 @@ class CalibratedRange:
         )
 
     def to_dict(self) -> Json:
-        """Return the range as plain values; the load is reduced to nu = 0.5."""
+        """Return the range as JSON values; the load is reduced to nu = 0.5."""
         ends: Json = {
             "a_over_R": list(self.ridge),
             "b_over_R": list(self.groove),
@@ -90,13 +90,14 @@ class CalibratedRange:
         Returns
         -------
         ndarray of uint8, shape (...)
-            a/pitch beyond its calibrated range; a/R or b/R below the lowest calibrated / 1.5 or
-            above the highest x 1.5; a texture without a coefficient of its own.
+            Set where a/pitch is beyond its calibrated range, a/R or b/R is below the lowest
+            calibrated value / 1.5 or above the highest x 1.5, or the form has no coefficient for
+            the texture.
         """
         a, b = np.asarray(a_over_R, dtype=float), np.asarray(b_over_R, dtype=float)
         flags = _flag(_beyond(a / (a + b), self.ratio, 1.0), RATIO)
-        flags |= _flag(_beyond(a, self.ridge, _MARGIN), RIDGE)
-        flags |= _flag(_beyond(b, self.groove, _MARGIN), GROOVE)
+        flags |= _flag(_beyond(a, self.ridge, _MAX_WIDTH_FACTOR), RIDGE)
+        flags |= _flag(_beyond(b, self.groove, _MAX_WIDTH_FACTOR), GROOVE)
         if self.textures is not None:
             pairs = zip(a.ravel().tolist(), b.ravel().tolist(), strict=True)
             unknown = np.array([pair not in self.textures for pair in pairs], dtype=bool)
@@ -104,23 +105,24 @@ class CalibratedRange:
         return flags
 
     def load_flags(self, p_over_E: ArrayLike, nu: ArrayLike) -> Flags:
-        """Return the flag of loads above the highest calibrated one.
+        """Return the flags of loads above the highest calibrated load.
 
-        The half-plane's scale law makes pitches alike, not loads: strains grow with these.
+        The half-plane's scaling law extends to other pitches but not to higher loads, whose strains
+        are larger.
         """
         return _flag(reduced_load(p_over_E, nu) > self.load_max * (1 + ROUNDING), LOAD)
 
     def count_flags(self, count: ArrayLike) -> Flags:
-        """Return the flag of counts above the highest calibrated one."""
+        """Return the flags of counts above the highest calibrated count."""
         return _flag(np.asarray(count) > self.Q_max, Q)
 
     def highest_load(
         self, a_over_R: FloatArray, b_over_R: FloatArray, count: FloatArray, nu: FloatArray
     ) -> FloatArray:
-        """Return the load p/E above which that of a count is flagged; all of shape (n_place,).
+        """Return the load p/E above which a predicted load is flagged, shape (n_place,).
 
-        Infinite at a texture and count that a row was fitted at: its predicted load may well lie
-        above the highest observed one, but was observed itself.
+        The limit is infinite at a fitted texture and count: the predicted load may exceed the
+        highest observed load, but this transition was itself observed.
         """
         highest = self.load_max * (1 + ROUNDING) / reduced_load(1.0, nu)
         places = zip(a_over_R.tolist(), b_over_R.tolist(), count.tolist(), strict=True)
@@ -129,7 +131,7 @@ class CalibratedRange:
 
 
 def names_of(flags: Flags) -> np.ndarray:
-    """Return the names of flagged quantities, separated by commas; empty text where none is."""
+    """Return the names of flagged quantities, separated by commas; an empty text if none is."""
     values, place = np.unique(flags, return_inverse=True)
     names = [
         ",".join(name for bit, name in zip(_BITS, NAMES, strict=True) if value & bit)

@@ -1,4 +1,4 @@
-"""Loads and counts of many bodies, each with a texture and a draw of a posterior of its own."""
+"""Random loads and counts of many bodies, each with its own texture and posterior draw."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.extrapolation import CalibratedRange, Flags
-from ridgebayes.predict.load_draws import COUNTS_AT_ONCE, LARGEST_Q, Columns
+from ridgebayes.predict.load_draws import COUNTS_PER_BLOCK, MAX_Q, Columns
 from ridgebayes.predict.posterior_loads import PosteriorLoads, widest_count
 
-MOST_TEXTURES = 16
-_N_RATIO = 13  # from a/pitch 0.05 to 0.95: loads within 0.03 %
+MOST_TEXTURES = 16  # computed exactly; loads of more textures are interpolated over a/pitch
+_N_RATIO_NODE = 13  # interpolated loads are within 0.03 % for a/pitch from 0.05 to 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +28,11 @@ class PredictiveDraws:
     Parameters
     ----------
     Q : ndarray of int, shape (m, L)
-        Even counts; of one body they never fall as the load rises.
+        Even counts; the counts of a body never decrease as the load increases.
     draw_index : ndarray of int, shape (m,)
-        Row of the posterior's `draws` that each sample used.
+        Row of the posterior's `draws` used for each body.
     flags : ndarray of uint8, shape (m, L)
-        Quantities beyond the calibrated range.
+        Flags of quantities beyond the calibrated range.
     """
 
     Q: IntArray
@@ -41,32 +41,33 @@ class PredictiveDraws:
 
 
 def textures_of(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return widths over R, and the share of ridges, of n textures, shape (n, 3)."""
+    """Return a/R, b/R and a/pitch of n textures, shape (n, 3)."""
     return np.stack([a, b, a / (a + b)], axis=1)
 
 
-class _KeptLoads:
-    """Log loads of all draws at some nodes, kept for each count."""
+class _LoadCache:
+    """Log loads of all draws at several nodes, cached for each count."""
 
     def __init__(self, at_nodes: Sequence[Callable[[IntArray], Columns]]) -> None:
         self._at_nodes = at_nodes
-        self._kept: dict[int, Columns] = {}
+        self._cache: dict[int, Columns] = {}
 
     def of(self, counts: Sequence[int]) -> list[Columns]:
         """Return location and standard deviation for each count, both (n_node, n_draw)."""
-        missing = [count for count in counts if count not in self._kept]
+        missing = [count for count in counts if count not in self._cache]
         if missing:
             at_nodes = [at(np.array(missing)) for at in self._at_nodes]
             location, sd = (np.stack(values) for values in zip(*at_nodes, strict=True))
             for j, count in enumerate(missing):
-                self._kept[count] = location[:, :, j], sd[:, :, j]
-        return [self._kept[count] for count in counts]
+                self._cache[count] = location[:, :, j], sd[:, :, j]
+        return [self._cache[count] for count in counts]
 
 
 class RatioLoads:
-    """Log loads of a posterior's draws at new textures of pitch R, by a spline over logit(a/pitch).
+    """Log loads of a posterior's draws at new textures of pitch R.
 
-    The spline is one of ``load^(-1/2)``, which is 0 where a draw's rate reaches no ridge.
+    A spline over logit(a/pitch) interpolates ``load^(-1/2)``, which is 0 if a draw never reaches
+    the count.
 
     Parameters
     ----------
@@ -78,15 +79,15 @@ class RatioLoads:
     Raises
     ------
     InputError
-        If the form's loads do not go with the square of the pitch.
+        If the form's loads are not proportional to the squared pitch.
     """
 
     def __init__(self, loads: PosteriorLoads, low: float, high: float) -> None:
         loads.check_scaling(low)
         self._loads = loads
-        self._axis = Axis.over(special.logit(low), special.logit(high), _N_RATIO)
+        self._axis = Axis.over(special.logit(low), special.logit(high), _N_RATIO_NODE)
         nodes = special.expit(self._axis.nodes).tolist()
-        self._nodes = _KeptLoads([partial(self._roots, node) for node in nodes])
+        self._nodes = _LoadCache([partial(self._roots, node) for node in nodes])
 
     def _roots(self, ratio: float, counts: IntArray) -> Columns:
         location, sd = self._loads.at_ratio(ratio, counts)
@@ -98,16 +99,16 @@ class RatioLoads:
         Parameters
         ----------
         ratio : array_like of float, shape (m,) or ()
-            a/pitch of each draw, or of all.
+            a/pitch for each draw, or one value for all draws.
         which : ndarray of int, shape (m,), or slice
-            Draws of the posterior.
+            Indices of posterior draws.
         counts : sequence of int, shape (n,)
             Counts.
 
         Returns
         -------
         tuple of ndarray of float, shape (m, n)
-            The location is infinite where a draw reaches no further ridge.
+            The location is infinite if a draw never reaches the count.
         """
         weights = self._axis.weights(np.atleast_1d(special.logit(ratio))).T
         location, sd = [], []
@@ -120,37 +121,38 @@ class RatioLoads:
 
 
 class PredictiveSampler:
-    """Draws Q from one posterior for bodies whose textures may all differ.
+    """Sampler of Q from one posterior, for bodies whose textures may all differ.
 
     Parameters
     ----------
     fit : Posterior
         Posterior.
     seen : Spread
-        Of `textures_of` all bodies, that keeps `MOST_TEXTURES`.
+        Range of `textures_of` all bodies, with at most `MOST_TEXTURES` distinct textures stored.
     kind : str, optional
-        ``simulation``, or ``curve`` for the form's own loads.
+        ``simulation``, or ``curve`` for loads without errors and offsets.
 
     Raises
     ------
     InputError
-        If textures vary and the form does not depend on lengths over the pitch alone.
+        If there are more than 16 textures and the form's loads are not proportional to the squared
+        pitch.
 
     Notes
     -----
-    Up to 16 distinct textures are each treated as `predict` does. More of them are new ones, whose
-    loads go with the square of the pitch, see `RatioLoads`.
+    Up to 16 distinct textures are treated as in `predict`. More textures are treated as new
+    textures, whose loads `RatioLoads` interpolates.
     """
 
     def __init__(self, fit: Posterior, seen: Spread, kind: str = "simulation") -> None:
         self.loads = PosteriorLoads(fit, kind)
         self._range, self._seen = CalibratedRange.of(fit), seen
-        self._new: RatioLoads | None = None
+        self._ratio_loads: RatioLoads | None = None
         if seen.distinct is None:
-            self._new = RatioLoads(self.loads, float(seen.low[2]), float(seen.high[2]))
+            self._ratio_loads = RatioLoads(self.loads, float(seen.low[2]), float(seen.high[2]))
         else:
             textures = seen.distinct[:, :2].tolist()
-            self._few = _KeptLoads([partial(self.loads.at, (a, b)) for a, b in textures])
+            self._texture_loads = _LoadCache([partial(self.loads.at, (a, b)) for a, b in textures])
 
     def draw(
         self, textures: FloatArray, p: FloatArray, nu: FloatArray, rng: np.random.Generator
@@ -160,7 +162,7 @@ class PredictiveSampler:
         Parameters
         ----------
         textures : ndarray of float, shape (m, 3)
-            What `textures_of` returns of them.
+            Result of `textures_of`.
         p : ndarray of float, shape (m, L)
             Loads p/E.
         nu : ndarray of float, shape (m,)
@@ -172,19 +174,19 @@ class PredictiveSampler:
         score = special.ndtri(rng.random(len(p)))
         with np.errstate(divide="ignore"):
             y = np.log(p)
-        Q, alive = np.full(p.shape, 2), np.ones(p.shape, dtype=bool)
-        for first in range(0, LARGEST_Q // 2, COUNTS_AT_ONCE):
-            ids = np.arange(first, first + COUNTS_AT_ONCE)
+        Q, is_reached = np.full(p.shape, 2), np.ones(p.shape, dtype=bool)
+        for first in range(0, MAX_Q // 2, COUNTS_PER_BLOCK):
+            ids = np.arange(first, first + COUNTS_PER_BLOCK)
             location, sd = self.log_loads(textures, nu, which, ids)
             for load in (location + sd * score[:, None]).T:
-                # One score a draw: a load cannot reach a further ridge before a nearer one.
-                alive &= y >= load[:, None]
-                Q += 2 * alive
-            if not alive.any():
+                # All counts of a body use one score, so its loads must be reached in order.
+                is_reached &= y >= load[:, None]
+                Q += 2 * is_reached
+            if not is_reached.any():
                 flags = self._range.load_flags(p, nu[:, None]) | self._range.count_flags(Q)
                 flags |= self._range.texture_flags(*textures[:, :2].T)[:, None]
                 return PredictiveDraws(Q, which * self.loads.stride, flags)
-        raise InputError(f"loads: expected counts up to {LARGEST_Q}, got more")
+        raise InputError(f"loads: expected counts up to {MAX_Q}, got more")
 
     def log_loads(
         self, textures: FloatArray, nu: FloatArray, which: IntArray, ids: IntArray
@@ -194,27 +196,27 @@ class PredictiveSampler:
         Parameters
         ----------
         textures : ndarray of float, shape (m, 3)
-            What `textures_of` returns of them.
+            Result of `textures_of`.
         nu : ndarray of float, shape (m,)
             Poisson's ratios.
         which : ndarray of int, shape (m,)
-            Draw of the posterior of each.
+            Index of the posterior draw of each body.
         ids : ndarray of int, shape (n,)
-            Numbers of counts.
+            Indices of the counts 4 + 2 ids.
 
         Returns
         -------
         tuple of ndarray of float, shape (m, n)
-            The location is infinite beyond the last count that a body can have.
+            The location is infinite for counts that the body cannot reach.
         """
         a, b, ratio = textures.T
         counts = 4 + 2 * ids
-        if self._new is not None:
-            location, sd = self._new.at(ratio, which, counts.tolist())
+        if self._ratio_loads is not None:
+            location, sd = self._ratio_loads.at(ratio, which, counts.tolist())
             location = location + 2 * np.log(a + b)[:, None]
         else:
             place = self._seen.place(textures), which
-            at_textures = ([values[place] for values in x] for x in self._few.of(counts.tolist()))
+            at_textures = ([v[place] for v in x] for x in self._texture_loads.of(counts.tolist()))
             location, sd = (np.stack(x, axis=-1) for x in zip(*at_textures, strict=True))
         location = location - np.log(reduced_load(1.0, nu))[:, None]
         if not self.loads.has_mean:

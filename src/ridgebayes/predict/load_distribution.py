@@ -1,4 +1,4 @@
-"""`LoadDistribution`: the distribution of the load that reaches a count."""
+"""Distribution of the load that reaches a count."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,7 +15,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import common_shape, numbers
 from ridgebayes.predict.extrapolation import LOAD, Flags, names_of
 from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE, LoadDraws
-from ridgebayes.predict.predicted import Predicted, labelled
+from ridgebayes.predict.predicted import Predicted, keep_labels
 from ridgebayes.predict.q_distribution import heavy_parts, shares
 
 if TYPE_CHECKING:  # heavy
@@ -27,30 +27,31 @@ if TYPE_CHECKING:  # heavy
 class LoadDistribution(Predicted):
     """Distributions of loads p/E, with the names of scipy.stats.
 
-    Each is a mixture over posterior draws of loads whose logarithms are normal, or points.
+    Each distribution is a mixture over posterior draws; given a draw, the log load is normal or a
+    point.
 
     Parameters
     ----------
     draws : LoadDraws
-        Draws, which need not be there yet.
+        Draws, whose columns may be computed later.
     place : ndarray of int, shape (...)
-        Column of each place; places alike share theirs.
+        Column of `draws` for each place; equal places share a column.
     flags : ndarray of uint8, shape (...)
-        Which of texture and count lie outside what was calibrated, see `predict.extrapolation`.
+        Texture and count quantities outside the calibrated range, see `predict.extrapolation`.
     highest : ndarray of float, shape (...), dimensionless
-        Load p/E above which a median is an extrapolation.
+        Load p/E above which a median is flagged as extrapolation.
     places : mapping of str to ndarray, shape (...), optional
-        Columns of tables, for each place: kind_of_band, a_over_R, b_over_R, nu, Q.
+        Table columns for each place: kind_of_band, a_over_R, b_over_R, nu, Q.
     labels : xarray.DataArray, shape (...), optional
-        Dimensions and coordinates of what methods return; no values.
+        Dimensions and coordinates of the methods' results; its values are not used.
 
     Notes
     -----
-    *Validity.* Where `extrapolation` says so, texture, count or load lie beyond what was
-    calibrated; `extrapolation_of` says which.
-    *Cost.* Distributions of `predict_load` make their draws when they are asked, a block of places
-    at a time: a million places take some 100 MB.
-    *Accuracy.* Under Student errors each draw has a normal error with a scale of its own.
+    *Validity.* `extrapolation` is True where texture, count or load are beyond the calibrated
+    range; `extrapolation_of` names them.
+    *Cost.* `predict_load` returns distributions that compute their draws when a method needs them,
+    one block of places at a time. A million places take about 100 MB.
+    *Accuracy.* Under Student errors each draw has a normal error with a randomly drawn scale.
 
     Examples
     --------
@@ -84,50 +85,51 @@ class LoadDistribution(Predicted):
     places: Mapping[str, np.ndarray] = field(default_factory=dict)
     labels: "xr.DataArray | None" = None
 
-    _margin = 1e-12
+    _MIN_TAIL = 1e-12
 
     def __repr__(self) -> str:
         return f"LoadDistribution(shape {self.shape}, {len(self.weight)} draws)"
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The shape of textures and counts."""
+        """Broadcast shape of the textures and counts."""
         return self.place.shape
 
     @property
     def weight(self) -> FloatArray:
-        """Weights of the draws, shape (n_draw,), sum 1."""
+        """Weights of the draws, shape (n_draw,), with sum 1."""
         return self.draws.weight
 
     @property
     def log_mean(self) -> FloatArray:
-        """Centre of log(p/E) given each draw, shape (n_draw, ...), all of it in memory."""
-        return self._of_draws(0)
+        """Mean of log(p/E) given each draw, shape (n_draw, ...); all places are held in memory."""
+        return self._all_draws(0)
 
     @property
     def sd(self) -> FloatArray:
         """Standard deviation of log(p/E) given each draw, shape (n_draw, ...), as `log_mean`."""
-        return self._of_draws(1)
+        return self._all_draws(1)
 
     @property
-    @labelled
+    @keep_labels
     def extrapolation(self) -> BoolArray:
         """Whether texture, count or median load are extrapolated, shape (...)."""
         value: BoolArray = self._all_flags != 0
         return value
 
     @property
-    @labelled
+    @keep_labels
     def extrapolation_of(self) -> np.ndarray:
-        """Names of what was not, of Q, load, a/pitch, a/R, b/R, texture, shape (...).
+        """Names of the extrapolated quantities, separated by commas, shape (...).
 
-        Separated by commas; empty text where all was.
+        The names are Q, load, a/pitch, a/R, b/R, texture and offset; the text is empty if nothing
+        is extrapolated.
         """
         return names_of(self._all_flags)
 
-    @labelled
+    @keep_labels
     def cdf(self, p_over_E: ArrayLike) -> FloatArray:
-        """Return P(load <= p_over_E); no load is at or below 0.
+        """Return P(load <= p_over_E), which is 0 for loads <= 0.
 
         Parameters
         ----------
@@ -146,9 +148,9 @@ class LoadDistribution(Predicted):
         """
         return self._at_loads(self.draws.cdf, p_over_E)
 
-    @labelled
+    @keep_labels
     def sf(self, p_over_E: ArrayLike) -> FloatArray:
-        """Return P(load > p_over_E), to rounding where it is small.
+        """Return P(load > p_over_E), accurate also where it is small.
 
         Parameters
         ----------
@@ -167,9 +169,9 @@ class LoadDistribution(Predicted):
         """
         return self._at_loads(self.draws.sf, p_over_E)
 
-    @labelled
+    @keep_labels
     def pdf(self, p_over_E: ArrayLike) -> FloatArray:
-        """Return the density of loads.
+        """Return the probability density of the load.
 
         Parameters
         ----------
@@ -179,7 +181,7 @@ class LoadDistribution(Predicted):
         Returns
         -------
         ndarray of float, broadcast shape, dimensionless
-            Density over p/E; points, such as draws of the kind ``curve``, have none.
+            Density over p/E. Points, such as draws of the kind ``curve``, contribute 0.
 
         Raises
         ------
@@ -190,14 +192,14 @@ class LoadDistribution(Predicted):
         density = self._at_loads(self.draws.density, p)
         return np.where(p > 0, density / np.where(p > 0, p, 1.0), 0.0)[()]
 
-    @labelled
+    @keep_labels
     def mean(self) -> FloatArray:
         """Return the mean load p/E, shape (...); infinite under Student errors."""
         return self._by_column(lambda mean, sd: self.draws.moments(mean, sd)[0])
 
-    @labelled
+    @keep_labels
     def std(self) -> FloatArray:
-        """Return the standard deviation of the load, shape (...); infinite where the mean is."""
+        """Return the standard deviation of the load, shape (...); infinite if the mean is."""
         return self._by_column(lambda mean, sd: self.draws.moments(mean, sd)[1])
 
     def _quantile(self, prob: FloatArray) -> FloatArray:
@@ -209,13 +211,13 @@ class LoadDistribution(Predicted):
             value[here] = self._by_column(partial(self.draws.quantile, level), place[here])
         return value[()]
 
-    @labelled
+    @keep_labels
     def median(self) -> FloatArray:
         """Return the median load p/E, shape (...)."""
         return self._median
 
     def _draw(self, generator: np.random.Generator, n: int) -> FloatArray:
-        """Return draws; all places of one have one draw of the posterior."""
+        """Return draws, shape (n, ...); all places of a draw use the same posterior draw."""
         pick = generator.choice(len(self.weight), size=n, p=self.weight)
         value = generator.standard_normal((n, *self.shape)).reshape(n, -1)
         with np.errstate(over="ignore"):
@@ -224,12 +226,12 @@ class LoadDistribution(Predicted):
         return value
 
     def widened(self, rel_se: FloatArray) -> "LoadDistribution":
-        """Return the distribution of loads as they would be observed.
+        """Return the distribution of observed loads, with measurement error.
 
         Parameters
         ----------
         rel_se : ndarray of float, shape (...), dimensionless
-            Known relative standard error of each load, in quadrature beside the draws'.
+            Known relative standard error of each load, added in quadrature.
 
         Returns
         -------
@@ -237,15 +239,15 @@ class LoadDistribution(Predicted):
             Widened distribution of the same shape.
         """
         draws = self.draws.placed(self.place.ravel()).widened(np.ravel(rel_se))
-        return replace(self, draws=draws, place=self._numbers)
+        return replace(self, draws=draws, place=self._place_ids)
 
     @property
-    def _where(self) -> Mapping[str, np.ndarray]:
+    def _inputs(self) -> Mapping[str, np.ndarray]:
         return self.places
 
     def _columns(self, prob: float) -> dict[str, np.ndarray]:
         lower, upper = self.interval(prob)
-        name = "load" if "load_unit" in self.places else "p_over_E"  # of a scene: in its unit
+        name = "load" if "load_unit" in self.places else "p_over_E"  # a scene's load is in its unit
         return {
             f"{name}_median": self.median(),
             f"{name}_lower": lower,
@@ -261,12 +263,12 @@ class LoadDistribution(Predicted):
         return LoadDistribution(self.draws, place, flags, highest, self._first_places(n))
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw 90 % intervals against load or count, texture by texture; of one place, all of it.
+        """Plot 90 % intervals against count for each texture, or the cdf of one place.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure's if not given.
+            Axes to draw on; those of a new figure if not given.
 
         Returns
         -------
@@ -291,14 +293,14 @@ class LoadDistribution(Predicted):
             return self.flags
         return self.flags | np.where(self._median > self.highest, LOAD, 0).astype(np.uint8)
 
-    def _of_draws(self, which: int) -> FloatArray:
-        """Return location or standard deviation of all draws, shape (n_draw, ...)."""
+    def _all_draws(self, which: int) -> FloatArray:
+        """Return location (0) or standard deviation (1) of all draws, shape (n_draw, ...)."""
         value = np.array(self.draws.columns(self.place.ravel())[which])
         return value.reshape(len(self.weight), *self.shape)
 
     def _blocks(self, columns: IntArray) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
-        """Yield some columns after others: where they stand, centre and sd (n_draw, n)."""
-        order = np.argsort(columns, kind="stable")  # a column's places are worked out together
+        """Yield blocks of columns: their positions, and mean and sd, both (n_draw, n)."""
+        order = np.argsort(columns, kind="stable")  # equal columns share a block
         step = max(NUMBERS_AT_ONCE // len(self.weight), 1)
         for first in range(0, len(columns), step):
             here = order[first : first + step]
@@ -311,18 +313,18 @@ class LoadDistribution(Predicted):
         function: Callable[[FloatArray, FloatArray], FloatArray],
         place: IntArray | None = None,
     ) -> FloatArray:
-        """Return a function's value at each place; it is worked out once for places alike."""
+        """Return a function's value at each place, computed once for places that share a column."""
         place = self.place if place is None else place
         columns, numbers_of = np.unique(place, return_inverse=True)
         value = np.empty(len(columns))
         for here, mean, sd in self._blocks(columns):
             value[here] = function(mean, sd)
-        return value[numbers_of].reshape(place.shape)[()]  # a scalar of a single place
+        return value[numbers_of].reshape(place.shape)[()]  # a scalar for a single place
 
     def _at_loads(
         self, function: Callable[[FloatArray, FloatArray, FloatArray], FloatArray], load: ArrayLike
     ) -> FloatArray:
-        """Return a function of log loads, and of centres and sds, at loads of each place."""
+        """Return a function of log loads, means and sds at the loads of each place."""
         p = numbers("p_over_E", load)
         if np.any(np.isnan(p)):
             raise InputError(f"p_over_E: expected numbers, got {load!r}")
@@ -343,13 +345,13 @@ def mix_loads(parts: Iterable[LoadDistribution], weights: Sequence[float]) -> Lo
     parts : iterable of LoadDistribution
         Distributions of one shape.
     weights : sequence of float
-        Non-negative; normalised here. Parts under 1e-9 are left out.
+        Weights >= 0; they are normalised. Parts of a weight below 1e-9 are left out.
 
     Returns
     -------
     LoadDistribution
-        Flagged as extrapolation wherever a part with weight above 1 % is, and where the median of
-        the average lies above a load that such a part was calibrated to.
+        Average. It is flagged as extrapolation wherever a part with weight above 1 % is, or the
+        median of the average is above the highest calibrated load of such a part.
 
     Raises
     ------
@@ -361,7 +363,7 @@ def mix_loads(parts: Iterable[LoadDistribution], weights: Sequence[float]) -> Lo
     kept = [part for part, _ in pairs]
     place, draws = kept[0].place, [part.draws for part in kept]
     if not all(np.array_equal(part.place, place) for part in kept):
-        place, draws = kept[0]._numbers, [part.draws.placed(part.place.ravel()) for part in kept]
+        place, draws = kept[0]._place_ids, [part.draws.placed(part.place.ravel()) for part in kept]
     joined = LoadDraws.joined(zip(draws, (w for _, w in pairs), strict=True))
     heavy = list(compress(kept, heavy_parts(share[share > 1e-9])))
     flags = np.bitwise_or.reduce([part.flags for part in heavy])

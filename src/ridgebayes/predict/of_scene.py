@@ -1,4 +1,4 @@
-"""Predictions for a scene: its values are drawn together with the posteriors'."""
+"""Predictions for a scene, whose uncertain values are drawn together with the posteriors."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -28,14 +28,14 @@ from ridgebayes.predict.extrapolation import (
 from ridgebayes.predict.joint_draws import MOST_TEXTURES, PredictiveSampler, textures_of
 from ridgebayes.predict.load_distribution import LoadDistribution
 from ridgebayes.predict.load_draws import LoadDraws
-from ridgebayes.predict.posterior_loads import LEAST_SHARE
-from ridgebayes.predict.q_distribution import HEAVY, QDistribution, heavy_parts, shares, stacked
+from ridgebayes.predict.posterior_loads import DRAWS_DIVISOR
+from ridgebayes.predict.q_distribution import MIN_HEAVY, QDistribution, heavy_parts, shares, stacked
 from ridgebayes.scene.draws import draw_scene
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.units import load_to_si, number_and_unit
 
 NO_UNIT = "p/E"
-_SEED = 0  # seed of the draws of scenes: a scene has the same draws in all predictions
+_SEED = 0  # a scene has the same draws in all predictions
 
 Averaged = Sequence[tuple[Posterior, float]]
 
@@ -55,16 +55,17 @@ def q_of_scene(
     averaged : sequence of (Posterior, float)
         Posteriors and their weights.
     scene : Scene
-        With a texture or several, then the first axis of the result.
+        Scene with one or more textures. Several textures are the first axis of the result.
     load, p_over_E : array_like of float, shape (...), optional
-        Loads in the scene's unit, or texts with units; or p/E. The scene's own if not given.
+        Loads in the scene's unit or as texts with units, or p/E. The load of the scene if neither
+        is given.
     kind : str, optional
         As in `Predictive.predict`.
 
     Returns
     -------
     QDistribution
-        Distribution with the shape of the loads.
+        Distributions with the shape of the loads.
     """
     if load is not None and p_over_E is not None:
         raise InputError("load and p_over_E: expected only one of the two, got both")
@@ -96,7 +97,7 @@ def load_of_scene(
     Returns
     -------
     LoadDistribution
-        In the scene's unit.
+        Distributions of the load in the scene's unit.
     """
     if len(scene.textures) != 1:
         raise InputError(
@@ -108,13 +109,13 @@ def load_of_scene(
 
 
 def load_unit(scene: Scene) -> str:
-    """Return the unit of a scene's load, ``p/E`` where it has none."""
+    """Return the unit of a scene's load, ``p/E`` if the scene has no load unit."""
     load = scene.body.load_unit
     return NO_UNIT if load is None else load[0]
 
 
 def _loads(load: ArrayLike | None) -> tuple[FloatArray | None, str | None]:
-    """Return loads as numbers, and the unit that texts have."""
+    """Return loads as numbers and, if they are texts, their unit."""
     unit = None
     if load is None:
         return None, unit
@@ -132,15 +133,15 @@ def _loads(load: ArrayLike | None) -> tuple[FloatArray | None, str | None]:
 
 
 class _SceneLoads:
-    """Loads at which an uncertain body on one texture reaches counts, in the unit of its scene."""
+    """Loads at which an uncertain body with one texture reaches counts, in the scene's unit."""
 
     def __init__(self, averaged: Averaged, scene: Scene, unit: str | None, kind: str) -> None:
-        """Draw bodies, each with a draw of a posterior, in proportion to its weight."""
+        """Draw bodies, and posterior draws in proportion to the posteriors' weights."""
         self._scene, self._kind = scene, kind
         self._unit = load_unit(scene) if unit is None else unit
         self._size = 1.0 if self._unit == NO_UNIT else scene.body.p_over_E(f"1 {self._unit}")
         share = shares([weight for _, weight in averaged])
-        counts = np.maximum(N_KEPT * share, N_KEPT // LEAST_SHARE).round().astype(int).tolist()
+        counts = np.maximum(N_KEPT * share, N_KEPT // DRAWS_DIVISOR).round().astype(int).tolist()
         self._bodies = bodies = draw_scene(scene, sum(counts), _SEED)
         textures = textures_of(bodies.profile["a"], bodies.profile["b"])
         seen = Spread(MOST_TEXTURES)
@@ -151,7 +152,7 @@ class _SceneLoads:
             sampler = PredictiveSampler(fit, seen, kind)
             which = np.resize(np.arange(len(sampler.loads)), n)
             columns = partial(sampler.log_loads, textures[here], bodies.nu[here], which)
-            parts.append(LoadDraws.alike(n, columns, sampler.loads.has_mean))
+            parts.append(LoadDraws.uniform(n, columns, sampler.loads.has_mean))
             first += n
         self._draws = LoadDraws.joined(zip(parts, share.tolist(), strict=True))
         heavy = np.flatnonzero(heavy_parts(share)).tolist()
@@ -161,15 +162,15 @@ class _SceneLoads:
         self._factor = self._factors()
 
     def q_distribution(self, load: FloatArray | None) -> QDistribution:
-        """Return the distribution of Q at loads in the unit; None is the scene's own load."""
+        """Return the distribution of Q at loads in the unit, or at the scene's load for None."""
         factor, value = self._factor, np.ones(1)
         if load is None:
-            factor = 1 / self._bodies.p_over_E  # loads over that of each body
+            factor = 1 / self._bodies.p_over_E  # loads relative to the load of each body
         else:
             value = load.ravel()
         p = value / factor[:, None]
         survival = self._draws.shifted(np.log(factor)).reaching(np.log(value))
-        beyond = self._share(reduced_load(p, self._bodies.nu[:, None]) > self._load_max) > HEAVY
+        beyond = self._share(reduced_load(p, self._bodies.nu[:, None]) > self._load_max) > MIN_HEAVY
         flags = self._texture_flags() | np.where(beyond, LOAD, 0).astype(np.uint8)
         shape = np.shape(load) if load is not None else ()
         highest = self._scene.highest_load(self._scene.textures[0])
@@ -183,7 +184,7 @@ class _SceneLoads:
         )
 
     def load_distribution(self, count: IntArray) -> LoadDistribution:
-        """Return the distribution of the load, in the unit, that reaches even counts."""
+        """Return the distribution of the load, in the unit, that reaches each even count."""
         flags = self._texture_flags() | np.where(count > self._Q_max, Q, 0).astype(np.uint8)
         unit_load = np.median(self._factor / reduced_load(1.0, self._bodies.nu))
         highest = np.full(count.shape, float(unit_load) * self._load_max)
@@ -192,7 +193,7 @@ class _SceneLoads:
         return LoadDistribution(draws, (count - 4) // 2, flags, highest, where)
 
     def _factors(self) -> FloatArray:
-        """Return the load at which p = E of each body, in the unit."""
+        """Return the load in the unit at which p = E, for each body."""
         body, physical = self._scene.body, self._bodies.physical
         factor = np.full(len(self._bodies.nu), 1 / self._size)
         if self._unit == NO_UNIT:
@@ -204,21 +205,21 @@ class _SceneLoads:
                 factor = factor * (physical[name] / float(median))
         return factor
 
-    def _share(self, holds: np.ndarray) -> FloatArray:
-        return np.tensordot(self._draws.weight, holds, axes=1)
+    def _share(self, is_true: np.ndarray) -> FloatArray:
+        return np.tensordot(self._draws.weight, is_true, axes=1)
 
     def _texture_flags(self) -> Flags:
-        """Return flags of quantities beyond the calibrated range in more than a few draws."""
+        """Return flags of quantities beyond the calibrated range in more than 1 % of the draws."""
         profile = self._bodies.profile
         total = OFFSET if np.any(profile["offset"] != 0) else 0
         for calibrated in self._ranges:
             flags = calibrated.texture_flags(profile["a"], profile["b"])
             for bit in (RATIO, RIDGE, GROOVE, TEXTURE):
-                total |= bit if self._share((flags & bit) > 0) > HEAVY else 0
+                total |= bit if self._share((flags & bit) > 0) > MIN_HEAVY else 0
         return np.array(total, dtype=np.uint8)
 
     def _medians(self, shape: tuple[int, ...]) -> dict[str, np.ndarray]:
-        """Return medians of the body, for tables."""
+        """Return table columns with the medians of the body."""
         texture = self._scene.textures[0]
         medians: dict[str, float | str] = {
             "a_over_R": texture.a_over_R,

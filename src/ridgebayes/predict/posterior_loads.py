@@ -1,7 +1,7 @@
 """Log loads at which the draws of a posterior reach counts, at any texture.
 
-Given a draw, the log load is normal: Student errors are normal ones whose scale varies from draw to
-draw, and an offset that is not calibrated adds its variance.
+Given a draw, the log load is normal. A Student error is a normal error whose scale differs between
+draws, and an offset without rows adds its variance.
 """
 
 from copy import copy
@@ -23,39 +23,39 @@ from ridgebayes.predict.load_draws import MAX_DRAWS_TIMES_ROWS
 from ridgebayes.runtime.randomness import stream
 
 Counts = IntArray | FloatArray
-N_SHARED = N_KEPT // 4  # draws where rows share offsets, whose places are worked out for each draw
-LEAST_SHARE = 16  # part of these that a posterior of no weight in an average has
-_WIDEST = 1e6  # of a Student scale: loads of such a draw are next to 0 or infinite
+N_SHARED = N_KEPT // 4  # number of draws if rows share offsets, which are costly for each draw
+DRAWS_DIVISOR = 16  # each averaged posterior has at least a sixteenth of its draws
+_MAX_STUDENT_SCALE = 1e6  # avoids overflow; loads of such a draw are already near 0 or infinite
 
 
 class PosteriorLoads:
-    """Location and standard deviation of the log loads of a posterior's draws, at nu = 0.5.
+    """Mean and standard deviation of the log load given each draw of a posterior, at nu = 0.5.
 
     Parameters
     ----------
     fit : Posterior
         Posterior.
     kind : str, optional
-        ``simulation``, or ``curve`` for the form's own loads, which have no errors and offsets.
+        ``simulation``, or ``curve`` for loads without errors and offsets.
     share : float, optional
-        Weight of the posterior in an average, which takes this share of the draws, a sixteenth at
-        least: in proportion to weights draws of all posteriors tell as much as those of a single
-        one.
+        Weight of the posterior in an average. This share of its draws is used, but at least a
+        sixteenth: an average then has the Monte Carlo error of a single posterior at about the
+        same cost.
 
     Attributes
     ----------
     theta : ndarray of float, shape (n_draw, n_parameter)
-        Parameters: all draws, or 2,560 where rows share offsets.
+        Parameters of the draws used: all draws, or 2,560 if rows share offsets, times `share`.
     stride : int
-        They are every n-th of the posterior's draws.
+        Step between the posterior's draws that are used.
     has_mean : bool
-        Whether loads have a mean, which they have not under Student errors.
+        Whether the mean load is finite; under Student errors it is not.
     """
 
     def __init__(self, fit: Posterior, kind: str = "simulation", share: float = 1.0) -> None:
         is_curve = kind == "curve"
         n = N_SHARED if fit.noise.factors and not is_curve else len(fit.draws)
-        n = max(round(n * min(share, 1.0)), n // LEAST_SHARE, 1)
+        n = max(round(n * min(share, 1.0)), n // DRAWS_DIVISOR, 1)
         self.fit, self.is_curve, self.stride = fit, is_curve, -(-len(fit.draws) // n)
         self.theta = fit.draws[:: self.stride]
         self.has_mean = is_curve or fit.noise.tail == "normal"
@@ -63,15 +63,15 @@ class PosteriorLoads:
         self._sigma = self.theta[:, fit.model.n_coefficient] * (not is_curve)
         if not self.has_mean:
             self._sigma *= _student_scales(self.theta[:, -1], fit.seed)
-        self._which: slice | IntArray = slice(None)  # of these draws, in a part
+        self._which: slice | IntArray = slice(None)  # draws of this part
 
     def __len__(self) -> int:
         return len(self._sigma)
 
     def parts(self) -> list["PosteriorLoads"]:
-        """Return the loads of some draws after others.
+        """Split the draws into parts that are computed one after the other.
 
-        Smooth offsets take a matrix for each draw; the matrices of one part are held at once.
+        Smooth offsets need a matrix for each draw; only the matrices of one part are in memory.
         """
         n_place = self.fit.model.offsets.n_smooth if self._has_offsets else 0
         n_part = -(-len(self) * n_place**2 // MAX_DRAWS_TIMES_ROWS)
@@ -95,25 +95,25 @@ class PosteriorLoads:
     def at(self, texture: Texture, Q: Counts) -> tuple[FloatArray, FloatArray]:
         """Return location and standard deviation of log loads, both (n_draw, n_Q).
 
-        The location is infinite for a draw whose rate reaches no further ridge.
+        The location is infinite if a draw never reaches the count.
         """
-        return self._with_offsets(np.log(self.load(texture, Q)), texture, Q)
+        return self._add_offsets(np.log(self.load(texture, Q)), texture, Q)
 
     def at_ratio(self, ratio: float, Q: Counts) -> tuple[FloatArray, FloatArray]:
-        """Return the same of a new texture whose pitch is R, at a ratio a/pitch."""
+        """Return the result of `at` for a new texture of pitch R with a given a/pitch."""
         texture = ratio, 1 - ratio
-        # A power law says of a new texture what its prior does: the same draw at all of them.
-        shown = (0.5, 0.5) if isinstance(self.fit.form, PowerLaw) else texture
-        return self._with_offsets(np.log(self.load(shown, Q)), texture, Q)
+        # The power law's coefficient of a new texture is drawn from the prior, once for all ratios.
+        drawn = (0.5, 0.5) if isinstance(self.fit.form, PowerLaw) else texture
+        return self._add_offsets(np.log(self.load(drawn, Q)), texture, Q)
 
     def at_places(
         self, a: FloatArray, b: FloatArray, Q: FloatArray, nu: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return what `at` does for places of any nu, all of shape (n,): both (n_draw, n)."""
+        """Return location and standard deviation at n places of any nu, both (n_draw, n)."""
         if self._offsets is None and not isinstance(self.fit.form, PowerLaw):
             mean = np.log(self._load_of(self.fit.form, self._coefficients, a, b, Q))
             sd = np.broadcast_to(self._sigma[:, None], mean.shape)
-        else:  # a texture may have an offset or a K of its own
+        else:  # offsets and power-law coefficients are computed texture by texture
             mean, sd = np.empty((2, len(self), len(Q)))
             first, place = distinct(a, b)
             for j, i in enumerate(first):
@@ -122,11 +122,11 @@ class PosteriorLoads:
         return mean - np.log(reduced_load(1.0, nu)), sd
 
     def load(self, texture: Texture, Q: Counts) -> FloatArray:
-        """Return the form's own load of each draw, (n_draw, n_Q); infinite where none reaches Q."""
+        """Return the form's load for each draw, (n_draw, n_Q); infinite if Q is never reached."""
         form, theta = self.fit.form, self._coefficients
         if isinstance(form, PowerLaw):
             bound = PowerLaw().bind((texture,))
-            if texture in form.textures:  # its own K alone: there may be thousands
+            if texture in form.textures:  # select one K, as there may be thousands
                 theta = theta[:, [form.textures.index(texture)]]
             else:
                 prior = slope_prior(texture, self.fit.model.prior_of_slopes)
@@ -136,12 +136,12 @@ class PosteriorLoads:
         return self._load_of(form, theta, *texture, Q)
 
     def check_scaling(self, ratio: float) -> None:
-        """Raise InputError if loads of new textures do not go with the square of the pitch.
+        """Raise InputError if loads of new textures are not proportional to the squared pitch.
 
         Parameters
         ----------
         ratio : float
-            An a/pitch to try that at.
+            a/pitch at which the loads are compared.
         """
         form = self.fit.form
         if not isinstance(form, PowerLaw):
@@ -171,7 +171,7 @@ class PosteriorLoads:
         load = form.load(Q, a, b, theta[self._which])
         return np.nan_to_num(load, nan=np.inf, posinf=np.inf)
 
-    def _with_offsets(
+    def _add_offsets(
         self, mean: FloatArray, texture: Texture, Q: Counts
     ) -> tuple[FloatArray, FloatArray]:
         sd = np.broadcast_to(self._sigma[:, None], mean.shape)
@@ -183,27 +183,28 @@ class PosteriorLoads:
 
 
 def _student_scales(df: FloatArray, seed: int) -> FloatArray:
-    """Return the scales of normal errors that make Student errors of unit scale, shape (n_draw,).
+    """Draw the scales of normal errors whose mixture is a Student error, shape (n_draw,).
 
-    They are spread evenly over their distribution, and go with draws of the posterior at random.
+    The scales are stratified quantiles of their distribution, in random order.
     """
     rng, n = stream(seed, "scales of Student errors"), len(df)
     u = (rng.permutation(n) + rng.random(n)) / n
     with np.errstate(divide="ignore"):
         scale: FloatArray = np.sqrt(0.5 * df / special.gammaincinv(0.5 * df, u))
-    return np.minimum(scale, _WIDEST)
+    return np.minimum(scale, _MAX_STUDENT_SCALE)
 
 
 def widest_count(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the count of a body in contact over its whole width, of textures of any shape.
+    """Return the count of a body that is in contact over its whole width.
 
-    Under Student errors no further count has a probability: their tails leave some to any.
+    Larger counts are given no probability under Student errors, whose heavy tails would reach
+    any count.
     """
     return np.asarray(2 + 2 * np.floor(np.maximum(1 - b / 2, 0) / (a + b)))
 
 
 def distinct(*columns: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return the flat index of each distinct row of some columns, and the row of each place."""
+    """Return the index of each distinct row of some columns, and the distinct row of each place."""
     frame = pd.DataFrame({i: column.ravel() for i, column in enumerate(columns)})
     place = frame.groupby(list(frame)).ngroup().to_numpy().astype(np.int64)
     return np.unique(place, return_index=True)[1].astype(np.int64), place

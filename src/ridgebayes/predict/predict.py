@@ -1,10 +1,10 @@
-"""Posterior predictions: the distribution of Q at a load, and of the load that reaches a Q.
+"""Posterior predictive distributions of Q at a load, and of the load that reaches a Q.
 
-Probabilities are averages of conditional probabilities over the posterior's draws: P(Q >= n) is the
-mean over draws of P(load(n) <= p | draw), which is a distribution function under the error model
-(kind ``simulation``: what a further simulation or measurement would show) and a step for the form's
-own prediction (kind ``curve``). Calibrated textures and steps keep the offsets that their rows
-imply; the unknown offsets of others widen the distribution.
+P(Q >= n) is the mean over the posterior's draws of P(load(n) <= p | draw). For the kind
+``simulation``, which predicts a further simulation or measurement, this probability follows from
+the error model. For the kind ``curve``, which predicts the form's load without errors, it is 0 or
+1. Calibrated textures and steps keep the offsets inferred from their rows; the unknown offsets of
+new textures widen the distribution.
 """
 
 from abc import ABC, abstractmethod
@@ -23,10 +23,10 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, numbers, widths
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.load_draws import LARGEST_Q, NUMBERS_AT_ONCE, LoadDraws
+from ridgebayes.predict.load_draws import MAX_Q, NUMBERS_AT_ONCE, LoadDraws
 from ridgebayes.predict.of_scene import load_of_scene, q_of_scene
 from ridgebayes.predict.posterior_loads import PosteriorLoads, distinct, widest_count
-from ridgebayes.predict.predicted import by_name
+from ridgebayes.predict.predicted import align_arrays
 from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 from ridgebayes.scene.scene import Scene
 
@@ -35,12 +35,12 @@ _T = TypeVar("_T")
 
 
 class Predictive(ABC):
-    """Base of predictors: averages over posteriors, which `averaged` lists with their weights."""
+    """Base class of predictors that average over the weighted posteriors in `averaged`."""
 
     @property
     @abstractmethod
     def averaged(self) -> list[tuple[Posterior, float]]:
-        """The posteriors that predictions are averaged over, with their weights."""
+        """Posteriors over which predictions are averaged, with their weights."""
 
     def predict(
         self,
@@ -52,49 +52,49 @@ class Predictive(ABC):
         kind: str = "simulation",
         load: ArrayLike | None = None,
     ) -> QDistribution:
-        """Return the posterior predictive distribution of Q, averaged by the models' weights.
+        """Return the posterior predictive distribution of Q, averaged over models by their weights.
 
         Parameters
         ----------
         a_over_R, b_over_R, p_over_E : array_like of float, broadcastable, dimensionless
-            Ridge width, groove width and load; the result has their broadcast shape. DataArrays
-            of xarray meet by the names of their dimensions, and results bear these. Or a `Scene`
-            in place of both widths, whose distributions are drawn together with the posterior.
+            Ridge width, groove width and load; the result has their broadcast shape. xarray
+            DataArrays are broadcast by dimension name, and the results are DataArrays too. A
+            `Scene` may replace both widths; its uncertain values are drawn together with the
+            posterior.
         nu : array_like of float, broadcastable, dimensionless
-            Poisson's ratio; of a scene its own.
+            Poisson's ratio; not allowed with a scene, which has its own.
         kind : str, optional
-            ``simulation`` with the error model, ``curve`` for the form's own count.
+            ``simulation`` with the error model, ``curve`` for the form's count without errors.
         load : array_like of float or str, optional
-            Loads of a scene in its own unit, or texts such as ``1.2 kPa``, in place of
-            `p_over_E`. The scene's load with its distribution if neither is given.
+            Loads of a scene in the scene's unit, or texts such as ``1.2 kPa``, instead of
+            `p_over_E`. If neither is given, the scene's load with its distribution is used.
 
         Returns
         -------
         QDistribution
-            P(Q >= n) for every n up to the first that is negligible at the highest load.
+            P(Q >= n) for every n up to the first with a negligible probability at all loads.
 
         Raises
         ------
         InputError
-            If `kind` is neither, a width or load is not positive and finite, `nu` is outside 0 to
-            0.5, the shapes do not broadcast, or counts pass 20,000.
+            If `kind` is unknown, a width or load is not positive and finite, `nu` is outside 0 to
+            0.5, the shapes do not broadcast, or counts exceed 20,000.
         ComputationError
             If a comparison has no form with an evidence.
 
         Notes
         -----
-        *Validity.* Extrapolation is flagged in the result, not refused: beyond the calibrated
-        a/pitch, above the highest calibrated Q or load, at an a/R or b/R below the lowest
-        calibrated / 1.5 or above the highest x 1.5, and for the power law at a texture without a K.
-        A scene off centre is predicted as if it were centred, and flagged.
-        Under Student errors no further count than that of a body in contact over its whole width
-        is given a probability.
-        *Accuracy.* Monte Carlo error of a probability under 0.005 (10,240 draws of independent
-        rows; 2,560 where rows share offsets). Under Student errors each draw has a normal error
-        whose scale is drawn. Posteriors that are averaged have as many draws in all, each by its
-        weight, but no less than a sixteenth.
-        *Cost.* Some 0.3 s for 100,000 loads of one texture: averages over draws are tabulated where
-        more than 512 loads need one, to a tenth of the Monte Carlo error.
+        *Validity.* Extrapolation is allowed and flagged in the result: a/pitch beyond its
+        calibrated range, Q or load above the highest calibrated value, a/R or b/R below the lowest
+        calibrated value / 1.5 or above the highest x 1.5, and, for the power law, a texture without
+        a fitted K. A scene that is off centre is predicted as if it were centred, and is flagged.
+        Under Student errors counts above the count of full contact have probability 0.
+        *Accuracy.* The Monte Carlo error of a probability is below 0.005 (10,240 draws for
+        independent rows; 2,560 if rows share offsets). Under Student errors each draw has a normal
+        error with a randomly drawn scale. Averages over posteriors share these draws in proportion
+        to the weights, with at least a sixteenth of them for each posterior.
+        *Cost.* About 0.3 s for 100,000 loads of one texture. Averages over draws are interpolated
+        for more than 512 loads, with an error of at most a tenth of the Monte Carlo error.
 
         Examples
         --------
@@ -104,7 +104,7 @@ class Predictive(ABC):
         >>> q.median().tolist()
         [4, 8]
 
-        A body whose modulus is known to 20 %:
+        A body with an uncertainty of 20 % in its modulus:
 
         >>> body = {"radius": "8 mm", "youngs_modulus": "60 kPa ± 20 %"}
         >>> texture = {"ridge_width": "0.3 mm", "groove_width": "0.25 mm"}
@@ -122,7 +122,7 @@ class Predictive(ABC):
         if load is not None or b_over_R is None or p_over_E is None:
             raise InputError("predict: expected a_over_R, b_over_R and p_over_E, or a Scene")
         named = {"a_over_R": a_over_R, "b_over_R": b_over_R, "p_over_E": p_over_E, "nu": nu}
-        (*where, nu), labels = by_name(**named)
+        (*where, nu), labels = align_arrays(**named)
         mixed = mix_q(*self._parts(partial(predict_q, nu=nu, kind=kind), *where))
         return replace(mixed, labels=labels)
 
@@ -135,39 +135,41 @@ class Predictive(ABC):
         nu: ArrayLike = 0.5,
         kind: str = "simulation",
     ) -> LoadDistribution:
-        """Return the posterior predictive distribution of the load that reaches Q, averaged alike.
+        """Return the posterior predictive distribution of the load that reaches Q.
+
+        The distribution is averaged over models by their weights, as in `predict`.
 
         Parameters
         ----------
         a_over_R, b_over_R : array_like of float, broadcastable, dimensionless
-            Ridge and groove width. Or a `Scene` in place of both.
+            Ridge and groove width; a `Scene` may replace both.
         Q : array_like of int, broadcastable, dimensionless
             Even counts of at least 4.
         nu : array_like of float, broadcastable, dimensionless
             Poisson's ratio.
         kind : str, optional
-            ``simulation`` with the error model, ``curve`` for the form's own load.
+            ``simulation`` with the error model, ``curve`` for the form's load without errors.
 
         Returns
         -------
         LoadDistribution
-            Distribution of p/E, or of a scene's load in its unit, with the broadcast shape.
+            Distributions of p/E, or of a scene's load in its unit, with the broadcast shape.
 
         Raises
         ------
         InputError
-            If `kind` is neither, a width is not positive and finite, a count is odd or under 4,
+            If `kind` is unknown, a width is not positive and finite, a count is odd or below 4,
             `nu` is outside 0 to 0.5, or the shapes do not broadcast.
         ComputationError
             If a comparison has no form with an evidence.
 
         Notes
         -----
-        *Validity.* As `predict`; a load is flagged where its median lies above the highest
-        calibrated one, but not at a texture and count that a row was fitted at.
-        *Cost.* Each distinct place is worked out once, a block at a time: some 2 ms a quantile
-        where rows are independent, 1 ms where textures or steps share offsets, 8 ms under
-        ``step-smooth``. A million places take some 300 MB.
+        *Validity.* As in `predict`. A load is flagged if its median is above the highest calibrated
+        load, except at the texture and count of a fitted row.
+        *Cost.* Each distinct place is computed once, in blocks. A quantile takes about 2 ms for
+        independent rows, 1 ms if textures or steps share offsets, and 8 ms under ``step-smooth``.
+        A million places take about 300 MB.
 
         Examples
         --------
@@ -184,14 +186,14 @@ class Predictive(ABC):
             return load_of_scene(self.averaged, a_over_R, Q, kind=kind)
         if isinstance(a_over_R, Scene) or b_over_R is None or Q is None:
             raise InputError("predict_load: expected a_over_R, b_over_R and Q, or a Scene and Q")
-        (*where, nu), labels = by_name(a_over_R=a_over_R, b_over_R=b_over_R, Q=Q, nu=nu)
+        (*where, nu), labels = align_arrays(a_over_R=a_over_R, b_over_R=b_over_R, Q=Q, nu=nu)
         mixed = mix_loads(*self._parts(partial(predict_load, nu=nu, kind=kind), *where))
         return replace(mixed, labels=labels)
 
     def _parts(
         self, predicted: Callable[..., _T], *where: ArrayLike
     ) -> tuple[Iterator[_T], list[float]]:
-        """Yield the predictions of the posteriors, beside their weights."""
+        """Return an iterator over the posteriors' predictions, and their weights."""
         posteriors, weights = zip(*self.averaged, strict=True)
         pairs = zip(posteriors, shares(weights).tolist(), strict=True)
         return (predicted(fit, *where, share=share) for fit, share in pairs), list(weights)
@@ -216,7 +218,7 @@ def predict_q(
     a_over_R, b_over_R, p_over_E, nu, kind
         As in `Predictive.predict`.
     share : float, optional
-        Weight of this posterior in an average; it takes this share of the draws.
+        Weight of this posterior in an average; this share of its draws is used.
 
     Returns
     -------
@@ -229,7 +231,7 @@ def predict_q(
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.load_flags(p, poisson) | calibrated.texture_flags(a, b)
     y = reduced_load(p, poisson).ravel()
-    if kind != "curve":  # a curve counts at the loads themselves, which a logarithm would round
+    if kind != "curve":  # curves compare unrounded loads, not their logarithms
         with np.errstate(divide="ignore"):
             y = np.log(y)
     first, place = distinct(a, b)
@@ -237,10 +239,10 @@ def predict_q(
     groups = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place))[:-1])
 
     def distribution(part: PosteriorLoads) -> QDistribution:
-        shares = [_reaching(part, *x, y[here]) for x, here in zip(textures, groups, strict=False)]
-        survival = np.zeros((p.size, max((share.shape[1] for share in shares), default=1)))
-        for here, share in zip(groups, shares, strict=False):
-            survival[here, : share.shape[1]] = share
+        blocks = [_survival(part, *x, y[here]) for x, here in zip(textures, groups, strict=False)]
+        survival = np.zeros((p.size, max((block.shape[1] for block in blocks), default=1)))
+        for here, block in zip(groups, blocks, strict=False):
+            survival[here, : block.shape[1]] = block
         survival = survival.reshape(*p.shape, survival.shape[1])
         return QDistribution(survival, flags, calibrated.Q_max, kind, places)
 
@@ -267,7 +269,7 @@ def predict_load(
     a_over_R, b_over_R, Q, nu, kind
         As in `Predictive.predict_load`.
     share : float, optional
-        As of `predict_q`.
+        As in `predict_q`.
 
     Returns
     -------
@@ -284,7 +286,7 @@ def predict_load(
     highest = calibrated.highest_load(a, b, q, poisson)
     parts = []
     for part in PosteriorLoads(fit, kind, share).parts():
-        draws = LoadDraws.alike(len(part), partial(_at_places, part, columns), part.has_mean)
+        draws = LoadDraws.uniform(len(part), partial(_at_places, part, columns), part.has_mean)
         is_small = len(part) * len(first) <= NUMBERS_AT_ONCE
         parts.append((draws.stored(len(first)) if is_small else draws, len(part)))
     n_draw = sum(n for _, n in parts)
@@ -297,13 +299,13 @@ def predict_load(
 def _at_places(
     loads: PosteriorLoads, places: Sequence[FloatArray], ids: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return location and sd of the log loads of some places (a/R, b/R, Q, nu)."""
+    """Return location and sd of the log loads at the places (a/R, b/R, Q, nu) with these ids."""
     a, b, q, nu = (column[ids] for column in places)
     return loads.at_places(a, b, q, nu)
 
 
-def _reaching(loads: PosteriorLoads, a: float, b: float, y: FloatArray) -> FloatArray:
-    """Return P(Q >= 2), P(Q >= 4), ... at log loads at nu = 0.5 of one texture, (n, n_step)."""
+def _survival(loads: PosteriorLoads, a: float, b: float, y: FloatArray) -> FloatArray:
+    """Return P(Q >= 2), P(Q >= 4), ... of one texture at log loads at nu = 0.5, (n, n_step)."""
 
     def columns(ids: IntArray) -> tuple[FloatArray, FloatArray]:
         counts = 4 + 2 * ids
@@ -312,25 +314,25 @@ def _reaching(loads: PosteriorLoads, a: float, b: float, y: FloatArray) -> Float
             return load, np.zeros(load.shape)
         return loads.at((a, b), counts)
 
-    last = LARGEST_Q
+    last = MAX_Q
     if not loads.has_mean:
         last = min(last, int(widest_count(np.array(a), np.array(b))))
-    draws = LoadDraws.alike(len(loads), columns, loads.has_mean)
+    draws = LoadDraws.uniform(len(loads), columns, loads.has_mean)
     return draws.reaching(y, last, f" at a/R, b/R = {(a, b)}")
 
 
 def _broadcast(
     a: FloatArray, b: FloatArray, nu: ArrayLike, **other: FloatArray
 ) -> dict[str, FloatArray]:
-    """Return textures, Poisson's ratio and loads or counts in one shape, by name."""
+    """Broadcast textures, Poisson's ratio and loads or counts to one shape."""
     columns = {"a_over_R": a, "b_over_R": b, "nu": numbers("nu", nu), **other}
     shape = common_shape(**columns)
-    reduced_load(1.0, nu)  # refuses a Poisson's ratio outside its range
+    reduced_load(1.0, nu)  # raises InputError for a Poisson's ratio outside its range
     return {name: np.broadcast_to(column, shape) for name, column in columns.items()}
 
 
 def _refuse_beside_scene(**values: ArrayLike | None) -> None:
-    """Refuse arguments that a scene already has."""
+    """Raise InputError for arguments that the scene already determines."""
     for name in [name for name, value in values.items() if value is not None]:
         raise InputError(f"{name}: expected no value beside a Scene, got {values[name]!r}")
 

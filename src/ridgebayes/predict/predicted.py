@@ -1,4 +1,4 @@
-"""Methods that distributions of Q and of loads share: quantiles, draws, a table and a picture."""
+"""Base class of the distributions of Q and of loads: quantiles, random draws and tables."""
 
 import functools
 import sys
@@ -22,13 +22,15 @@ if TYPE_CHECKING:  # heavy
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
-def by_name(**arguments: ArrayLike) -> "tuple[list[Any], xr.DataArray | None]":
-    """Return arguments in one shape and their labels, if some are DataArrays: by dimension.
+def align_arrays(**arguments: ArrayLike) -> "tuple[list[Any], xr.DataArray | None]":
+    """Broadcast DataArrays by dimension name; return the arrays and their common labels.
+
+    Arguments without a DataArray are returned unchanged, with None for the labels.
 
     Raises
     ------
     InputError
-        If there are arrays without names among them, or coordinates differ.
+        If DataArrays are mixed with unnamed arrays, or their coordinates differ.
     """
     values, xarray = list(arguments.values()), sys.modules.get("xarray")
     if xarray is None or not any(isinstance(x, xarray.DataArray) for x in values):
@@ -44,8 +46,8 @@ def by_name(**arguments: ArrayLike) -> "tuple[list[Any], xr.DataArray | None]":
     return [array.values for array in arrays], arrays[0].rename(None)
 
 
-def labelled(method: _Method) -> _Method:
-    """Return a method whose arrays of the shape of all places have the labels of these."""
+def keep_labels(method: _Method) -> _Method:
+    """Decorate a method so that a result of shape `shape` is returned with the labels."""
 
     @functools.wraps(method)
     def with_labels(self: "Predicted", *args: Any, **kwargs: Any) -> Any:
@@ -58,24 +60,24 @@ def labelled(method: _Method) -> _Method:
 
 
 class Predicted(Tabular):
-    """Distributions of one quantity at places of shape (...), with the names of scipy.stats."""
+    """Distributions of one quantity at an array of places, with the method names of scipy.stats."""
 
-    labels: "xr.DataArray | None"  # dimensions and coordinates of places that had some
-    _margin = 0.0  # of a probability to 0 and 1, within which there is no quantile
+    labels: "xr.DataArray | None"  # dimensions and coordinates, if the arguments were DataArrays
+    _MIN_TAIL = 0.0  # smallest tail probability for which quantiles are computed
 
     @property
     @abstractmethod
     def shape(self) -> tuple[int, ...]:
-        """The shape of textures and loads or counts."""
+        """Broadcast shape of the textures and the loads or counts."""
 
     @property
     @abstractmethod
-    def _where(self) -> Mapping[str, Any]:
-        """Columns of tables for each place: arrays that broadcast to `shape`, by name."""
+    def _inputs(self) -> Mapping[str, Any]:
+        """Table columns that describe each place: arrays that broadcast to `shape`, by name."""
 
     @abstractmethod
     def _quantile(self, prob: FloatArray) -> np.ndarray:
-        """Return quantiles of probabilities that broadcast with `shape`."""
+        """Return quantiles at probabilities that broadcast with `shape`."""
 
     @abstractmethod
     def _draw(self, generator: np.random.Generator, n: int) -> np.ndarray:
@@ -83,15 +85,17 @@ class Predicted(Tabular):
 
     @abstractmethod
     def _columns(self, prob: float) -> dict[str, np.ndarray]:
-        """Return the columns of a table, each of `shape` or one number."""
+        """Return the predicted table columns, arrays that broadcast to `shape`."""
 
     @abstractmethod
     def _first(self, n: int) -> "Predicted":
-        """Return the first distributions of the flat array."""
+        """Return the first n distributions of the flattened array."""
 
-    @labelled
+    @keep_labels
     def quantile(self, prob: ArrayLike) -> np.ndarray:
-        """Return the least value up to which lies a probability of `prob`; ``ppf`` is the same.
+        """Return the smallest value whose cumulative probability is at least `prob`.
+
+        ``ppf`` is an alias.
 
         Parameters
         ----------
@@ -101,17 +105,17 @@ class Predicted(Tabular):
         Returns
         -------
         ndarray, broadcast shape, dimensionless
-            Even counts, or loads p/E, infinite beyond floats.
+            Even counts, or loads p/E. Loads too large for a float are infinite.
 
         Raises
         ------
         InputError
-            If `prob` is outside 0 to 1; of loads also if it is 0, or nearer to 1 than 1e-12, where
-            sums over draws can no longer tell quantiles apart; if the shapes do not broadcast.
+            If `prob` is outside 0 to 1, or the shapes do not broadcast. For loads also if `prob`
+            is 0 or within 1e-12 of 1, where rounding of sums over draws hides the quantile.
         """
-        wanted = self._probability(prob, 1)
-        common_shape(prob=wanted, distribution=self._numbers)
-        return self._quantile(wanted)
+        probability = self._checked_probability(prob, 1)
+        common_shape(prob=probability, distribution=self._place_ids)
+        return self._quantile(probability)
 
     ppf = quantile
 
@@ -120,7 +124,7 @@ class Predicted(Tabular):
         return self.quantile(0.5)
 
     def interval(self, prob: ArrayLike = 0.9) -> tuple[np.ndarray, np.ndarray]:
-        """Return the equal-tailed interval that holds at least `prob`.
+        """Return the equal-tailed interval with a probability of at least `prob`.
 
         Parameters
         ----------
@@ -135,10 +139,10 @@ class Predicted(Tabular):
         Raises
         ------
         InputError
-            If `prob` is outside 0 to 1, of loads nearer to 1 than 2e-12; if the shapes do not
-            broadcast.
+            If `prob` is outside 0 to 1, or the shapes do not broadcast. For loads also if `prob`
+            is within 2e-12 of 1.
         """
-        half = self._probability(prob, 2) / 2
+        half = self._checked_probability(prob, 2) / 2
         return self.quantile(0.5 - half), self.quantile(0.5 + half)
 
     def rvs(
@@ -148,16 +152,16 @@ class Predicted(Tabular):
         *,
         random_state: Rng | None = None,
     ) -> np.ndarray:
-        """Draw values.
+        """Draw random values.
 
         Parameters
         ----------
         size : int or tuple of int, optional
-            Draws of each distribution; one if not given.
+            Shape of the draws from each distribution; a single draw if not given.
         rng : int or numpy.random.Generator, optional
-            Seed; other draws each time if not given.
+            Seed or generator; if not given, every call draws different values.
         random_state : int or numpy.random.Generator, optional
-            The same by SciPy's name.
+            Alias of `rng`, as in SciPy.
 
         Returns
         -------
@@ -167,7 +171,8 @@ class Predicted(Tabular):
         Raises
         ------
         InputError
-            If `size` holds no whole numbers from 0, the seed is none, or there are two.
+            If `size` is not made of whole numbers >= 0, the seed is invalid, or both `rng` and
+            `random_state` are given.
         """
         if rng is not None and random_state is not None:
             raise InputError("rvs: expected rng or random_state, got both")
@@ -186,7 +191,7 @@ class Predicted(Tabular):
         Returns
         -------
         pandas.DataFrame
-            A row a distribution. Columns are those of the run folder's bands.csv, or of its
+            One row for each distribution, with the columns of the run folder's bands.csv or
             loads.csv.
 
         Raises
@@ -194,7 +199,7 @@ class Predicted(Tabular):
         InputError
             If `prob` is outside 0 to 1.
         """
-        columns = {**self._where, **self._columns(prob)}
+        columns = {**self._inputs, **self._columns(prob)}
         return pd.DataFrame(
             {name: np.broadcast_to(x, self.shape).ravel() for name, x in columns.items()}
         )
@@ -203,21 +208,21 @@ class Predicted(Tabular):
         return self._first(n).to_dataframe()
 
     @property
-    def _numbers(self) -> IntArray:
+    def _place_ids(self) -> IntArray:
         return np.arange(prod(self.shape)).reshape(self.shape)
 
     def _first_places(self, n: int) -> dict[str, np.ndarray]:
-        """Return what tables show of the first distributions."""
-        return {k: np.broadcast_to(v, self.shape).ravel()[:n] for k, v in self._where.items()}
+        """Return the place columns of the first n distributions."""
+        return {k: np.broadcast_to(v, self.shape).ravel()[:n] for k, v in self._inputs.items()}
 
-    def _probability(self, prob: ArrayLike, n_tail: int) -> FloatArray:
-        """Return probabilities, or raise InputError if `n_tail` tails leave none beside them."""
+    def _checked_probability(self, prob: ArrayLike, n_tail: int) -> FloatArray:
+        """Return probabilities; raise InputError if one of `n_tail` tails is below `_MIN_TAIL`."""
         values = numbers("prob", prob)
-        is_open = self._margin > 0 and n_tail == 1
-        within = (values > 0 if is_open else values >= 0) & (values <= 1 - n_tail * self._margin)
+        is_open = self._MIN_TAIL > 0 and n_tail == 1
+        within = (values > 0 if is_open else values >= 0) & (values <= 1 - n_tail * self._MIN_TAIL)
         if not np.all(within):
             rule = "0 <= prob <= 1"
-            if self._margin:
+            if self._MIN_TAIL:
                 rule = f"0 {'<' if is_open else '<='} prob < 1, at most 1 - {n_tail}e-12"
             raise InputError(f"prob: expected {rule}, got {prob!r}")
         return values

@@ -1,4 +1,4 @@
-"""`QDistribution`: the distribution of the even count Q at each of many textures and loads."""
+"""Distribution of the even count Q at each of many textures and loads."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,23 +13,24 @@ from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import common_shape, numbers
 from ridgebayes.predict.extrapolation import Flags, Q, names_of
-from ridgebayes.predict.predicted import Predicted, labelled
+from ridgebayes.predict.predicted import Predicted, keep_labels
 
 if TYPE_CHECKING:  # heavy
     import xarray as xr
     from matplotlib.axes import Axes
 
-HEAVY = 0.01  # share of a mixture, or of draws, from which on its extrapolation is the whole's
+# A mixture is flagged as extrapolated if a part, or a share of draws, above 1 % is.
+MIN_HEAVY = 0.01
 
 
-class OfCounts(np.ndarray[Any, np.dtype[np.float64]]):
-    """A probability for each count of a distribution; called with counts, that of these."""
+class CountProbabilities(np.ndarray[Any, np.dtype[np.float64]]):
+    """Array of a probability for each count; calling it with counts returns their probabilities."""
 
     _at: Callable[[ArrayLike], FloatArray]
 
     @classmethod
-    def of(cls, values: FloatArray, at: Callable[[ArrayLike], FloatArray]) -> "OfCounts":
-        """Return values of all counts as an array that can be called."""
+    def of(cls, values: FloatArray, at: Callable[[ArrayLike], FloatArray]) -> "CountProbabilities":
+        """Return an array of the values of all counts that can be called."""
         self = values.view(cls)
         self._at = at
         return self
@@ -38,7 +39,7 @@ class OfCounts(np.ndarray[Any, np.dtype[np.float64]]):
         return self._at(k)
 
     def __array_wrap__(self, array: np.ndarray, *_: Any) -> Any:
-        return np.asarray(array)[()]  # what is worked out of it is an array like any other
+        return np.asarray(array)[()]  # results computed from it are plain arrays
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,9 +49,9 @@ class QDistribution(Predicted):
     Parameters
     ----------
     survival : ndarray of float, shape (..., n_step), dimensionless
-        P(Q >= 2), P(Q >= 4), ...; the first is 1, and they never rise.
+        P(Q >= 2), P(Q >= 4), ...; the first is 1, and the values never increase.
     flags : ndarray of uint8, shape (...)
-        Whether texture or load lie outside the calibrated range, see `predict.extrapolation`.
+        Texture and load quantities outside the calibrated range, see `predict.extrapolation`.
     q_calibrated_max : int
         Largest calibrated count.
     kind : str
@@ -58,13 +59,13 @@ class QDistribution(Predicted):
     places : mapping of str to ndarray, shape (...), optional
         a_over_R, b_over_R, nu and p_over_E of each distribution.
     labels : xarray.DataArray, shape (...), optional
-        Dimensions and coordinates of what `at_least` and the methods below return; no values.
+        Dimensions and coordinates of the methods' results; its values are not used.
 
     Notes
     -----
-    *Validity.* Where `extrapolation` says so, texture, load or count lie beyond what was
-    calibrated; `extrapolation_of` says which. The probability of counts beyond the last of `q` is
-    under 1e-6 and set to 0.
+    *Validity.* `extrapolation` is True where texture, load or count are beyond the calibrated
+    range; `extrapolation_of` names them. The probability of counts above the last of `q` is below
+    1e-6 and set to 0.
 
     Examples
     --------
@@ -78,14 +79,14 @@ class QDistribution(Predicted):
     >>> q.shape, q.rvs(5, random_state=1).shape, q.plot().get_xlabel()
     ((), (5,), 'edges in contact $Q$')
 
-    A fit predicts a distribution for each texture and load, and flags extrapolation:
+    A fit predicts a distribution for each texture and load and flags extrapolation:
 
     >>> import ridgebayes as rb
     >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
-    >>> found = fit.predict(a_over_R=0.022, b_over_R=[0.02, 0.09], p_over_E=0.009)
-    >>> found.extrapolation().tolist(), found.extrapolation_of().tolist()
+    >>> q = fit.predict(a_over_R=0.022, b_over_R=[0.02, 0.09], p_over_E=0.009)
+    >>> q.extrapolation().tolist(), q.extrapolation_of().tolist()
     ([False, True], ['', 'a/pitch,b/R'])
-    >>> found.to_dataframe()[["b_over_R", "q_median"]].to_numpy().tolist()
+    >>> q.to_dataframe()[["b_over_R", "q_median"]].to_numpy().tolist()
     [[0.02, 8.0], [0.09, 4.0]]
     """
 
@@ -101,7 +102,7 @@ class QDistribution(Predicted):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The shape of textures and loads."""
+        """Broadcast shape of the textures and loads."""
         return self.survival.shape[:-1]
 
     @property
@@ -110,19 +111,19 @@ class QDistribution(Predicted):
         return 2 + 2 * np.arange(self.survival.shape[-1])
 
     @property
-    def pmf(self) -> OfCounts:
-        """P(Q = q) for each of `q`, shape (..., n_step); ``pmf(k)`` is that of counts k."""
-        return OfCounts.of(self.survival - self._above, self._pmf)
+    def pmf(self) -> CountProbabilities:
+        """P(Q = q) for each of `q`, shape (..., n_step); ``pmf(k)`` is P(Q = k)."""
+        return CountProbabilities.of(self.survival - self._above, self._pmf)
 
     @property
-    def cdf(self) -> OfCounts:
-        """P(Q <= q) for each of `q`, shape (..., n_step); ``cdf(k)`` is that of counts k."""
-        return OfCounts.of(1 - self._above, lambda k: 1 - self._sf(k))
+    def cdf(self) -> CountProbabilities:
+        """P(Q <= q) for each of `q`, shape (..., n_step); ``cdf(k)`` is P(Q <= k)."""
+        return CountProbabilities.of(1 - self._above, lambda k: 1 - self._sf(k))
 
     @property
-    def sf(self) -> OfCounts:
-        """P(Q > q) for each of `q`, shape (..., n_step); ``sf(k)`` is that of counts k."""
-        return OfCounts.of(self._above, self._sf)
+    def sf(self) -> CountProbabilities:
+        """P(Q > q) for each of `q`, shape (..., n_step); ``sf(k)`` is P(Q > k)."""
+        return CountProbabilities.of(self._above, self._sf)
 
     @property
     def _above(self) -> FloatArray:
@@ -136,17 +137,17 @@ class QDistribution(Predicted):
         return np.where(count % 2 == 0, self._sf(count - 1) - self._sf(count), 0.0)[()]
 
     def _from_step(self, step: FloatArray, name: str) -> FloatArray:
-        """Return P(Q >= 2 + 2 step), of whole steps that broadcast with the distributions."""
+        """Return P(Q >= 2 + 2 step) for whole steps that broadcast with the distributions."""
         if np.any(np.isnan(step)):
             raise InputError(f"{name}: expected a number, got nan")
         n_step = self.survival.shape[-1]
-        shape = common_shape(**{name: step}, distribution=self._numbers)
+        shape = common_shape(**{name: step}, distribution=self._place_ids)
         column = np.broadcast_to(np.clip(step, 0, n_step).astype(np.intp), shape)[..., None]
         survival = np.broadcast_to(self.survival, (*shape, n_step))
         value = np.take_along_axis(survival, np.minimum(column, n_step - 1), -1)
         return np.where(column < n_step, value, 0.0)[..., 0][()]
 
-    @labelled
+    @keep_labels
     def at_least(self, n: ArrayLike) -> FloatArray:
         """Return P(Q >= n).
 
@@ -167,28 +168,28 @@ class QDistribution(Predicted):
         """
         return self._from_step(np.ceil(numbers("n", n) / 2 - 1), "n")
 
-    @labelled
+    @keep_labels
     def mean(self) -> FloatArray:
         """Return the mean of Q, shape (...)."""
         value: FloatArray = 2 * self.survival.sum(axis=-1)
         return value
 
-    @labelled
+    @keep_labels
     def std(self) -> FloatArray:
         """Return the standard deviation of Q, shape (...)."""
-        far = (self.q - np.asarray(self.mean())[..., None]) ** 2
-        value: FloatArray = np.sqrt((np.asarray(self.pmf) * far).sum(axis=-1))
+        squared = (self.q - np.asarray(self.mean())[..., None]) ** 2
+        value: FloatArray = np.sqrt((np.asarray(self.pmf) * squared).sum(axis=-1))
         return value
 
     def _quantile(self, prob: FloatArray) -> IntArray:
-        # A rounding error of the sum must not push the quantile a step up.
+        # Rounding of the sums must not move the quantile to the next count.
         reached = np.asarray(self.cdf) >= prob[..., None] * (1 - 1e-12)
         value: IntArray = self.q[np.argmax(reached, axis=-1)]
         return value
 
-    @labelled
+    @keep_labels
     def extrapolation(self, prob: float = 0.9) -> BoolArray:
-        """Return where texture, load or the upper end of the interval are extrapolated.
+        """Return whether texture, load or the upper end of the interval are extrapolated.
 
         Parameters
         ----------
@@ -198,7 +199,7 @@ class QDistribution(Predicted):
         Returns
         -------
         ndarray of bool, shape (...)
-            True outside.
+            True if a quantity is outside the calibrated range.
 
         Raises
         ------
@@ -208,7 +209,7 @@ class QDistribution(Predicted):
         value: BoolArray = self._all_flags(prob) != 0
         return value
 
-    @labelled
+    @keep_labels
     def extrapolation_of(self, prob: float = 0.9) -> np.ndarray:
         """Return the names of the extrapolated quantities, separated by commas.
 
@@ -220,7 +221,8 @@ class QDistribution(Predicted):
         Returns
         -------
         ndarray of str, shape (...)
-            Of Q, load, a/pitch, a/R, b/R, texture; empty text where all was calibrated.
+            Names among Q, load, a/pitch, a/R, b/R, texture and offset; an empty text if nothing is
+            extrapolated.
 
         Raises
         ------
@@ -240,7 +242,7 @@ class QDistribution(Predicted):
         return draws
 
     @property
-    def _where(self) -> Mapping[str, Any]:
+    def _inputs(self) -> Mapping[str, Any]:
         return {"kind_of_band": self.kind, **self.places}
 
     def _columns(self, prob: float) -> dict[str, np.ndarray]:
@@ -262,12 +264,12 @@ class QDistribution(Predicted):
         return replace(self, survival=survival, flags=flags, places=places, labels=None)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw 90 % intervals against load or count, texture by texture; of one place, all of it.
+        """Plot 90 % intervals against load for each texture, or the probabilities of one place.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure's if not given.
+            Axes to draw on; those of a new figure if not given.
 
         Returns
         -------
@@ -286,14 +288,15 @@ def mix_q(parts: Iterable[QDistribution], weights: Sequence[float]) -> QDistribu
     Parameters
     ----------
     parts : iterable of QDistribution
-        Distributions of one shape and kind. None is kept: a generator of many takes little memory.
+        Distributions of one shape and kind. They are read one at a time, so a generator saves
+        memory.
     weights : sequence of float
-        Non-negative; normalised here.
+        Weights >= 0; they are normalised.
 
     Returns
     -------
     QDistribution
-        Flagged as extrapolation wherever a part with weight above 1 % is.
+        Average. It is flagged as extrapolation wherever a part with weight above 1 % is.
 
     Raises
     ------
@@ -303,7 +306,7 @@ def mix_q(parts: Iterable[QDistribution], weights: Sequence[float]) -> QDistribu
     share = shares(weights)
     survival, flags, q_max = np.zeros(1), np.zeros((), dtype=np.uint8), np.iinfo(np.int64).max
     for part, weight, is_heavy in zip(parts, share.tolist(), heavy_parts(share), strict=True):
-        # In place: a new array, as long as the longer of both.
+        # Add the shorter array to the longer in place, which saves memory.
         new = sorted((weight * part.survival, survival), key=lambda x: -x.shape[-1])
         survival = new[0]
         survival[..., : new[1].shape[-1]] += new[1]
@@ -313,7 +316,7 @@ def mix_q(parts: Iterable[QDistribution], weights: Sequence[float]) -> QDistribu
 
 
 def stacked(parts: Sequence[QDistribution]) -> QDistribution:
-    """Return distributions of one shape below each other, along a first axis."""
+    """Stack distributions of one shape along a new first axis."""
     n_step = max(part.survival.shape[-1] for part in parts)
     survival = np.zeros((len(parts), *parts[0].shape, n_step))
     for row, part in zip(survival, parts, strict=True):
@@ -324,7 +327,7 @@ def stacked(parts: Sequence[QDistribution]) -> QDistribution:
 
 
 def shares(weights: Sequence[float]) -> FloatArray:
-    """Return weights that sum to 1, or raise InputError where that cannot be."""
+    """Normalise weights to sum 1; raise InputError if they are negative, not finite or all 0."""
     values = np.asarray(weights, dtype=float)
     if not (np.all(values >= 0) and 0 < values.sum() < math.inf):
         raise InputError(f"weights: expected finite numbers >= 0, not all 0, got {weights!r}")
@@ -333,6 +336,6 @@ def shares(weights: Sequence[float]) -> FloatArray:
 
 
 def heavy_parts(share: FloatArray) -> BoolArray:
-    """Return which parts of a mixture weigh enough for their extrapolation to be the mixture's."""
-    value: BoolArray = (share > HEAVY) | (share == share.max())
+    """Return which parts of a mixture are heavy enough to flag the mixture as extrapolated."""
+    value: BoolArray = (share > MIN_HEAVY) | (share == share.max())
     return value

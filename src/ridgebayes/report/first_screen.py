@@ -9,7 +9,7 @@ from pathlib import Path
 from ridgebayes._types import __version__
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.comparison.verdict import LEANS, Verdict
+from ridgebayes.comparison.verdict import MIN_LN_BF_LEANS, Verdict
 from ridgebayes.report.blocks import Picture
 from ridgebayes.report.wording import change_text, form_name, listed, percent, say
 from ridgebayes.runtime.text import count
@@ -102,7 +102,7 @@ def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
         Posterior probabilities of the forms at equal prior odds. An undecided verdict names all
         forms whose ln Bayes factor is within 2 of the best.
     """
-    least = math.exp(-LEANS) * probabilities[verdict.form]
+    least = math.exp(-MIN_LN_BF_LEANS) * probabilities[verdict.form]
     others = {verdict.over} | {name for name, share in probabilities.items() if share > least}
     ranked = sorted(others - {verdict.form}, key=lambda name: -probabilities[name])
     return say("headline", verdict=verdict, open=[*map(form_name, [verdict.form, *ranked])])
