@@ -106,7 +106,7 @@ def _separated(text: str, problems: FileError) -> tuple[str, str]:
 
 
 def _tabs_for_blanks(text: str, problems: FileError) -> str:
-    """Return text with tabs between columns; empty if most lines differ in their number of words."""
+    """Return text with tabs between columns; empty if most lines differ in number of words."""
     lines = text.split("\n")
     n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith(("#", "%"))), 0)
     rows = [re.sub(r"^\s*[#%]+", "", row) for row in lines[:n]] + lines[n:]  # may be a header
