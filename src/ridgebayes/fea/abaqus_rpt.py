@@ -72,8 +72,8 @@ def read_abaqus_rpt(paths: Sequence[Path], facts: Given) -> ContactHistory:
         digits.append(_digits(rim))
         return _force(forces, driven), rim.of(nodes, *columns)
 
-    wanted = f"{', '.join(columns)} and {_RF}; expected nodal output of both in a field report"
-    load, states = printed.states(state, path, wanted)
+    required = f"{', '.join(columns)} and {_RF}; expected nodal output of both in a field report"
+    load, states = printed.states(state, path, required)
     moved = np.array(states)[..., -2:]
     if deck is None:
         undeformed, how = _undeformed(path, np.array(states)[..., :2], moved)

@@ -61,8 +61,8 @@ def read_ansys(paths: Sequence[Path], facts: Given) -> ContactHistory:
         force = math.fsum(listing.column(increment, "FY"))
         return force, pd.DataFrame({name: listing.column(increment, name) for name in names})
 
-    wanted = "FY and UY, STAT or PRES; expected listings: ridgebayes import PRNSOL.lis PRRSOL.lis"
-    load, states = listing.states(state, paths[0], wanted)
+    tables = "FY and UY, STAT or PRES; expected listings: ridgebayes import PRNSOL.lis PRRSOL.lis"
+    load, states = listing.states(state, paths[0], tables)
     nodes = states[0].index.tolist()
     values, *ux = np.moveaxis(np.array(states), -1, 0)
     source = provenance(paths[0], "ansys", *(path.name for path in paths[1:]))

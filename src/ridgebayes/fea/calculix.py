@@ -72,9 +72,9 @@ def read_calculix(paths: Sequence[Path], facts: Given) -> ContactHistory:
             return force, _faces(increment.table(_STRESS))
         return force, increment.table(_MOVED, surface).of(deck.nodes, "vx", "vy")
 
-    wanted = f"displacements of {deck.surface} or contact stress, and forces of {deck.reaction}; "
-    wanted += "expected *NODE PRINT of U and of RF, TOTALS=ONLY; or *NODE FILE, OUTPUT=2D of both"
-    load, states = printed.states(state, path, wanted)
+    required = f"displacements of {deck.surface} or contact stress, and forces of {deck.reaction}; "
+    required += "expected *NODE PRINT of U and of RF, TOTALS=ONLY; or *NODE FILE, OUTPUT=2D of both"
+    load, states = printed.states(state, path, required)
     source = deck.provenance(path, "calculix")
     if is_moved:
         digits = float((_FRD_ROUNDING if is_frd else _DAT_ROUNDING) * np.abs(states).max())

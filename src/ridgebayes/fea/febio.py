@@ -50,11 +50,11 @@ def read_febio(paths: Sequence[Path], facts: Given) -> ContactHistory:
             raise MissingError("zeros, as before the first step: no state")
         return force, at
 
-    wanted = (
+    required = (
         "data x, y, and Fy or Ry; expected log data x;y of the surface's nodes, and Fy of the "
         "rigid body or Ry of the driven nodes: ridgebayes import POSITIONS FORCES"
     )
-    load, states = log.states(state, paths[0], wanted)
+    load, states = log.states(state, paths[0], required)
     at = np.array(states)
     source = provenance(paths[0], "febio", *(path.name for path in paths[1:]))
     return log.history(load, source, "febio", at=at, digits=last_digit(at[..., 1]) / 2)
