@@ -71,7 +71,7 @@ def _completed(path: Path, facts: Given, name: str) -> tuple[Given, Deck, list[s
     deck = Deck() if file is None else read_deck(file)
     if facts.nu is None and deck.nu is not None:
         more["nu"] = f"{deck.nu:.6g}"
-    # E = 1 within printed digits is the dimensionless modulus of export-deck, not a material's.
+    # Decks of export-deck have E = 1 up to printed digits; the default of E is exactly 1.
     if facts.E is None and deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
         more["E"] = f"{deck.E:.10g}"
     sets, needed = _sets(deck) if has_deck else ({}, {})

@@ -64,10 +64,10 @@ def transitions_of(
     Notes
     -----
     *Validity.* Increments whose load does not exceed all previous loads (repeats, cut-backs and
-    unloading) are ignored. The gap is extrapolated linearly to 0 from the two increments before
-    contact, where penalty contact does not act. The interval is returned instead if the
-    extrapolated load lies outside of it, or if a parabola through three increments changes the load
-    by more than the distance from the last open increment to contact.
+    unloading) are ignored. The gap is extrapolated linearly to 0 from the last two increments
+    before contact, since a penalty changes gaps in contact. The interval is returned instead if the
+    extrapolated load lies outside of it, if the last three gaps before contact do not decrease, or
+    if a parabola through them changes the load by more than the width of the interval.
 
     *Accuracy.* `rel_se` is the difference between the linear and the parabolic extrapolation,
     combined with the gap's error.
