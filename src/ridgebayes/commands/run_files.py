@@ -93,7 +93,7 @@ def write_comparison(
         frame = getattr(comparison, name)
         if len(frame) or name not in _OPTIONAL_TABLES:
             write_csv(frame, folder / file)
-    write_csv(comparison.components, folder / "components.csv")  # `read_run` computes it
+    write_csv(comparison.components, folder / "components.csv")  # derived, never read
 
 
 def other_file(form: str, noise: str) -> str:

@@ -155,7 +155,7 @@ def _size(
 
     def size(theta: FloatArray) -> FloatArray:
         """Return the length of the rim's edges: short at corners, long outside of the contact."""
-        # Rim points slide over a corner while the load grows, so a window around it is fine.
+        # Rim points slide over corners as the load grows: edges are short in windows around them.
         apart = np.abs(theta[:, None] - corners) - (0.5 * corner + window + 0.005 * corners)
         near = corner + _EDGE_GROWTH * np.maximum(apart.min(axis=1), 0.0)
         return np.asarray(np.minimum(near, edge) + _EDGE_GROWTH * np.maximum(theta - reach, 0.0))

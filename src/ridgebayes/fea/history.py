@@ -17,7 +17,8 @@ from ridgebayes.table.table import ContactTable
 NEAR = 1e-5  # distance over R below which a node counts as on a corner, or on the circle
 _REST_ERROR = 3e-6  # error over R of the height of a rim that rests on a ridge
 _CORNER_MARGIN = 0.1  # part of a ridge's width at each corner that is skipped: meshes overlap there
-_RESTING_SHARE = 0.25  # share of the nodes over a ridge that surely rest on it
+# Quantile of the heights of nodes over a ridge at which the body rests, even if on a part of it.
+_RESTING_QUANTILE = 0.25
 _LIFTED_HEIGHT = 1e-4  # height over R above resting nodes from which a node does not rest
 
 
@@ -277,7 +278,7 @@ def _relative_to_tops(position: FloatArray, body: RunBody, rim: Rim, where: str)
             )
         # Heights of resting nodes scatter about the top by the mesh error; their median is robust.
         heights = position[k, over, 1]
-        low = float(np.quantile(heights, _RESTING_SHARE))
+        low = float(np.quantile(heights, _RESTING_QUANTILE))
         rest = float(np.median(heights[heights <= low + _LIFTED_HEIGHT * rim.R]))
         # At a transition a corner touches within rounding only; the shift makes it closed.
         position[k, :, 1] -= rest + _REST_ERROR * rim.R

@@ -53,7 +53,6 @@ def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
     converter.summarize()
     if load is None or problems:
         return pd.DataFrame()
-    # All increments of a run must have equal values in the columns of the curve.
     frame = converter.framed(curve | {"p_over_E": load, "load_se": load_se})[keep]
     Q = np.array([use.Q or 0 for use in corners])
     return _transitions(converter, frame.reset_index(drop=True), gaps[keep], Q, remarks, digits)
