@@ -54,7 +54,7 @@ def read_abaqus_rpt(paths: Sequence[Path], facts: Given) -> ContactHistory:
     printed = _Report("averaged where elements meet").read(path)
     columns = _U if deck else _COORD + _U
     sets = [sheet.nsets.get((name or "").upper(), []) for name in (surface, reaction)]
-    nodes, driven = (list(dict.fromkeys(some)) for some in sets)
+    nodes, driven = (list(dict.fromkeys(numbers)) for numbers in sets)
     digits = []
 
     def table(

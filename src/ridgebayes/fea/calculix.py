@@ -92,7 +92,7 @@ def _pressed(stress: Sequence[FloatArray], run: RunDeck) -> dict[str, np.ndarray
     faces = sorted(set().union(*pressed))
     ends = np.array([run.ends(element, side - _N_PLANE_FACES) for element, side in faces])
     ends = ends.reshape(-1, 2)
-    closed = np.array([[face in some for face in faces] for some in pressed])
+    closed = np.array([[face in closed_faces for face in faces] for closed_faces in pressed])
     x = np.broadcast_to(ends.mean(axis=1), closed.shape)
     return {"x": x, "closed": closed, "width": np.abs(np.diff(ends)[:, 0])}
 

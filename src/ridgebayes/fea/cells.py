@@ -202,7 +202,7 @@ class TextTable(TableFile):
         """Return the rows without comments; if most full rows begin with #, keep all as labels."""
         comments = [row for row in rows if self._is_comment(row[1])]
         n_whole, n_row = (
-            sum(len(cells) == len(self.headers) for _, cells in some) for some in (comments, rows)
+            sum(len(cells) == len(self.headers) for _, cells in part) for part in (comments, rows)
         )
         if not comments or 2 * n_whole > n_row:
             return rows
@@ -300,7 +300,7 @@ class TextTable(TableFile):
 
         decimal = self._facts.decimal
         styles = [style for style in _STYLES if decimal in (None, _MARK_NAMES[style[0]])]
-        style = next((some for some in styles if not n_off(some)), None) or min(styles, key=n_off)
+        style = next((s for s in styles if not n_off(s)), None) or min(styles, key=n_off)
         if style[0] == "," and not style[1] and not decimal:
             commas = [cell for cell in counts if "," in cell and style[2].fullmatch(cell)]
             if commas and all(map(_STYLES[2][2].fullmatch, commas)):
