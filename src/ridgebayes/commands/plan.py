@@ -1,4 +1,4 @@
-"""`ridgebayes plan`: a scene's effects as a table and figures."""
+"""The command `ridgebayes plan`: effects of a scene as a table and figures."""
 
 import math
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ _METHODS = {
 
 
 def command(asked: options.PlanOptions) -> Answer:
-    """Do what the command line asks for."""
+    """Run `ridgebayes plan`, or write a new scene file."""
     if asked.new is not None:
         return _new_scene(asked)
     if asked.scene is None:
@@ -51,8 +51,8 @@ def command(asked: options.PlanOptions) -> Answer:
         try:
             failed = _draw(scene, plans, asked.figures)
             files += files_in(asked.figures)
-        except OSError as error:  # the plan is reported all the same
-            named = isinstance(error, RidgebayesError)  # which says the file itself
+        except OSError as error:  # the answer still contains the plan
+            named = isinstance(error, RidgebayesError)  # its message already names the file
             problem = str(error) if named else f"{error.filename}: {error.strerror}"
     return Answer(
         parts, plan_table(plans), files, (reasons,), warnings=failed, early=warned, problem=problem
@@ -60,7 +60,7 @@ def command(asked: options.PlanOptions) -> Answer:
 
 
 def _new_scene(asked: options.PlanOptions) -> Answer:
-    """Write a scene file to start from."""
+    """Write a commented scene file as a template."""
     path = asked.new
     if path is None or asked.scene is not None:
         raise InputError("--new: cannot be combined with a scene")
@@ -72,16 +72,16 @@ def _new_scene(asked: options.PlanOptions) -> Answer:
 
 
 def _draw(scene: Scene, plans: Sequence[Plan], folder: Path) -> list[str]:
-    """Draw each texture, and return why a figure could not be made."""
-    # Here, not above: it loads matplotlib, which a plan alone does without.
+    """Draw the figures of each texture, and return the reasons for missing figures."""
+    # Imported here, since matplotlib is slow to import and a plan without figures does not use it.
     from ridgebayes.commands.plan_figures import draw_plan
 
     folder.mkdir(parents=True, exist_ok=True)
-    return [why for planned in plans for why in draw_plan(scene, planned, folder)]
+    return [reason for planned in plans for reason in draw_plan(scene, planned, folder)]
 
 
 def scene_text(scene: Scene, planned: Plan) -> list[str | pd.DataFrame]:
-    """Say what a texture of a scene is: sentences, and its effects as a table.
+    """Describe a texture of a scene by sentences and a table of its effects.
 
     Parameters
     ----------
@@ -91,8 +91,8 @@ def scene_text(scene: Scene, planned: Plan) -> list[str | pd.DataFrame]:
         Plan of one of its textures.
     """
     p = scene.highest_load(planned.texture)
-    alone = scene.model_copy(update={"textures": (planned.texture,)})
-    (contact,) = contact_at_loads(alone, [p]).to_dict("records")
+    single = scene.model_copy(update={"textures": (planned.texture,)})
+    (contact,) = contact_at_loads(single, [p]).to_dict("records")
     width = 2 * contact["half_width_over_R"]
     simulated = [effect for effect in planned.effects if effect.simulated]
     text = rendered(

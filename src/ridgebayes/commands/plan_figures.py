@@ -1,4 +1,4 @@
-"""Figures of `ridgebayes plan`: of each texture of a scene, and of the check of estimates."""
+"""Figures of `ridgebayes plan` for each texture of a scene."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,12 +25,12 @@ from ridgebayes.simulate.generation import LOAD_PRESETS
 
 
 def draw_plan(scene: Scene, planned: Plan, folder: Path) -> list[str]:
-    """Draw a texture's body at the highest load, Q against load, and the size of each effect.
+    """Draw the pressed body at the highest load, Q against load, and the size of each effect.
 
     Returns
     -------
     list of str
-        Reason for each figure that could not be made.
+        Reason for each missing figure.
     """
     texture, p_max = planned.texture, scene.highest_load(planned.texture)
     sharp = Profile(texture.a_over_R, texture.b_over_R)
@@ -47,7 +47,7 @@ def draw_plan(scene: Scene, planned: Plan, folder: Path) -> list[str]:
         label = f"{name}-{plan_label(texture)}"
         try:
             figure = make()
-        # A solver that fails leaves out the figure; a full disk, below, is an error.
+        # A failed computation leaves out the figure; an OSError of `save` is not caught.
         except (RidgebayesError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
             failed.append(f"{label}: no figure: {one_line_message(error)}")
         else:
@@ -57,7 +57,7 @@ def draw_plan(scene: Scene, planned: Plan, folder: Path) -> list[str]:
 
 def _counts(profile: Profile, sharp: Profile, scene: Scene, planned: Plan) -> Figure:
     p_max = scene.highest_load(planned.texture)
-    # The same line twice would hide the first: each profile goes by its first name.
+    # Equal profiles are drawn once, with the first of their names.
     names: dict[Profile, str] = {profile: "as planned"}
     names.setdefault(full_profile(planned.texture), "all that the scene gives")
     names.setdefault(sharp, "ridges alone")
@@ -80,7 +80,7 @@ def _deformed(profile: Profile, scene: Scene, planned: Plan, p_max: float) -> Fi
     if planned.solver != "cylinder-fe":
         p = _half_plane_load(scene, planned, p_max)
         return plot_pressed(solve_contact(profile, load_factor(scene.nu) * p))
-    if p_max > HIGHEST_LOAD:  # it would take minutes to find out
+    if p_max > HIGHEST_LOAD:  # the solver would fail after minutes
         raise ComputationError(f"p/E = {p_max:.2g} is above {HIGHEST_LOAD:g}")
     nu, friction, ogden = scene.nu, scene.friction, scene.ogden
     edges = LOAD_PRESETS["quick"].meshes[0]
@@ -92,7 +92,7 @@ def _deformed(profile: Profile, scene: Scene, planned: Plan, p_max: float) -> Fi
 
 
 def _half_plane_load(scene: Scene, planned: Plan, p_max: float) -> float:
-    """Return the load under which a half-plane does what the body does."""
+    """Return the load at which the half-plane has the same contact as the body at `p_max`."""
     if planned.solver != "two-scale":
         return p_max
     return float(half_plane_load(p_max, scene.nu, scene.ogden))

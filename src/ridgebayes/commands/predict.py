@@ -1,4 +1,4 @@
-"""`ridgebayes predict`: bands on Q at textures and loads, from a finished run."""
+"""The command `ridgebayes predict`: bands on Q at textures and loads, from a finished run."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -39,13 +39,13 @@ from ridgebayes.scene.units import (
 )
 from ridgebayes.table.files import check_name, write_frame
 
-_MOST_DRAWN = 200  # the count up to which transitions are drawn where they are
-_BESIDE = 1e-9  # of a load: next to it, and further than rounding
-_ERROR = "0.005 (from the number of draws)"
+_MAX_Q_DRAWN = 200  # largest Q for which a figure of bands shows the exact load of each step
+_REL_STEP = 1e-9  # relative distance of the loads on both sides of a step; larger than rounding
+_PROB_ERROR = "0.005 (from the number of draws)"
 
 
 def command(asked: options.Predict) -> Answer:
-    """Do what the command line asks for."""
+    """Run `ridgebayes predict`."""
     check_name(asked.out)
     files = [asked.out] if asked.plot is None else [asked.out, asked.plot]
     for file in files:
@@ -91,7 +91,7 @@ def command(asked: options.Predict) -> Answer:
 
 
 def _scene(asked: options.Predict) -> Scene | None:
-    """Return the scene of a file, or that of typed values if one of them has an error."""
+    """Return the scene of the file, or of typed values if one has an error, or else None."""
     typed = {"--R": asked.R, "--E": asked.E, "--thickness": asked.thickness}
     if asked.scene is None:
         uncertain = any(is_uncertain(text) for text in (asked.load, *typed.values()) if text)
@@ -104,14 +104,14 @@ def _scene(asked: options.Predict) -> Scene | None:
 
 
 def _typed_scene(asked: options.Predict) -> Scene:
-    """Return the scene of values with errors as they were typed."""
+    """Return the scene of the values on the command line, some of which have errors."""
     varies = asked.R is not None and is_uncertain(asked.R)
     if varies and not all(map(has_unit, asked.texture or ())):
         raise InputError(
             f"--R {asked.R!r}: expected textures with units beside an uncertain radius, such "
             "as --texture '0.3 mm,0.25 mm'"
         )
-    # A pressure, on shares of the radius, needs no radius.
+    # The radius is arbitrary for a pressure and for widths over R.
     body = {"radius": asked.R or "1 m", "youngs_modulus": asked.E, "poissons_ratio": asked.nu}
     load: dict[str, str] = {"length": asked.thickness} if asked.thickness else {}
     if asked.load is not None:
@@ -128,7 +128,7 @@ def _typed_scene(asked: options.Predict) -> Scene:
         load[{"pressure": "max", "line load": "line", "force": "force"}[kind]] = highest
     texts = asked.texture or ()
     shares = [parse_texture(text, "1 m" if varies else asked.R) for text in texts]
-    # Without an error of the radius exact shares take the place of these widths below.
+    # If the radius has no error, the widths are placeholders, replaced by widths over R below.
     widths = [text.split(",") for text in texts] if varies else [["1 m", "1 m"]]
     textures = [{"ridge_width": a, "groove_width": b} for a, b in widths]
     data = {"body": {k: v for k, v in body.items() if v is not None}, "texture": textures}
@@ -140,7 +140,7 @@ def _typed_scene(asked: options.Predict) -> Scene:
 
 
 def _scene_loads(asked: options.Predict, scene: Scene) -> dict[str, Any]:
-    """Return the loads at which a scene is predicted whose distributions are drawn; none: its."""
+    """Return the loads at which to predict a scene with distributions; empty for its own loads."""
     for option, value in (("--texture", asked.texture), ("--nu", asked.nu)):
         if value and asked.scene is not None:
             raise InputError(
@@ -162,7 +162,7 @@ def _scene_loads(asked: options.Predict, scene: Scene) -> dict[str, Any]:
 
 
 def _unit_of(bands: pd.DataFrame) -> tuple[float, str] | None:
-    """Return the load at which p = E in the unit of a scene's loads, and that unit."""
+    """Return the load at which p = E, in the unit of the scene's loads, and the unit."""
     first = bands.iloc[0]
     if first["load_unit"] == NO_UNIT:
         return None
@@ -172,7 +172,7 @@ def _unit_of(bands: pd.DataFrame) -> tuple[float, str] | None:
 def _where(
     asked: options.Predict, scene: Scene | None
 ) -> tuple[Sequence[scaling.Texture], FloatArray, float, tuple[float, str] | None]:
-    """Return textures, their loads, Poisson's ratio and the loads' unit: as typed, or a scene's."""
+    """Return textures, loads, Poisson's ratio and the unit of loads, as typed or of the scene."""
     body = Body.of(asked.R, asked.E, asked.thickness) if scene is None else scene.body
     textures = [parse_texture(text, body) for text in asked.texture or ()]
     of_scene = [] if textures or scene is None else scene.textures
@@ -192,28 +192,29 @@ def _where(
 
 
 def _highest(loads: str) -> str:
-    """Return the highest of typed loads: a number of loads may stand behind it."""
+    """Return the highest load of a text such as ``0.01``, ``LO:HI:N`` or ``log:LO:HI:N``."""
     return loads.split(":")[-2:][0]
 
 
 def with_transitions(
     run: Comparison, form: str, bands: pd.DataFrame, textures: Sequence[scaling.Texture]
 ) -> FloatArray:
-    """Return the loads of a table of bands, and those on both sides of where it changes.
+    """Return the loads of a table of bands, and the loads on both sides of each step of the bands.
 
-    Bands change where their ends and median go up, and at the highest calibrated load. A figure of
-    these loads shows each change where it is, and not at the next load of the grid.
+    Bands have a step where an end or the median rises, and at the highest calibrated load. With
+    these loads, a figure shows each step at its load instead of the next load of the grid.
 
     Parameters
     ----------
     run : Comparison
-        Run.
+        Finished run.
     form : str
         Form, or ``average``.
     bands : pandas.DataFrame
-        As `bands_table` returns it for that form, at the same number of loads for each texture.
+        Bands of the form as `bands_table` returns them, with the same number of loads for each
+        texture.
     textures : sequence of (float, float)
-        Its textures.
+        Textures of the bands.
 
     Returns
     -------
@@ -221,8 +222,8 @@ def with_transitions(
         p/E, rising, from the first to the last load of each texture.
     """
     source = run if form == "average" else run.fits[form]
-    calibrated = CalibratedRange.of(source.averaged[0][0])  # all are of the same rows
-    Q = np.arange(4, min(int(bands["q_upper"].max()), _MOST_DRAWN) + 4, 2)
+    calibrated = CalibratedRange.of(source.averaged[0][0])  # all posteriors have the same rows
+    Q = np.arange(4, min(int(bands["q_upper"].max()), _MAX_Q_DRAWN) + 4, 2)
     tail, loads_of = (1 - bands["prob"].iloc[0]) / 2, []
     for a, b in textures:
         part = bands[(bands["a_over_R"] == a) & (bands["b_over_R"] == b)]
@@ -232,14 +233,14 @@ def with_transitions(
         for kind in part["kind_of_band"].unique():
             at = source.predict_load(a, b, Q, nu=nu, kind=kind)
             loads += [at.quantile(share) for share in (tail, 0.5, 1 - tail)]
-        # On both sides, so that what is extrapolated begins there, too, and not at the next load.
-        sides = [np.concatenate(loads) * (1 + side) for side in (-_BESIDE, _BESIDE)]
+        # The loads on both sides show where bands step up and where extrapolation begins.
+        sides = [np.concatenate(loads) * (1 + side) for side in (-_REL_STEP, _REL_STEP)]
         loads_of.append(np.sort(np.clip(np.concatenate([p, *sides]), p[0], p[-1])))
     return np.array(loads_of)
 
 
 def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] | None) -> Answer:
-    """Return the band of each texture, at some of its loads, also in the unit of the loads."""
+    """Return the answer: a table of the bands at some loads of each texture, and warnings."""
     by_texture = ["kind_of_band", "a_over_R", "b_over_R"]
     shown = pd.concat(_thinned(part) for _, part in bands.groupby(by_texture, sort=False))
     low, high = (shown[name].astype(int).astype(str) for name in ("q_lower", "q_upper"))
@@ -257,7 +258,7 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] 
     if len(set(bands["kind_of_band"])) > 1:
         columns = {"band of the": shown["kind_of_band"], **columns}
     beyond = bands["extrapolation_of"][bands["extrapolation"]]
-    summary = f"{files[0]}: {count(len(bands), 'row')}; error of probabilities up to {_ERROR}"
+    summary = f"{files[0]}: {count(len(bands), 'row')}; error of probabilities up to {_PROB_ERROR}"
     if len(shown) < len(bands):
         summary += f". {len(shown)} of the rows:"
     warnings = []
@@ -271,6 +272,6 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] 
 
 
 def _thinned(part: pd.DataFrame) -> pd.DataFrame:
-    """Return the first load, the last and some between."""
+    """Return at most `MOST_SHOWN` rows, evenly spaced from the first to the last."""
     places = np.unique(np.linspace(0, len(part) - 1, min(len(part), MOST_SHOWN)).astype(int))
     return part.iloc[places]

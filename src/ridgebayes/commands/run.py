@@ -1,6 +1,7 @@
-"""`ridgebayes run`, `compare` and `fit`: one job, which writes more or less of a run folder.
+"""The commands `ridgebayes run`, `compare` and `fit`, which write a run folder, and `report`.
 
-`ridgebayes report` does the end of it again: figures and pages of a finished folder.
+`compare` and `fit` write a part of the files of `run`. `report` writes the figures and pages of a
+finished run folder again.
 """
 
 import io
@@ -56,32 +57,32 @@ from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.datafiles import paper_sweep, reference_fe
 
 EMBEDDED_FE = "finite-element reference rows"
-# Stages of each command, beside walks; a run with extras has others, too.
+# Stages of each command, shown as progress. Walks and the extras of a preset add further stages.
 _FIT = ("evidences", "posteriors")
 _COMPARE = (*_FIT, "prior sensitivity", "leave-one-out")
 _RUN = (*_COMPARE, "files of posteriors", "bands", "what the report shows", "figures and report")
 _STAGES = {"fit": _FIT, "compare": _COMPARE, "run": _RUN}
-_DEFAULTS = (("noise", AUTO), ("accuracy", STANDARD.name))
-_EXTRAS = ("textures and steps left out", "coverage of the bands", "what accuracy costs")
+_DEFAULT_OPTIONS = (("noise", AUTO), ("accuracy", STANDARD.name))
+_EXTRA_STAGES = ("textures and steps left out", "coverage of the bands", "what accuracy costs")
 
 
 def command(asked: options.Run | options.Compare | options.FitOne | options.Report) -> Answer:
-    """Do what the command line asks for."""
+    """Run `ridgebayes run`, `compare`, `fit` or `report`."""
     if isinstance(asked, options.Report):
         report_job(asked.folder)
         pages = {"report.html", "report.md", "figures"}
         written = [path for path in files_in(asked.folder) if not pages.isdisjoint(path.parts)]
         return Answer((f"read {asked.folder / 'report.html'}",), files=written)
-    wanted = vars(asked) | {"prior_odds": parse_odds(getattr(asked, "prior_odds", ""))}
-    out, seed = wanted.pop("out"), wanted.pop("seed")
+    arguments = vars(asked) | {"prior_odds": parse_odds(getattr(asked, "prior_odds", ""))}
+    out, seed = arguments.pop("out"), arguments.pop("seed")
     if isinstance(asked, options.FitOne):
-        wanted["forms"] = [parse_form(wanted.pop("form"))]
-        return fit_answer(run(folder=out, rng=seed, command="fit", **wanted), out)
-    wanted["forms"] = parse_forms(asked.forms)
+        arguments["forms"] = [parse_form(arguments.pop("form"))]
+        return fit_answer(run(folder=out, rng=seed, command="fit", **arguments), out)
+    arguments["forms"] = parse_forms(asked.forms)
     if isinstance(asked, options.Compare):
-        done = run(folder=out, rng=seed, command="compare", resume=None, **wanted)
+        done = run(folder=out, rng=seed, command="compare", resume=None, **arguments)
         return comparison_answer(done, out)
-    done = run(folder=out, rng=seed, began=BEGAN, **wanted)
+    done = run(folder=out, rng=seed, began=BEGAN, **arguments)
     return comparison_answer(done, out, f"read {out / 'report.html'}")
 
 
@@ -104,49 +105,49 @@ def run(
     scheduler: str | None = None,
     began: float | None = None,
 ) -> Comparison:
-    """Do the main job into a folder: calibrate, weigh the evidence, predict, report.
+    """Fit and compare forms on a table, predict, and write the results and a report to a folder.
 
     Parameters
     ----------
     table : ContactTable, path or pandas.DataFrame, optional
-        Rows to fit. If not given, the embedded sweep is fitted, and the finite-element reference
-        rows are compared as well, with every form.
+        Rows to fit. None fits the embedded sweep, and also compares all forms on the
+        finite-element reference rows.
     folder : path, optional
-        Run folder to make.
+        Run folder to create.
     forms, noise, priors, prior_odds, rng, settings : optional
         As for `compare`.
     accuracy : str, optional
-        ``quick``, ``standard`` or ``reference``. With ``quick`` only error models of normal tails
-        are weighed, no textures are left out, no finite elements compared, nothing is walked, only
-        figures of the answer are drawn, and 1,024 draws of each form's posterior kept.
+        ``quick``, ``standard`` or ``reference``. A ``quick`` run compares only error models with
+        normal tails, leaves out no textures, does no finite-element comparison and no walks, draws
+        only the main figures, and keeps 1,024 draws of each form's posterior.
     time_limit : float, optional, s
-        Time after which a walk by emcee ends with what is there.
+        Time after which a walk by emcee stops with the draws so far.
     command : {"run", "compare", "fit"}, optional
-        Which command's files are written: ``fit`` posteriors and evidences, ``compare`` also Bayes
-        factors and scores, ``run`` also predictions, scores of what is left out, and the report.
+        Command whose files are written: ``fit`` writes posteriors and evidences, ``compare`` also
+        Bayes factors and scores, ``run`` also predictions, scores on left-out rows, and the report.
     force : bool, optional
-        Whether an existing run folder may be replaced.
+        Whether to replace an existing run folder.
     resume : bool or None, optional
-        Whether to go on with the chains that a killed run left; the end is the same. None where
-        nobody will, so that Ctrl-C leaves nothing behind.
+        Whether to continue the chains of an interrupted run; the results are the same as without
+        interruption. None for a run that will not be resumed, so that Ctrl-C removes its files.
     workers : int, optional
-        Processes on this machine; for ``run`` one for each processor if neither they nor a
-        scheduler are given. The numbers do not depend on them.
+        Processes on this machine. If neither `workers` nor `scheduler` is given, ``run`` uses one
+        for each processor. Results do not depend on their number.
     scheduler : str, optional
         Address of a Dask scheduler whose workers compute.
     began : float, optional
-        `time.perf_counter` at which the program began, where that is to be a stage.
+        `time.perf_counter` at the start of the program, to report the start-up as a stage.
 
     Returns
     -------
     Comparison
-        Comparison on the table, as `read_run` reads it again. Where a fit failed or did not
-        converge, `complete` is False and the folder holds all that was finished.
+        Comparison on the table, as `read_run` returns it. If a fit failed or did not converge,
+        `complete` is False and the folder contains all finished results.
 
     Raises
     ------
     InputError
-        If an argument or the table breaks a rule; nothing is written then.
+        If an argument or the table breaks a rule. Nothing is written.
 
     Examples
     --------
@@ -165,7 +166,7 @@ def run(
     preset, seed = Preset.named(accuracy), seed_of(rng)
     if time_limit is not None and (settings or preset.walks):
         settings = replace(settings or preset.settings, time_limit=time_limit)
-    wanted: dict[str, Any] = {
+    shared: dict[str, Any] = {
         "noise": noise,
         "priors": priors,
         "prior_odds": prior_odds,
@@ -174,10 +175,10 @@ def run(
         "settings": settings,
     }
     rows = replace(paper_sweep(), where=EMBEDDED) if table is None else table
-    request = Request.of(rows, forms or DEFAULT_FORMS, **wanted)
+    request = Request.of(rows, forms or DEFAULT_FORMS, **shared)
     extras, second = command == "run" and preset.extras, None
     if table is None and extras:
-        second = Request.of(replace(reference_fe(), where=EMBEDDED_FE), [*FORMS], **wanted)
+        second = Request.of(replace(reference_fe(), where=EMBEDDED_FE), [*FORMS], **shared)
     typed: dict[str, Any] = {
         "table": None if table is None else request.table.where,
         "forms": [form.name for form in request.forms] if forms else [],
@@ -189,8 +190,8 @@ def run(
     }
     if command == "fit":
         typed["form"] = ",".join(typed.pop("forms"))
-    stages = [*_STAGES[command], *(_EXTRAS if extras else ()), *request.walked]
-    n_stage = len(stages) + bool(began) + bool(second)  # the start, and the second comparison
+    stages = [*_STAGES[command], *(_EXTRA_STAGES if extras else ()), *request.walked]
+    n_stage = len(stages) + bool(began) + bool(second)  # start-up, and the second comparison
     if command == "run" and scheduler is None:
         workers = workers or n_cpu()
     with (
@@ -201,8 +202,8 @@ def run(
         executor_for(workers, scheduler) as executor,
     ):
         request = replace(request, executor=executor, scores=command != "fit")
-        local = None if scheduler else executor  # a cluster's files and fonts may be others
-        if executor is not None:  # this process often waits: time for what figures import
+        local = None if scheduler else executor  # workers of a cluster may have other files, fonts
+        if executor is not None:  # imports matplotlib while this process waits for workers
             thread.submit(import_module, "ridgebayes.drawing.predictions")
         comparison = _compared(request, progress, partial)
         reference, galleries = None, []
@@ -216,13 +217,13 @@ def run(
                 with progress.stage("what accuracy costs"):
                     costs = submit_or_defer(local, cost, comparison.table)
                     comparison = replace(comparison, cost=costs())
-            # The few figures of a quick run are drawn here, and workers need no library for them.
+            # A quick run draws few figures; workers then need not import matplotlib.
             drawing = local if extras or local is None else thread
             galleries.append(_write(comparison, partial, progress, local, drawing))
             if second is not None:
                 with progress.stage("finite-element comparison"):
                     second = replace(second, executor=executor)
-                    galleries.append(_second(second, partial / REFERENCE, local))
+                    galleries.append(_second_comparison(second, partial / REFERENCE, local))
                     reference = galleries[1].data.comparison
             with progress.stage("figures and report"):
                 write_pages(*galleries, folder=partial, command=command_line(command, typed, seed))
@@ -244,8 +245,8 @@ def run(
     return comparison
 
 
-def _second(request: Request, folder: Path, local: Executor | None) -> Gallery:
-    """Make the second comparison and its files; its stages are in its own run.json."""
+def _second_comparison(request: Request, folder: Path, local: Executor | None) -> Gallery:
+    """Run the second comparison and write its files; its stages go into its own run.json."""
     folder.mkdir(exist_ok=True)
     with Progress(0, io.StringIO()) as progress:
         comparison = _compared(request, progress, folder)
@@ -256,14 +257,14 @@ def _second(request: Request, folder: Path, local: Executor | None) -> Gallery:
 
 
 def _add_left_out(comparison: Comparison, request: Request, progress: Progress) -> Comparison:
-    """Add scores on textures and steps left out, and the coverage of the best form's bands."""
+    """Add scores on left-out textures and steps, and the coverage of the best form's bands."""
     table, noise = comparison.table, comparison.noise
     how: dict[str, Any] = {
         "rng": request.seed,
         "executor": request.executor,
         "priors": request.priors,
     }
-    fits = list(comparison.fits.values())  # whose draws save most refits
+    fits = list(comparison.fits.values())  # reweighting their draws saves most refits
     with progress.stage("textures and steps left out"):
         scores = left_out_scores(table, fits, noise, **how)
     with progress.stage("coverage of the bands"):
@@ -271,7 +272,7 @@ def _add_left_out(comparison: Comparison, request: Request, progress: Progress) 
         probabilities, textures = comparison.probabilities, table.calibration.textures
         if probabilities and len(textures) > 1:
             best = [comparison.fits[comparison.best]]
-            noises = dict.fromkeys([noise, Noise()])  # and what independent rows promise
+            noises = dict.fromkeys([noise, Noise()])  # independent rows for comparison
             shares = coverage(table, best, list(noises), **how)
     return replace(comparison, left_out=scores, coverage=shares)
 
@@ -282,11 +283,12 @@ def _compared(request: Request, progress: Progress, folder: Path) -> Comparison:
 
 
 def _thinned(comparison: Comparison) -> Comparison:
-    """Keep the draws that files keep: they go to every task, and summaries are there already.
+    """Thin the posteriors to the draws that files keep, since every task gets a copy of them.
 
-    The posteriors of a form keep so many together, each by its weight: where rows share offsets,
-    which are coordinates too, as many as predictions use; a quarter where the rows rule the form
-    out, so that its bands are in no average.
+    The preset gives the total number of draws of a form, which its posteriors share in proportion
+    to their draws. A form with shared offsets, which are parameters as well, keeps at most the
+    number that predictions use. A form with negligible probability, whose bands enter no average,
+    keeps a quarter.
     """
     n_kept, fits = Preset.named(comparison.accuracy).n_kept, {}
     for name, fit in comparison.fits.items():
@@ -311,10 +313,10 @@ def _write(
     executor: Executor | None,
     drawing: Executor | None,
 ) -> Gallery:
-    """Write a comparison and its predictions; return its figures, whose drawing has started."""
-    data = submit_or_defer(executor, _shown, comparison)
+    """Write a comparison and its predictions; return its figures, which are being drawn."""
+    data = submit_or_defer(executor, _report_data, comparison)
     loads = [submit_or_defer(executor, loads_table, comparison, kinds=[kind]) for kind in KINDS]
-    with progress.stage("files of posteriors"):  # first: they stay if the disk is full
+    with progress.stage("files of posteriors"):  # first, to keep them if the disk becomes full
         write_comparison(comparison, folder, executor)
     with progress.stage("bands"):
         bands = bands_table(comparison, executor=executor)
@@ -324,15 +326,15 @@ def _write(
         return Gallery(replace(data(), comparison=comparison), drawing)
 
 
-def _shown(comparison: Comparison) -> ReportData:
-    """Return what the report shows without the fits, which the caller has."""
+def _report_data(comparison: Comparison) -> ReportData:
+    """Return the data of the report without the fits, which the caller adds again."""
     return replace(report_data(comparison), comparison=replace(comparison, fits={}))
 
 
 def report_job(folder: Path) -> None:
-    """Write the figures and the report of a run folder again, from what is in it."""
+    """Write the figures and the report of a run folder again, from its files."""
     folders = [folder, *filter(Path.is_dir, [folder / REFERENCE])]
-    runs = [read_run(path) for path in folders]  # before the work: a file may be damaged
+    runs = [read_run(path) for path in folders]  # reads all first, since a file may be damaged
     galleries = [Gallery(report_data(run)) for run in runs]
     write_pages(*galleries, folder=folder, command=command_line(*read_command(folder)))
 
@@ -347,11 +349,11 @@ def write_pages(
     gallery : Gallery
         Comparison to report, with its figures.
     second : Gallery, optional
-        Second comparison, whose own pages go into a folder of their own.
+        Second comparison, whose own pages go into the sub-folder ``reference-fe``.
     folder : Path
         Folder to write to.
     command : str, optional
-        Command line as typed, see `command_line`.
+        Command line to show, as `command_line` returns it.
     """
     if second is not None:
         second.save(folder / REFERENCE / "figures")
@@ -361,7 +363,7 @@ def write_pages(
 
 
 def command_line(command: str, options: Mapping[str, Any], seed: int) -> str:
-    """Return a command line that gives the same numbers; files without their folders.
+    """Return a command line that reproduces the results, with file names without folders.
 
     Examples
     --------
@@ -372,7 +374,7 @@ def command_line(command: str, options: Mapping[str, Any], seed: int) -> str:
     """
     words = ["ridgebayes", command]
     for name, value in options.items():
-        if value and (name, value) not in _DEFAULTS:
+        if value and (name, value) not in _DEFAULT_OPTIONS:
             if isinstance(value, dict):  # prior odds
                 value = [f"{key}={odds:.15g}" for key, odds in value.items()]
             text = ",".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -1,4 +1,4 @@
-"""The files of a run folder: how a comparison is written into them, and read back."""
+"""Files of a run folder: writing and reading of a comparison."""
 
 import io
 import json
@@ -35,8 +35,8 @@ from ridgebayes.runtime.text import clipped, versions
 from ridgebayes.table.table import ContactTable, read_table
 
 EMBEDDED, REFERENCE = "embedded sweep", "reference-fe"
-OTHERS = "posteriors"  # folder of the fits under error models that are not selected
-# Tables of a comparison beside its evidences, by attribute: file and columns.
+OTHERS = "posteriors"  # sub-folder for posteriors of error models that are not selected
+# File and columns of each further table of a comparison, by attribute.
 _TABLES = {
     "bayes_factors": ("bayes_factors.csv", BAYES_FACTOR_COLUMNS),
     "loo": ("loo.csv", LOO_COLUMNS),
@@ -45,26 +45,27 @@ _TABLES = {
     "coverage": ("coverage.csv", COVERAGE_COLUMNS),
     "cost": ("costs.csv", COST_COLUMNS),
 }
-# Commands that write other folders, by a file that identifies each.
+# Commands that write other folders, by a file that identifies the folder.
 _OTHER_FOLDERS = {"coverage.json": "coverage", "cost.csv": "cost", "design.json": "design"}
-_ONLY_IF_ANY = ("left_out", "coverage", "cost")
-_FORM = ("form", "form_a", "form_b")  # columns of forms of the run
-_WORDS = ("noise", "method", "status", "reading", "prior", "leave", "failed", "task", "preset")
-_TEXT = _FORM + _WORDS
+_OPTIONAL_TABLES = ("left_out", "coverage", "cost")
+_FORM_COLUMNS = ("form", "form_a", "form_b")  # columns with names of forms
+_LABELS = ("noise", "method", "status", "reading", "prior", "leave", "failed", "task", "preset")
+_TEXT_COLUMNS = _FORM_COLUMNS + _LABELS
 
 
 def write_fits(comparison: Comparison, folder: Path, executor: Executor | None = None) -> None:
-    """Write the table, each posterior and the summary and evidence of all.
+    """Write the table, all posteriors, their summary and the evidences.
 
-    Draws of prior and predictions are of a form that the rows do not rule out; of a quick run none.
+    The posterior file of a form contains draws of prior and predictions unless the run is quick or
+    the form has negligible probability.
     """
     comparison.table.write(folder / "table.csv")
     extras, shares = Preset.named(comparison.accuracy).extras, comparison.probabilities
     tasks: list[tuple[Posterior, Path, bool]] = []
     for name, fit in comparison.fits.items():
-        alone = replace(fit, others={}, error_model_weights={})
+        selected = replace(fit, others={}, error_model_weights={})
         complete = extras and shares.get(name, 1.0) >= MIN_FORM_PROBABILITY
-        tasks.append((alone, folder / f"posterior-{name}.nc", complete))
+        tasks.append((selected, folder / f"posterior-{name}.nc", complete))
         for noise, posterior in fit.others.items():
             (folder / OTHERS).mkdir(exist_ok=True)
             tasks.append((posterior, folder / other_file(name, noise), False))
@@ -82,26 +83,26 @@ def _write_posterior(task: tuple[Posterior, Path, bool]) -> None:
 def write_comparison(
     comparison: Comparison, folder: Path, executor: Executor | None = None
 ) -> None:
-    """Write what `write_fits` does, Bayes factors of forms and components, scores, sensitivity.
+    """Write the files of `write_fits`, and Bayes factors, scores and prior sensitivity.
 
-    Left-out scores, coverage and costs are written where there are any. An executor has this
-    machine's files.
+    Left-out scores, coverage and costs are written if the comparison has them. The workers of the
+    executor must write to this machine's files.
     """
     write_fits(comparison, folder, executor)
     for name, (file, _) in _TABLES.items():
         frame = getattr(comparison, name)
-        if len(frame) or name not in _ONLY_IF_ANY:
+        if len(frame) or name not in _OPTIONAL_TABLES:
             write_csv(frame, folder / file)
-    write_csv(comparison.components, folder / "components.csv")  # made of evidences: never read
+    write_csv(comparison.components, folder / "components.csv")  # derived, never read
 
 
 def other_file(form: str, noise: str) -> str:
-    """Return the file of a posterior under an error model that is not selected."""
+    """Return the file name of a posterior whose error model is not selected."""
     return f"{OTHERS}/{form}--{noise.replace(':', '-')}.nc"
 
 
 def summary_table(fits: Iterable[Fit]) -> pd.DataFrame:
-    """Return the summaries of several fits as one frame, form and noise first."""
+    """Return the summaries of fits as one frame that starts with columns form and noise."""
     parts = {
         (fit.form.name, noise): posterior.summary
         for fit in fits
@@ -121,7 +122,7 @@ def write_run_json(
     reference: Comparison | None = None,
     peak_memory: int | None = None,
 ) -> None:
-    """Write versions, seed, options, stage times, memory and verdicts."""
+    """Write run.json with versions, seed, options, stage times, memory and verdicts."""
     content = about_run(command, seed, options, comparison.table) | {
         "forms": [*comparison.fits, *comparison.failures],
         "noise": comparison.noise.name,
@@ -140,7 +141,7 @@ def write_run_json(
 def about_run(
     command: str, seed: int, options: dict[str, Any], table: ContactTable
 ) -> dict[str, Any]:
-    """Return what tells how a folder was made: command, versions, seed, options, table."""
+    """Return the provenance of a folder: command, versions, seed, options and table."""
     return {
         "command": command,
         "versions": versions(),
@@ -152,9 +153,10 @@ def about_run(
 
 
 def verdicts(comparison: Comparison) -> dict[str, Any]:
-    """Return what a program wants to know of a comparison: its verdict, its fits, its state.
+    """Return the machine-readable results of a comparison: verdict, fits and convergence.
 
-    Fits are form, noise, weight, sampler and state of every posterior that predictions rest on.
+    The fits list form, noise, weight, sampler and convergence of every posterior that is used for
+    predictions.
     """
     verdict, fits, shares = comparison.verdict, comparison.fits, comparison.probabilities
     used = used_evidence(comparison.evidence).set_index(["form", "noise"])["model_probability"]
@@ -196,31 +198,31 @@ def verdicts(comparison: Comparison) -> dict[str, Any]:
 
 
 def _failures(posterior: Posterior, share: float) -> tuple[str, ...]:
-    """Return what a posterior lacks, and why it got no more draws where nothing rests on it."""
-    lacks = posterior.convergence_failures
-    if not lacks or share >= MIN_FORM_PROBABILITY:
-        return lacks
+    """Return the convergence failures, with a note if a negligible form got no more draws."""
+    failures = posterior.convergence_failures
+    if not failures or share >= MIN_FORM_PROBABILITY:
+        return failures
     negligible = f"the form's probability is below {MIN_FORM_PROBABILITY:g}"
-    return (*lacks, f"no more draws were taken: {negligible}, and nothing rests on it")
+    return (*failures, f"no more draws were taken: {negligible}, and nothing rests on it")
 
 
 def read_run(folder: str | os.PathLike[str]) -> Comparison:
-    """Read a comparison back, with the posteriors of all error models; chains are thinned.
+    """Read the comparison of a run folder, with the thinned posteriors of all error models.
 
     Parameters
     ----------
     folder : path
-        A run folder, or its ``reference-fe``.
+        Run folder, or its sub-folder ``reference-fe``.
 
     Returns
     -------
     Comparison
-        Tables that the run did not write are empty.
+        Comparison; tables that the run did not write are empty.
 
     Raises
     ------
     InputError
-        If it is not a run folder, or a file in it is missing or damaged.
+        If the folder is not a run folder, or a file is missing or damaged.
 
     Examples
     --------
@@ -264,7 +266,7 @@ def read_command(folder: Path) -> tuple[str, dict[str, Any], int]:
     Raises
     ------
     InputError
-        If it is not a run folder, or run.json is damaged.
+        If the folder is not a run folder, or run.json is damaged.
     """
     about = _read_about(folder)
     return about["command"], about["options"], about["seed"]
@@ -273,7 +275,7 @@ def read_command(folder: Path) -> tuple[str, dict[str, Any], int]:
 def _read_fit(
     folder: Path, form: str, noise: str, listed: Sequence[dict[str, Any]], evidence: pd.DataFrame
 ) -> Fit:
-    """Read the posterior of a form's selected error model, and of the others that carry weight."""
+    """Read the posteriors of a form: the selected error model, and others with weight."""
     selected = _read_posterior(folder / f"posterior-{form}.nc", form, noise)
     drawn = {noise: selected}
     for other in (entry["noise"] for entry in listed if entry["form"] == form):
@@ -296,7 +298,7 @@ def _read_about(folder: Path) -> dict[str, Any]:
     if not path.is_file():
         rule = "expected a folder written by ridgebayes run, compare or fit"
         raise InputError(f"{folder}: {_why_no_run(folder)}; {rule}")
-    # Thousands of brackets in each other: RecursionError.
+    # json raises RecursionError for thousands of nested brackets.
     with refusing(f"{path}: damaged, not JSON", ValueError, RecursionError, rule="; run again"):
         about: dict[str, Any] = json.loads(read_bytes(path, LARGEST_TEXT).decode("utf-8"))
     try:
@@ -307,14 +309,14 @@ def _read_about(folder: Path) -> dict[str, Any]:
     except KeyError as error:
         raise InputError(f"{path}: damaged, key {error} is missing; run again") from None
     except TypeError:
-        raise _foreign(path) from None
+        raise _invalid(path) from None
     failures = about["verdicts"]["failures"]
     kinds = (list, str, str, str, dict, float, str, dict, int)
     if not all(map(isinstance, named, kinds)) or not all(
         isinstance(text, str) for text in (*about["forms"], *failures, *failures.values())
     ):
-        raise _foreign(path)
-    # Parts of files' names below, which must not lead elsewhere.
+        raise _invalid(path)
+    # Names of forms and error models become parts of file names, which must stay in the folder.
     for name in [*about["forms"], *(form for form, _ in fits)]:
         if name not in FORMS:
             raise InputError(f"{path}: form {clipped(name)}; expected one of {', '.join(FORMS)}")
@@ -323,12 +325,12 @@ def _read_about(folder: Path) -> dict[str, Any]:
     return about
 
 
-def _foreign(path: Path) -> InputError:
+def _invalid(path: Path) -> InputError:
     return InputError(f"{path}: damaged, not what ridgebayes writes; run again")
 
 
 def _why_no_run(folder: Path) -> str:
-    """Say why a folder is none of a finished run."""
+    """Return the reason why a folder is not the folder of a finished run."""
     named = folder if folder.name else folder.absolute()  # "." has no name
     is_partial = named.name.startswith(".") and named.name.endswith(PARTIAL)
     partial = folder if is_partial else named.parent / f".{named.name}{PARTIAL}"
@@ -347,21 +349,21 @@ def _why_no_run(folder: Path) -> str:
 def _read_csv(
     path: Path, columns: Sequence[str], forms: Sequence[str], *, optional: bool = False
 ) -> pd.DataFrame:
-    """Read a frame that was written here: its columns, of their kinds, on forms of the run."""
+    """Read a table of the run folder, and check its columns, their types and the names of forms."""
     if not path.is_file():
         if optional:
             return pd.DataFrame(columns=list(columns))
         raise InputError(f"{path}: missing; run again")
     with refusing(f"{path}: damaged", ValueError, OverflowError, rule="; run again"):
-        frame = pd.read_csv(io.BytesIO(read_bytes(path)), dtype=dict.fromkeys(_TEXT, "str"))
+        frame = pd.read_csv(io.BytesIO(read_bytes(path)), dtype=dict.fromkeys(_TEXT_COLUMNS, "str"))
     if list(frame.columns) != list(columns):
         raise InputError(f"{path}: damaged; expected columns {', '.join(columns)}; run again")
-    if "failed" in frame:  # no failure is an empty text, not a missing one
+    if "failed" in frame:  # an empty cell means no failure
         frame["failed"] = frame["failed"].fillna("")
     for name in columns:
         cells = frame[name]
-        if name in _TEXT:
-            bad = cells.isna() if name not in _FORM else ~cells.isin(forms)
+        if name in _TEXT_COLUMNS:
+            bad = cells.isna() if name not in _FORM_COLUMNS else ~cells.isin(forms)
             if bad.any():
                 shown = clipped(str(cells[bad].iloc[0]))
                 raise InputError(f"{path}: damaged, {name} {shown}; run again")

@@ -1,4 +1,4 @@
-"""An output folder that is written whole or not at all, and the text files in it."""
+"""Output folders that appear only when they are complete, and writers of CSV and JSON files."""
 
 import json
 import os
@@ -17,45 +17,45 @@ from ridgebayes.runtime.pool import map_ordered
 
 RUN_JSON = "run.json"
 CHAINS = "chains-*.npz"
-_CELLS = 250_000  # of a table whose text is made at a time
-PARTIAL = ".partial"  # with a dot before it, what a folder is called until it is finished
+_CELLS_PER_TASK = 250_000  # cells of a table that one task converts to text
+PARTIAL = ".partial"  # suffix of an unfinished folder, whose name also gets a leading dot
 
 
 @contextmanager
 def new_folder(
     path: Path, *, force: bool = False, resume: bool | None = None, about: str = RUN_JSON
 ) -> Iterator[Path]:
-    """Give a folder to write into that takes its final name only when all is done.
+    """Create a partial folder to write into, and rename it to `path` at the end.
 
     Parameters
     ----------
     path : Path
-        Final name.
+        Final folder.
     force : bool, optional
-        Whether a run folder of that name may be replaced. It is removed at the very end.
+        Whether to replace an existing folder of the same kind. It is removed at the very end.
     resume : bool, optional
-        Whether to go on in the partial folder that an earlier run left; None where nobody can, so
-        that Ctrl-C leaves none behind.
+        Whether to continue in the partial folder of an earlier run. None for a command that cannot
+        be resumed, so that Ctrl-C removes the partial folder.
     about : str, optional
-        File by which a folder of this kind is known: no other kind is replaced.
+        File that identifies folders of this kind; other folders are never replaced.
 
     Yields
     ------
     Path
-        A folder beside it, ``.<name>.partial``.
+        The partial folder ``.<name>.partial`` beside `path`.
 
     Raises
     ------
     InputError
-        If `path` exists and is not to be, or may not be, replaced; if it cannot be created; if
-        another process is making it.
+        If `path` exists and cannot be replaced, cannot be created, or is being created by another
+        process.
     OutputError
-        If it cannot be written to on the way, such as on a full disk, or is gone.
+        If writing fails, for example on a full disk, or the partial folder was removed.
 
     Notes
     -----
-    Bad input (InputError) inside the block leaves nothing behind. Any other failure leaves the
-    partial folder, whose files are whole, for `resume`.
+    An InputError inside the block removes a new partial folder. Any other failure keeps the
+    partial folder, whose files are complete, for `resume`.
     """
     path = path.absolute()
     _refuse_occupied(path, force, about)
@@ -66,12 +66,12 @@ def new_folder(
     except OSError as error:
         raise InputError(f"{path}: cannot be created ({error.strerror})") from None
     with exclusive_lock(path):
-        _refuse_occupied(path, force, about)  # another process may have made it by now
+        _refuse_occupied(path, force, about)  # another process may have created it meanwhile
         yield from _fill(path, resume)
 
 
 def _refuse_occupied(path: Path, force: bool, about: str) -> None:
-    if os.path.lexists(path):  # a link that leads nowhere is in the way as well
+    if os.path.lexists(path):  # also true for a broken link
         if not force:
             raise InputError(f"{path}: exists; use another -o, or --force to replace it")
         if not path.is_dir() or (any(path.iterdir()) and not (path / about).is_file()):
@@ -81,7 +81,7 @@ def _refuse_occupied(path: Path, force: bool, about: str) -> None:
 
 
 def _fill(path: Path, resume: bool | None) -> Iterator[Path]:
-    """Give the partial folder, and then its name to it: what `new_folder` does under its lock."""
+    """Yield the partial folder and publish it afterwards; the caller holds the lock."""
     partial = path.with_name(f".{path.name}{PARTIAL}")
     try:
         resumed = bool(resume) and partial.is_dir()
@@ -115,7 +115,7 @@ def _fill(path: Path, resume: bool | None) -> Iterator[Path]:
 
 
 def _publish(partial: Path, path: Path) -> None:
-    """Give a finished folder its final name, in place of an older folder of that name."""
+    """Rename a finished folder to its final name, and remove an older folder of that name."""
     for chains in partial.rglob(CHAINS):
         chains.unlink()
     old = path.with_name(f".{path.name}.old")
@@ -128,12 +128,12 @@ def _publish(partial: Path, path: Path) -> None:
         if old.is_dir():
             old.rename(path)
         raise
-    shutil.rmtree(old, ignore_errors=True)  # also one that a killed process left
+    shutil.rmtree(old, ignore_errors=True)  # or the rest of a process that was killed
 
 
 def _keep_only_chains(folder: Path) -> None:
-    """Remove what an earlier run finished: all but the chains is made again, and the same."""
-    for path in sorted(folder.rglob("*"), reverse=True):  # what is in a folder before it
+    """Remove all files of an earlier run except chains; the run computes them again."""
+    for path in sorted(folder.rglob("*"), reverse=True):  # contents before their folder
         if path.is_dir() and not path.is_symlink():
             if not any(path.iterdir()):
                 path.rmdir()
@@ -142,11 +142,11 @@ def _keep_only_chains(folder: Path) -> None:
 
 
 def write_csv(frame: pd.DataFrame, path: Path, executor: Executor | None = None) -> None:
-    """Write a frame as CSV, floats in full, probabilities of counts without ".0".
+    """Write a frame as CSV, with all digits of floats and probabilities of counts without ".0".
 
-    An executor makes the text of a long one, where digits take longer than the numbers did.
+    An executor formats long tables, since formatting can take longer than computing the numbers.
     """
-    n = _CELLS // max(frame.shape[1], 1) + 1
+    n = _CELLS_PER_TASK // max(frame.shape[1], 1) + 1
     starts = range(0, len(frame), n)
     parts = (frame.iloc[i : i + n] for i in starts)
     texts = map_ordered(_csv, parts, executor if len(starts) > 1 else None)
@@ -162,5 +162,5 @@ def _csv(frame: pd.DataFrame, *, header: bool = False) -> str:
 
 
 def write_json(content: object, path: Path) -> None:
-    """Write plain values as JSON, whole or not at all."""
+    """Write plain values as a JSON file, atomically."""
     write_text(json.dumps(content, indent=2) + "\n", path)

@@ -1,4 +1,4 @@
-"""Options that several commands share, those of every command, and how records become options."""
+"""Options of several commands and of all commands, and their conversion to typer parameters."""
 
 import re
 from collections.abc import Iterator
@@ -13,10 +13,10 @@ from typer.models import OptionInfo
 
 DEFAULT_OUT = Path("ridgebayes-out")
 _T = TypeVar("_T")
-Argument = Annotated[_T, typer.Argument()]  # has its place; all others are options
+Argument = Annotated[_T, typer.Argument()]  # positional; all other fields are options
 Positive = Annotated[_T, typer.Option(min=1)]
 Natural = Annotated[_T, typer.Option(min=0)]
-# Options that are not called as their fields.
+# Options whose names differ from those of their fields.
 FLAGS = {
     "out": ("-o", "--out"),
     "quiet": ("--quiet", "-q"),
@@ -29,7 +29,7 @@ FLAGS = {
 
 
 class Shared:
-    r"""Fields that several records have.
+    r"""Fields that several records of options have.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class Output:
-    """Options of every command for its output.
+    """Output options of all commands.
 
     Parameters
     ----------
@@ -88,12 +88,12 @@ class Output:
 
     @property
     def verbosity(self) -> int:
-        """As `ridgebayes.runtime.progress.VERBOSITY`."""
+        """Verbosity -1, 0 or 1, as in `ridgebayes.runtime.progress.VERBOSITY`."""
         return -1 if self.quiet else int(self.verbose)
 
 
 def help_of(record: type[Any]) -> tuple[str, dict[str, str]]:
-    """Return what a record's docstring says of the whole, and of each field."""
+    """Return the help text of a record and of each field, from its docstring."""
     words, _, rest = cleandoc(record.__doc__ or "").partition("Parameters\n----------\n")
     parts = re.split(r"^(\w+) : .*\n", rest, flags=re.MULTILINE)
     texts = (" ".join(text.split()) for text in parts[2::2])
@@ -101,7 +101,7 @@ def help_of(record: type[Any]) -> tuple[str, dict[str, str]]:
 
 
 def parameters_of(record: type[Any]) -> Iterator[Parameter]:
-    """Yield a record's fields as parameters from which typer makes arguments and options."""
+    """Yield the fields of a record as parameters that typer converts to arguments and options."""
     texts = help_of(Shared)[1] | help_of(record)[1]
     for parameter in signature(record).parameters.values():
         kind, mark = parameter.annotation, typer.Option()

@@ -1,7 +1,7 @@
-"""Options of commands on scenes and tables: a record each.
+"""Records of options, one per command on scenes and tables.
 
-A record's docstring gives the help of its options; fields that it leaves out are described in
-`shared_options`. Nothing heavy is loaded here, so that help is quick.
+The docstring of a record is the help text of its options; `shared_options` describes fields that
+the docstring omits. The module imports no slow packages, so that help is fast.
 """
 
 from dataclasses import dataclass
@@ -131,15 +131,15 @@ class Import:
     out : Path, optional
         Table to write.
     program : str, optional
-        table, calculix, abaqus-dat, abaqus-rpt, febio, ansys, series, or nodes (a table of a row
-        for each node at each step). Detected if not given, but for nodes.
+        table, calculix, abaqus-dat, abaqus-rpt, febio, ansys, series, or nodes (a table with a row
+        for each node at each step). Detected if not given, except nodes.
     mapping : list of str, optional
         Column of a key, KEY=HEADER, such as 'a=Ridge width \[mm]', or KEY=HEADER;UNIT, or a
-        TOML file of them. Adds to what is recognised.
+        TOML file of them. Other columns are recognised.
     write_map : Path, optional
-        TOML file to write with what is recognised, for --map.
+        TOML file to write with the recognised columns, for --map.
     sheet : str, optional
-        Sheet of a workbook, name or number; all for those with the same header.
+        Name or number of a worksheet, or all for the sheets with the same header.
     skip_rows : int, optional
         Number of lines to skip at the top.
     header_row : int, optional
@@ -165,7 +165,7 @@ class Import:
     thickness : str, optional
         Length of the body along the ridges, such as '20 mm'. Needed for forces.
     load_se : str, optional
-        Standard error of every load, such as '0.05 N': the load cell's.
+        Standard error of every load, such as '0.05 N' of the load cell.
     deck : Path, optional
         Input deck of the run. The .inp file of the same name if not given.
     surface : str, optional
@@ -187,7 +187,7 @@ class Import:
     loads : str, optional
         Comma-separated p/E or line loads of several .vtu files.
     brackets : bool, optional
-        Write each load as an interval, even where gaps are known.
+        Write each load as an interval, even if gaps are known.
     interpolate : bool, optional
         Write each load as the middle of its increment, not as an interval.
     role : str, optional

@@ -1,4 +1,4 @@
-"""Output of a command at its end: a short table for people, one JSON object for programs."""
+"""Final output of a command: text and tables for people, or one JSON object for programs."""
 
 import json
 import math
@@ -15,8 +15,8 @@ from ridgebayes._types import __version__
 from ridgebayes.commands.shared_options import Output
 from ridgebayes.runtime.progress import VERBOSITY
 
-MOST_SHOWN = 5  # loads of a texture; coefficients, or error models, of a form
-_MOST_NAMES = 16  # files and folders that one line lists
+MOST_SHOWN = 5  # rows shown for a texture (loads) or a form (coefficients, error models)
+_MAX_NAMES_LISTED = 16  # files and folders in one line
 
 
 @dataclass(frozen=True)
@@ -26,19 +26,19 @@ class Answer:
     Parameters
     ----------
     parts : sequence of str or pandas.DataFrame
-        Sentences and tables, in the order in which they are read.
+        Sentences and tables in the order of printing.
     result : object, optional
-        The same for programs.
+        Machine-readable result for --json.
     files : sequence of Path, optional
         Written files.
     details : sequence of str or pandas.DataFrame, optional
-        Sentences and tables shown with --verbose alone.
+        Sentences and tables that are printed with --verbose only.
     warnings : sequence of str, optional
         Warnings to print on standard error.
     early : sequence of str, optional
-        Warnings that were printed before the work.
+        Warnings that were already printed before the computation.
     problem : str, optional
-        Failures to compute or to converge: the program ends with exit code 1.
+        Failures of computation or convergence. If not empty, the exit code is 1.
     """
 
     parts: Sequence[str | pd.DataFrame] = ()
@@ -51,12 +51,12 @@ class Answer:
 
 
 def tell(command: str | None, answer: Answer, code: int, error: str, output: Output) -> None:
-    """Print what a command found, and what went wrong.
+    """Print the result of a command, its warnings and its error.
 
     Parameters
     ----------
     command : str or None
-        Name of the command, where it is known.
+        Name of the command, or None if it is unknown.
     answer : Answer
         Result of the command.
     code : int
@@ -80,7 +80,7 @@ def tell(command: str | None, answer: Answer, code: int, error: str, output: Out
     elif not output.quiet:
         for part in (*answer.parts, *(answer.details if output.verbose else ())):
             print(part if isinstance(part, str) else _table_text(part))
-        # One file that a sentence names already is not listed again.
+        # A single file that a sentence already names is not listed again.
         named = any(str(file) in text for file in answer.files[:1] for text in sentences)
         if answer.files and not (named and len(answer.files) == 1):
             print(f"Written: {_names(answer.files)}")
@@ -99,12 +99,12 @@ def warn(*warnings: str) -> tuple[str, ...]:
 
 
 def files_in(folder: Path) -> list[Path]:
-    """Return every file of a folder that was written."""
+    """Return all files in a folder and its sub-folders."""
     return sorted(path for path in folder.rglob("*") if path.is_file())
 
 
 def to_plain(value: Any) -> Any:
-    """Return what JSON can hold of a value: tables as rows, NaN and infinity as null.
+    """Convert a value to JSON types, with tables as rows and NaN and infinity as null.
 
     Examples
     --------
@@ -125,8 +125,8 @@ def to_plain(value: Any) -> Any:
 
 
 def _table_text(frame: pd.DataFrame) -> str:
-    """Return a table as text: ruled on a terminal and as wide as that, plain where it is piped."""
-    # Loaded where there is something to show.
+    """Format a table, with rules and the width of the terminal, or plainly if output is piped."""
+    # rich is imported only if there is a table to print.
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -145,7 +145,7 @@ def _table_text(frame: pd.DataFrame) -> str:
 
 
 def _names(files: Sequence[Path]) -> str:
-    """Return files as a list: those of one folder by their names, sub-folders with a count."""
+    """Return a line with the names of files, and sub-folders with their number of files."""
     if len(files) == 1:
         return str(files[0])
     top = min((file.parent for file in files), key=lambda folder: len(folder.parts))
@@ -155,6 +155,6 @@ def _names(files: Sequence[Path]) -> str:
         key = f"{name}/" if deeper else name
         inner[key] = inner.get(key, 0) + bool(deeper)
     shown = [f"{name} ({n} file{'s' * (n > 1)})" if n else name for name, n in inner.items()]
-    if len(shown) > _MOST_NAMES:
-        shown[_MOST_NAMES:] = [f"and {len(shown) - _MOST_NAMES} more"]
+    if len(shown) > _MAX_NAMES_LISTED:
+        shown[_MAX_NAMES_LISTED:] = [f"and {len(shown) - _MAX_NAMES_LISTED} more"]
     return f"{'' if top == Path() else f'{top}: '}{', '.join(shown)}"

@@ -1,18 +1,21 @@
-r"""Output of other finite element programs to contact tables, and scenes to their input decks.
+r"""Import of measured tables and finite element output, and export of input decks.
 
-A table passes `columns`: its text becomes records and a header (`delimited`), then cells and
-numbers (`cells`, and `spreadsheet` before it), or columns are read as they are (`parquet`).
-`mapping` finds what each column is by `words` of `words.toml`, `missing` proposes what no word
-tells, `wide` makes a row for each load, `convert` computes in SI units, and `increments` finds
-transitions in runs.
+`read.import_files` recognises the format of a file and calls the reader of tables or of runs.
+`record` defines the user's facts (`Given`), the collected errors and the result (`Imported`).
 
-A run is a contact history (`history`), and one module a format makes it: `calculix`, `abaqus_dat`,
-`abaqus_rpt`, `febio`, `ansys`, `mesh_series` (over `mesh_files`). `runs` asks for the facts that
-files lack, and `history.table_of` makes loads of any, by `rim` and `transitions`.
+Tables: `columns` reads a table with any columns and units. `delimited` splits text into records and
+finds the header, `cells` parses numbers, and `spreadsheet` and `parquet` read binary files.
+`mapping` matches headers with contract columns by the vocabulary of `words` and `words.toml`,
+`missing` proposes columns for unmatched quantities, `wide` converts wide tables to long tables,
+`convert` converts to SI units, and `increments` finds transitions in load-stepped runs.
 
-`read` recognises a file and calls these; `record` holds what the user says and what an import
-returns; `deck_text` writes decks. The room knows tables and scenes, and nothing of models. A file
-becomes a table, with messages about it:
+Runs: `calculix`, `abaqus_dat`, `abaqus_rpt`, `febio`, `ansys`, `node_table` and `mesh_series` (with
+`mesh_files`) each read one format into a `history.ContactHistory`. `runs` collects the facts that
+the files lack, and `history.table_of` computes transition loads with `rim` and `transitions`.
+
+Decks: `deck` reads the input deck of a run, and `deck_text` writes a scene as a deck.
+
+The package depends on tables and scenes, not on models.
 
 >>> from pathlib import Path
 >>> from tempfile import TemporaryDirectory

@@ -1,4 +1,4 @@
-"""Abaqus runs: printed displacements and reaction forces of a ``.dat`` with its deck."""
+"""Reader for Abaqus ``.dat`` files: displacements and reaction forces of a run with its deck."""
 
 import re
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, 
 from ridgebayes.fea.record import SHOWN, Given
 from ridgebayes.runtime.text import some_of
 
-_ALL = "ALL NODES"
-_ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
+_ALL_NODES = "ALL NODES"
+_ALL_ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
 
 
 def read_abaqus_dat(paths: Sequence[Path], facts: Given) -> ContactHistory:
-    """Read a run of Abaqus/Standard.
+    """Read the ``.dat`` file of an Abaqus/Standard run.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def read_abaqus_dat(paths: Sequence[Path], facts: Given) -> ContactHistory:
         One ``.dat`` file: ``*NODE PRINT`` of ``U`` on the surface's set, and of ``RF`` on the
         driven set (summed, or its total with ``TOTALS=YES``), at each increment.
     facts : Given
-        The run's deck: coordinates, sets, and the ridges' nodes.
+        Facts with the run's deck, which gives coordinates, node sets and the ridges' nodes.
 
     Returns
     -------
@@ -36,12 +36,12 @@ def read_abaqus_dat(paths: Sequence[Path], facts: Given) -> ContactHistory:
     Raises
     ------
     InputError
-        If a file cannot be understood, with file and line; if a set is missing.
+        If a line cannot be parsed (the message names file and line), or a set is missing.
 
     Notes
     -----
-    Abaqus leaves out rows of zeros. A node that is not there has moved by nothing where its table
-    ends in a summary (``MAXIMUM``, ``TOTAL``), without which the increment is ignored.
+    Abaqus does not print rows of zeros. A missing node has zero values if its table ends with a
+    summary (``MAXIMUM``, ``TOTAL``); without the summary, the increment is ignored.
     """
     path, deck = paths[0], RunDeck.read(facts)
     printed = _Tables("in global directions (no footnotes)").read(path, unfinished=True)
@@ -49,12 +49,12 @@ def read_abaqus_dat(paths: Sequence[Path], facts: Given) -> ContactHistory:
     digits = [0.0]
 
     def state(increment: Increment) -> tuple[float, FloatArray]:
-        rim = increment.table(("U1", "U2"), surface, _ALL)
+        rim = increment.table(("U1", "U2"), surface, _ALL_NODES)
         digits.append(_last_digit(rim))
-        driven = increment.table(("RF2",), reaction, _ALL)
+        driven = increment.table(("RF2",), reaction, _ALL_NODES)
         for table, nodes in ((rim, deck.nodes), (driven, deck.driven)):
-            _fill(table, list(deck.deck.nodes) if table.nodes == _ALL else nodes)
-        if driven.nodes == _ALL:
+            _fill(table, list(deck.deck.nodes) if table.nodes == _ALL_NODES else nodes)
+        if driven.nodes == _ALL_NODES:
             driven.below.pop("TOTAL", None)
         return driven.force(deck.driven, "RF2"), rim.of(deck.nodes, "U1", "U2")
 
@@ -65,20 +65,20 @@ def read_abaqus_dat(paths: Sequence[Path], facts: Given) -> ContactHistory:
 
 
 def _fill(table: NodeTable, nodes: list[int]) -> None:
-    """Add rows of zeros, which are not printed.
+    """Add the rows of zeros that Abaqus does not print.
 
     Raises
     ------
     MissingError
-        If rows are missing, and no end tells that they are zeros.
+        If rows are missing and the table has no summary.
     InputError
-        If a node is not of the set, or extremes are not those of the rows.
+        If a node is not in the set, or the printed extremes differ from those of the rows.
     """
     rows, n = table.rows, len(table.rows)
-    if strange := set(rows.index) - set(nodes):
-        # Numbers of an assembly's instances are not those of the deck's parts.
+    if unknown := set(rows.index) - set(nodes):
+        # A deck with parts numbers the nodes of instances differently.
         rule = f"is not in the deck's {table.nodes}; expected the run's deck, without parts"
-        raise table.line.error(f"node {min(strange)} {rule}")
+        raise table.line.error(f"node {min(unknown)} {rule}")
     if n < len(nodes) and not table.whole:
         raise MissingError(f"a table of {table.nodes} with {n} of {len(nodes)} nodes, and no end")
     table.rows = rows.reindex(nodes, fill_value=0.0)
@@ -90,7 +90,7 @@ def _fill(table: NodeTable, nodes: list[int]) -> None:
 
 
 def _last_digit(rim: NodeTable) -> float:
-    """Return what the last digit of the largest displacement is worth."""
+    """Return the value of the last printed digit of the largest displacement."""
     size = rim.rows.abs().to_numpy()
     if not size.any():
         return 0.0
@@ -99,26 +99,26 @@ def _last_digit(rim: NodeTable) -> float:
 
 
 class _Tables(Printed):
-    """Increments of a run."""
+    """Parser of a ``.dat`` file."""
 
     def __init__(self, rule: str) -> None:
         super().__init__(rule)
         self._step, self._ignored = 0, ""
-        self._name = ""  # of the next table's set
-        self._is_below = False  # whether a blank line came after rows
+        self._name = ""  # node set of the next table
+        self._is_below = False  # whether a blank line followed the rows
 
     @property
     def shown(self) -> str:
-        """Words for the tables that there are."""
-        shown = {f"{' '.join(table.columns)} of {table.nodes}" for table in self.tables}
-        return some_of(sorted(shown), SHOWN) or "none"
+        """Names of the tables in the file, for messages."""
+        names = {f"{' '.join(table.columns)} of {table.nodes}" for table in self.tables}
+        return some_of(sorted(names), SHOWN) or "none"
 
     def blank(self) -> None:
-        """Note what may be the end of a table."""
+        """Record a blank line after rows, which may end a table."""
         self._is_below = self.table is not None and bool(self.table.lines)
 
     def take(self, line: Line) -> None:
-        """Take a line; the last one without an end may be half."""
+        """Parse a line; ignore a last line without line end, which may be incomplete."""
         if self._name == "\n":
             self._name = line.words[0].upper()
         elif not line.ended:
@@ -137,7 +137,7 @@ class _Tables(Printed):
 
     @on(r".*\bSTEP\s+(\d{1,9})\s+INCREMENT\s+\d+\b|1\s*$|.*TIME COMPLETED IN THIS STEP")
     def _page(self, line: Line, match: re.Match[str]) -> None:
-        # A page's head; it may stand in the middle of a table.
+        # A page header can interrupt a table.
         self._step = int(match[1] or self._step)
 
     @on(".*LINEAR PERTURBATION STEP")
@@ -149,11 +149,11 @@ class _Tables(Printed):
     )
     def _title(self, line: Line, match: re.Match[str]) -> None:
         self.table = None
-        self._name = match[1] or match[2].upper() or "\n"  # a long name is on the next line
+        self._name = match[1] or match[2].upper() or "\n"  # a long name follows on the next line
 
     @on(r"NODE\s+FOOT-\s+(\S.*)$")
     def _header(self, line: Line, match: re.Match[str]) -> None:
-        """Take the columns of a table, and go on with it if it began on the page before."""
+        """Start a table with these columns, or continue it if it began on the previous page."""
         columns, self.table = match[1].split(), None
         if {"U1", "U2"} <= set(columns) or "RF2" in columns:
             self.open(line, self._name, columns)
@@ -161,22 +161,22 @@ class _Tables(Printed):
             self.others.add(f"{' '.join(columns)} of {self._name}")
 
     def row(self, line: Line, table: NodeTable) -> None:
-        """Take a row."""
+        """Add a row to the table."""
         if not table.whole and not (self._is_below and self._is_count(line)):
             table.lines.append(line)
 
     def other(self, line: Line, table: NodeTable) -> None:
-        """Take a damaged row, or what stands below the rows."""
+        """Add a damaged row, or read a summary below the rows."""
         word, _, values = line.text.strip().partition(" ")
         if word.isdecimal():
             self.row(line, table)
         elif word in ("MAXIMUM", "MINIMUM", "TOTAL"):
             table.whole = True
             table.below[word] = line._replace(text=values).values(table.columns)
-        elif line.text.strip() == _ZERO:
+        elif line.text.strip() == _ALL_ZERO:
             table.whole = True
-        # Else NOTE below the header, AT NODE, a page's head, or what follows the table.
+        # Other lines (NOTE, AT NODE, page headers, text below the table) hold no values.
 
     def _is_count(self, line: Line) -> bool:
-        """Return whether a line below a blank one counts messages, at the end of a file."""
+        """Return whether the line counts warnings, as at the end of a file, and is not a row."""
         return self._is_below and not all(NUMBER.fullmatch(word) for word in line.words)

@@ -1,4 +1,4 @@
-"""Reports of Abaqus/Viewer: nodal values frame by frame."""
+"""Reader for Abaqus/Viewer reports (``.rpt``) with nodal values of each frame."""
 
 import re
 from collections.abc import Sequence
@@ -15,24 +15,25 @@ from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, 
 from ridgebayes.fea.record import Given, provenance
 
 _DASHES = re.compile(r"\s*-{9,}\s*$")
-_GAP = re.compile(r"\s{2,}")  # between names, which hold single blanks
-# How far printed numbers may be off: a share of the sum of sizes, of the largest displacement.
-_AGREE = 1e-4
+_COLUMN_GAP = re.compile(r"\s{2,}")  # column names contain single blanks
+# Tolerance for rounded printed values, relative to the sum of absolute forces or to the largest
+# displacement.
+_PRINTED_RTOL = 1e-4
 _U, _COORD, _RF = ("U.U1", "U.U2"), ("COORD.COOR1", "COORD.COOR2"), "RF.RF2"
 
 
 def read_abaqus_rpt(paths: Sequence[Path], facts: Given) -> ContactHistory:
-    """Read field output reports of Abaqus/Viewer, one after another in a file.
+    """Read a file of Abaqus/Viewer field output reports.
 
     Parameters
     ----------
     paths : sequence of pathlib.Path
-        One ``.rpt`` file: nodal ``U.U1``, ``U.U2`` of the rim, ``RF.RF2`` where the load is read,
-        and ``COORD.COOR1``, ``COORD.COOR2`` of the rim without a deck, in each frame.
+        One ``.rpt`` file with, in each frame, nodal ``U.U1`` and ``U.U2`` of the rim and ``RF.RF2``
+        of the driven nodes. Without a deck, also ``COORD.COOR1`` and ``COORD.COOR2`` of the rim.
     facts : Given
-        Its surface and reaction are regions as the report names them, ``PART-1-1.RIM`` or ``RIM``,
-        or node sets of the deck; None takes the one region that has the columns. Without the deck
-        the height of the ridges' tops is not known.
+        `surface` and `reaction` are regions of the report (``PART-1-1.RIM`` or ``RIM``) or node
+        sets of the deck; None uses the only region with the columns. Without a deck, the height of
+        the ridges' tops is unknown.
 
     Returns
     -------
@@ -41,19 +42,19 @@ def read_abaqus_rpt(paths: Sequence[Path], facts: Given) -> ContactHistory:
     Raises
     ------
     InputError
-        If the file cannot be understood, with its line; if a region is missing.
+        If a line cannot be parsed (the message names it), or a region is missing.
 
     Notes
     -----
-    ``COORD`` is where nodes are, or where they were, depending on the step's ``NLGEOM``: it is what
-    makes undeformed coordinates the same in all frames.
+    ``COORD`` holds deformed or undeformed coordinates, depending on the step's ``NLGEOM``. The
+    reader uses the interpretation for which undeformed coordinates agree in all frames.
     """
     path, surface, reaction, deck = paths[0], facts.surface, facts.reaction, facts.deck
     sheet = Deck() if deck is None else read_deck(deck)
     printed = _Report("averaged where elements meet").read(path)
     columns = _U if deck else _COORD + _U
     sets = [sheet.nsets.get((name or "").upper(), []) for name in (surface, reaction)]
-    nodes, driven = (list(dict.fromkeys(some)) for some in sets)
+    nodes, driven = (list(dict.fromkeys(numbers)) for numbers in sets)
     digits = []
 
     def table(
@@ -71,8 +72,8 @@ def read_abaqus_rpt(paths: Sequence[Path], facts: Given) -> ContactHistory:
         digits.append(_digits(rim))
         return _force(forces, driven), rim.of(nodes, *columns)
 
-    wanted = f"{', '.join(columns)} and {_RF}; expected nodal output of both in a field report"
-    load, states = printed.states(state, path, wanted)
+    required = f"{', '.join(columns)} and {_RF}; expected nodal output of both in a field report"
+    load, states = printed.states(state, path, required)
     moved = np.array(states)[..., -2:]
     if deck is None:
         undeformed, how = _undeformed(path, np.array(states)[..., :2], moved)
@@ -93,14 +94,14 @@ def read_abaqus_rpt(paths: Sequence[Path], facts: Given) -> ContactHistory:
 
 
 class _Report(Printed):
-    """Reports, one after another."""
+    """Parser of a file with one or more reports."""
 
     def __init__(self, rule: str) -> None:
         super().__init__(rule)
         self._steps: dict[str, int] = {}
         self._database = self._step = ""
         self._header: list[str] = []
-        self._pending: list[str] = []  # a row so far: wide ones are wrapped
+        self._pending: list[str] = []  # first words of a row that is wrapped over several lines
 
     @on(r"(ODB: .*\S)")
     def _run(self, line: Line, match: re.Match[str]) -> None:
@@ -132,18 +133,18 @@ class _Report(Printed):
             self.increment.tables.append(self.table)
 
     def blank(self) -> None:
-        """Take the end of a header, or of rows."""
+        """End the header or the rows of a table."""
         if self.table is not None and self.table.lines:
             self.table.whole = self.table.whole or not self._pending
         elif not self._pending:
             self._header = []
 
     def row(self, line: Line, table: NodeTable) -> None:
-        """Take a line of a table: its header, a row or a piece of one, or what stands below."""
+        """Parse a line of a table: a header, a row or part of a row, or a summary."""
         text = line.text.strip()
         if _DASHES.match(text):
-            # A wide table has a second header, over its second lines.
-            names = _GAP.split(self._header[0]) if self._header else []
+            # A table with wrapped rows has a second header for their second lines.
+            names = _COLUMN_GAP.split(self._header[0]) if self._header else []
             table.columns += names[names[:1] in (["Node"], ["Node Label"]) :]
             self._header = []
         elif not (table.lines or self._pending or (table.columns and text[0].isdigit())):
@@ -160,33 +161,33 @@ class _Report(Printed):
 
 
 def _digits(table: NodeTable) -> int:
-    """Return the most digits of a number of a table: zeros at the end are not printed."""
+    """Return the largest number of digits in a table, since trailing zeros are not printed."""
     words = (word for line in table.lines for word in line.words[1:])
     return max(len(re.sub(r"[EeDd].*|[-+.]", "", word).lstrip("0")) for word in words)
 
 
 def _force(table: NodeTable, nodes: list[int]) -> float:
-    """Return the sum of RF2, checked against a printed total and against nothing at all."""
+    """Return the sum of RF2; refuse a sum that differs from the printed total or cancels to 0."""
     driven, what = nodes or table.rows.index.tolist(), f"{_RF} of {table.nodes}"
     force, size = table.force(driven, _RF), float(table.rows[_RF].reindex(driven).abs().sum())
     totals = dict(zip(table.columns, table.below.get("Total", []), strict=False))
     total = totals.get(_RF, force) if len(driven) == len(table.lines) else force
-    if abs(total - force) > _AGREE * size:
+    if abs(total - force) > _PRINTED_RTOL * size:
         sums = f"adds up to {force:.6g}, and the total is {total:.6g}"
         raise table.line.error(f"{what} {sums}; expected whole tables")
-    if size > 0 and abs(force) < _AGREE * size:
+    if size > 0 and abs(force) < _PRINTED_RTOL * size:
         raise table.line.error(f"{what} cancels to {force:.3g}; expected the driven nodes alone")
     return force
 
 
 def _undeformed(path: Path, at: FloatArray, moved: FloatArray) -> tuple[FloatArray, str]:
-    """Return coordinates that are the same in all frames, and whether COORD is before or after."""
+    """Return undeformed coordinates, and whether COORD holds deformed or undeformed positions."""
     largest = float(np.abs(moved).max())
     bases = {"undeformed": at, "deformed": at - moved}
     spread = {name: float(np.ptp(base, axis=0).max()) for name, base in bases.items()}
     digits = 1e-5 * float(np.abs(at).max())
     how = min(spread, key=lambda name: spread[name])
-    if len(at) < 2 or spread[how] > _AGREE * largest + digits or largest < 10 * digits:
+    if len(at) < 2 or spread[how] > _PRINTED_RTOL * largest + digits or largest < 10 * digits:
         changes = f"COORD by {spread['undeformed']:.3g} and COORD - U by {spread['deformed']:.3g}"
         rule = f"change between {len(at)} frames; expected one of the two to stay, or --deck"
         raise InputError(f"{path}: {changes} {rule}")

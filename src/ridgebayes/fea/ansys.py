@@ -1,4 +1,4 @@
-"""ANSYS listings: nodal results (``PRNSOL``), reactions (``PRRSOL``) and places (``NLIST``)."""
+"""Reader for ANSYS listings of results (``PRNSOL``), reactions (``PRRSOL``), nodes (``NLIST``)."""
 
 import functools
 import math
@@ -20,25 +20,26 @@ from ridgebayes.fea.words import ANSYS_CLOSED
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 
 MARK = re.compile(rb"\*\*\*\*\* POST1 .* LISTING|LIST (?:ALL )?SELECTED NODES|PRINT .* PER NODE")
-_TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")  # a number begins in fixed columns
-# A node and a number, unlike lines of a page's head.
+# Start of a number that follows another without a blank, as in columns of fixed width.
+_NUMBER_START = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")
+# Rows start with a node and a number; lines of page headers do not.
 _ROW = re.compile(r"\s*\d+(?:\s+|(?=-))[-+.]*\d")
 _CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
-_PLACE = ("X", "Y")
+_COORDINATES = ("X", "Y")
 
 
 def read_ansys(paths: Sequence[Path], facts: Given) -> ContactHistory:
-    """Read listings of ANSYS, of one run.
+    """Read the ANSYS listings of one run.
 
     Parameters
     ----------
     paths : sequence of pathlib.Path
-        Text of ``PRRSOL`` (``FY`` of the driven nodes) and of ``PRNSOL``: ``UX``, ``UY`` of the
-        surface, or ``STAT`` or ``PRES`` of contact; and ``NLIST`` (``X``, ``Y``) where nodes are.
-        Page heads may stand anywhere.
+        Listings of ``PRRSOL`` (``FY`` of the driven nodes), of ``PRNSOL`` (``UX`` and ``UY`` of the
+        surface, or the contact result ``STAT`` or ``PRES``), and of ``NLIST`` (coordinates ``X``
+        and ``Y``). Page headers are allowed anywhere.
     facts : Given
-        Codes of ``STAT`` that mean contact, 2 (sliding) and 3 (sticking) if there are none; and a
-        map of the node at the corner of each Q, in place of ``NLIST``.
+        `closed_is` lists the codes of ``STAT`` that mean contact, by default 2 (sliding) and 3
+        (sticking). `map` gives the node at the corner of each Q if there is no ``NLIST``.
 
     Returns
     -------
@@ -47,7 +48,7 @@ def read_ansys(paths: Sequence[Path], facts: Given) -> ContactHistory:
     Raises
     ------
     InputError
-        If a line cannot be understood, with file and line, or results are missing.
+        If a line cannot be parsed (the message names file and line), or results are missing.
     """
     corners, listing = _corner_nodes(facts), _Listing()
     for path in paths:
@@ -60,8 +61,8 @@ def read_ansys(paths: Sequence[Path], facts: Given) -> ContactHistory:
         force = math.fsum(listing.column(increment, "FY"))
         return force, pd.DataFrame({name: listing.column(increment, name) for name in names})
 
-    wanted = "FY and UY, STAT or PRES; expected listings: ridgebayes import PRNSOL.lis PRRSOL.lis"
-    load, states = listing.states(state, paths[0], wanted)
+    tables = "FY and UY, STAT or PRES; expected listings: ridgebayes import PRNSOL.lis PRRSOL.lis"
+    load, states = listing.states(state, paths[0], tables)
     nodes = states[0].index.tolist()
     values, *ux = np.moveaxis(np.array(states), -1, 0)
     source = provenance(paths[0], "ansys", *(path.name for path in paths[1:]))
@@ -97,7 +98,7 @@ def _corner_nodes(facts: Given) -> dict[int, int]:
 def _at_corners(
     where: str, nodes: list[int], corners: Mapping[int, int]
 ) -> tuple[IntArray, list[int]]:
-    """Return the counts of corners and their nodes, whose coordinates are not needed."""
+    """Return the Q of each mapped corner, and the index of its node in `nodes`."""
     problems = FileError(where)
     if not corners:
         likely = {f"status Q={4 + 2 * i}": str(node) for i, node in enumerate(nodes[:MOST_SHOWN])}
@@ -110,11 +111,11 @@ def _at_corners(
 
 
 class _Listing(Printed):
-    """Listings, page by page."""
+    """Parser of ANSYS listings."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.places = NodeTable(Line(Path(), 0, ""), "", list(_PLACE))  # of `NLIST`
+        self.places = NodeTable(Line(Path(), 0, ""), "", list(_COORDINATES))  # from `NLIST`
 
     @on(r"LOAD STEP=\s*(\d+)\s+SUBSTEP=\s*(\d+)")
     def _step(self, line: Line, match: re.Match[str]) -> None:
@@ -123,7 +124,7 @@ class _Listing(Printed):
     @on(r"NODE((?:\s+[A-Z]\w*)+)\s*$")
     def _header(self, line: Line, match: re.Match[str]) -> None:
         columns = match[1].split()
-        if columns[:2] == list(_PLACE):
+        if columns[:2] == list(_COORDINATES):
             self.table = self.places
         else:
             self.open(line, "", columns)
@@ -133,10 +134,10 @@ class _Listing(Printed):
         self.table = None
 
     def row(self, line: Line, table: NodeTable) -> None:
-        """Take a row, of columns of fixed width; other lines are of a page's head."""
+        """Add a row of fixed-width columns; skip lines of a page header."""
         if _ROW.match(line.text):
             if not line.ended:
                 raise line.error("the last line is cut off; expected a whole listing")
-            words = _TOUCH.sub(" ", line.text).split()
+            words = _NUMBER_START.sub(" ", line.text).split()
             words = words[:3] if table is self.places else words
             table.lines.append(line._replace(text=" ".join(words)))

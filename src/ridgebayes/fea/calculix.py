@@ -1,4 +1,4 @@
-"""Read CalculiX runs: a ``.dat`` or a ``.frd``, with its deck and its ``.sta``."""
+"""Reader for CalculiX runs: a ``.dat`` or ``.frd`` file with its deck and ``.sta`` file."""
 
 import re
 from collections.abc import Collection, Sequence
@@ -25,25 +25,28 @@ _COLUMNS = {
     "displacements": _MOVED,
     "contact stress": _STRESS,
 }
-# CalculiX makes a plane element one layer of a solid, whose first two faces are its sides.
-_SIDES = 2
-_DIGITS = 5e-7  # of a displacement: seven are printed
-_FRD_DIGITS = 5e-6  # six are, in a .frd
+# CalculiX expands a plane element to one layer of solid elements. Faces 1 and 2 of the solid are
+# the front and back of the plane; face i + 2 is side i of the plane element.
+_N_PLANE_FACES = 2
+_DAT_ROUNDING = 5e-7  # relative rounding error of a displacement: a .dat prints seven digits
+_FRD_ROUNDING = 5e-6  # a .frd prints six digits
 
 
 def read_calculix(paths: Sequence[Path], facts: Given) -> ContactHistory:
-    """Read a CalculiX run.
+    """Read the results of a CalculiX run.
 
     Parameters
     ----------
     paths : sequence of pathlib.Path
-        One file, a ``.dat``: ``*NODE PRINT`` of ``U`` on the surface's set, and of ``RF`` with
-        ``TOTALS=ONLY`` or ``YES`` (or of each node) on the driven set, at each increment; or, in
-        place of displacements, ``*CONTACT PRINT`` of ``CSTR`` (of faces: ``TYPE=SURFACE TO
-        SURFACE``). Or a ``.frd`` file: ``*NODE FILE, OUTPUT=2D`` of ``U`` and ``RF``.
+        One file. A ``.dat`` file needs, at each increment, ``*NODE PRINT`` of ``U`` on the
+        surface's set and of ``RF`` on the driven set (of each node, or ``TOTALS=ONLY`` or
+        ``YES``). ``*CONTACT PRINT`` of ``CSTR`` can replace displacements if the contact pair has
+        ``TYPE=SURFACE TO SURFACE``. A ``.frd`` file needs ``*NODE FILE, OUTPUT=2D`` of ``U`` and
+        ``RF``.
     facts : Given
-        The run's deck: coordinates, sets, and the ridges' nodes. Increments that a ``.sta`` beside
-        the file does not list as converged are ignored.
+        Facts with the run's deck, which gives coordinates, node sets and the ridges' nodes. If a
+        ``.sta`` file lies beside the result file, increments that it does not list as converged
+        are ignored.
 
     Returns
     -------
@@ -53,14 +56,14 @@ def read_calculix(paths: Sequence[Path], facts: Given) -> ContactHistory:
     Raises
     ------
     InputError
-        If a file cannot be understood, with file and line; if a set is missing.
+        If a line cannot be parsed (the message names file and line), or a set is missing.
     """
     path, deck = paths[0], RunDeck.read(facts)
     is_frd = path.suffix.lower() == ".frd"
     printed = (Frd() if is_frd else _Blocks({deck.surface, deck.reaction})).read(path)
     surface, reaction = ("", "") if is_frd else (deck.surface, deck.reaction)
     ignore_unconverged(printed, path.with_suffix(".sta"))
-    # Contact stress only shows which faces carry load; displacements show more.
+    # Displacements give gaps; contact stress only shows which faces carry load.
     is_moved = any(table.has(*_MOVED) for table in printed.tables)
 
     def state(increment: Increment) -> tuple[float, FloatArray]:
@@ -69,12 +72,12 @@ def read_calculix(paths: Sequence[Path], facts: Given) -> ContactHistory:
             return force, _faces(increment.table(_STRESS))
         return force, increment.table(_MOVED, surface).of(deck.nodes, "vx", "vy")
 
-    wanted = f"displacements of {deck.surface} or contact stress, and forces of {deck.reaction}; "
-    wanted += "expected *NODE PRINT of U and of RF, TOTALS=ONLY; or *NODE FILE, OUTPUT=2D of both"
-    load, states = printed.states(state, path, wanted)
+    required = f"displacements of {deck.surface} or contact stress, and forces of {deck.reaction}; "
+    required += "expected *NODE PRINT of U and of RF, TOTALS=ONLY; or *NODE FILE, OUTPUT=2D of both"
+    load, states = printed.states(state, path, required)
     source = deck.provenance(path, "calculix")
     if is_moved:
-        digits = float((_FRD_DIGITS if is_frd else _DIGITS) * np.abs(states).max())
+        digits = float((_FRD_ROUNDING if is_frd else _DAT_ROUNDING) * np.abs(states).max())
         at = deck.undeformed + np.array(states)
         return printed.history(load, source, "calculix", at=at, digits=digits, **deck.places)
     pressed = _pressed(states, deck)
@@ -87,32 +90,32 @@ def _pressed(stress: Sequence[FloatArray], run: RunDeck) -> dict[str, np.ndarray
     """Return the pressed faces in each increment, and their undeformed positions."""
     pressed = [{(int(row[0]), int(row[1])) for row in rows if row[2] > 0} for rows in stress]
     faces = sorted(set().union(*pressed))
-    ends = np.array([run.ends(element, side - _SIDES) for element, side in faces])
+    ends = np.array([run.ends(element, side - _N_PLANE_FACES) for element, side in faces])
     ends = ends.reshape(-1, 2)
-    closed = np.array([[face in some for face in faces] for some in pressed])
+    closed = np.array([[face in closed_faces for face in faces] for closed_faces in pressed])
     x = np.broadcast_to(ends.mean(axis=1), closed.shape)
     return {"x": x, "closed": closed, "width": np.abs(np.diff(ends)[:, 0])}
 
 
 class _Blocks(Printed):
-    """Blocks of two node sets, and of contact."""
+    """Parser of a ``.dat`` file: blocks of two node sets, and of contact stress."""
 
     def __init__(self, sets: Collection[str]) -> None:
         super().__init__()
         self._sets = {name.upper() for name in sets}
         self._blocks: dict[float, set[str]] = {}
-        self._above = ""  # kind of the line above, if it is not blank
+        self._above = ""  # "head", "words" or "row": kind of the previous line; "" if blank
         self._is_total = self._is_lost = False
 
     def blank(self) -> None:
-        """Forget the line above."""
+        """Forget the kind of the previous line."""
         self._above = ""
 
     def take(self, line: Line) -> None:
-        """Take a line; refuse words among rows.
+        """Parse a line; refuse words between rows.
 
-        CalculiX prints headings between blank lines: other words are damage, and rows after them
-        would be lost.
+        CalculiX prints headings between blank lines. Other words are damage, and the rows below
+        them would be lost.
         """
         here = "words" if line.text.strip()[0].isalpha() else "row"
         is_lost = self._above == "words" and self._is_lost
@@ -153,7 +156,7 @@ class _Blocks(Printed):
             self.others.add(f"{block} of {name or 'all'}")
 
     def row(self, line: Line, table: NodeTable) -> None:
-        """Take a row, or a total."""
+        """Add a row or a total to the table."""
         if not self._is_total:
             table.lines.append(line)
         elif "TOTAL" in table.below:
@@ -166,7 +169,7 @@ def _faces(table: NodeTable) -> FloatArray:
     """Return element, face and pressure of each row of contact stress."""
     rows = numbers_of(table.lines, _STRESS)
     element, face, pressure = rows[:, :3].T
-    is_face = (element % 1 == 0) & (face % 1 == 0) & ((face > _SIDES) | (pressure <= 0))
+    is_face = (element % 1 == 0) & (face % 1 == 0) & ((face > _N_PLANE_FACES) | (pressure <= 0))
     for i in np.flatnonzero(~is_face)[:1]:
         raise table.lines[i].error(
             f"face {face[i]:g} of {element[i]:g}; expected a side of a plane element"

@@ -1,4 +1,4 @@
-"""CalculiX's ``.frd``: displacements and forces of all nodes, in columns of fixed width."""
+"""Parser of CalculiX ``.frd`` files: displacements and forces in columns of fixed width."""
 
 import re
 
@@ -9,9 +9,9 @@ COLUMNS = {"DISP": ["vx", "vy", "vz"], "FORC": ["fx", "fy", "fz"]}
 
 
 class Frd(Printed):
-    """Blocks of all nodes."""
+    """Parser of the blocks of a ``.frd`` file; each block has the values of all nodes."""
 
-    _width = 0  # of a node's number
+    _width = 0  # characters of a node number
 
     @on(r"(?<= )-1")
     def _row(self, line: Line, match: re.Match[str]) -> None:
@@ -41,7 +41,7 @@ class Frd(Printed):
     def _end(self, line: Line, match: re.Match[str]) -> None:
         if self.table is not None:
             self.table.whole, self.table = True, None
-        self.increment = None  # each block has a head with its time
+        self.increment = None  # each block has its own header with the time
 
     def row(self, line: Line, table: NodeTable) -> None:
-        """Take the name of a component: columns are those of a plane run."""
+        """Ignore a line with a component name: the columns are known."""

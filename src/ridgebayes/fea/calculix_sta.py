@@ -1,4 +1,4 @@
-"""CalculiX's ``.sta``: which increments converged."""
+"""Parser of CalculiX ``.sta`` files, which list the converged increments."""
 
 import math
 import re
@@ -8,34 +8,34 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import read_lines
 from ridgebayes.fea.printed import Printed
 
-# Step, increment, attempt (U where it did not converge), iterations, three times.
+# Step, increment, attempt (with a U if it did not converge), iterations, three times.
 _ATTEMPT = re.compile(r"\s*\d{1,9}\s+\d{1,9}\s+\d{1,9}(U?)\s+\d{1,9}\s+(\S+)\s+(\S+)\s+(\S+)\s*$")
-_HEADS = ("SUMMARY OF JOB INFORMATION", "STEP")
-_PRINTED = 2e-6  # of a time: six digits are printed here, seven in the .dat
+_HEADERS = ("SUMMARY OF JOB INFORMATION", "STEP")
+_TIME_RTOL = 2e-6  # a .sta prints six digits of a time, a .dat seven
 
 
 def ignore_unconverged(printed: Printed, path: Path) -> None:
-    """Ignore increments whose times are not those of converged ones.
+    """Mark the increments as ignored whose times the ``.sta`` file does not list as converged.
 
     Parameters
     ----------
     printed : Printed
-        Increments by their total times, as a ``.dat`` prints them.
+        Increments by total time, as read from a ``.dat`` or ``.frd`` file.
     path : pathlib.Path
-        The ``.sta`` file; all increments count where there is none. A last line without an end is
-        that of a run still going on: it is not read.
+        The ``.sta`` file. If it does not exist, no increment is ignored. A last line without line
+        end belongs to a run in progress and is skipped.
 
     Raises
     ------
     InputError
-        If a line cannot be understood, with its number, or there is none.
+        If a line cannot be parsed (the message names it), or the file lists no increment.
     """
     if not path.is_file():
         return
     ends: list[float] = []
     n_tail = 0
     for line in read_lines(path):
-        if not line.text.strip() or line.text.strip().startswith(_HEADS):
+        if not line.text.strip() or line.text.strip().startswith(_HEADERS):
             continue
         match = _ATTEMPT.match(line.text)
         if match is None:
@@ -55,5 +55,5 @@ def ignore_unconverged(printed: Printed, path: Path) -> None:
     stopped = f"; it stopped after {n_tail} attempts without convergence" if n_tail else ""
     printed.messages.append(f"{path}: {len(ends)} converged increments{stopped}")
     for (time,), increment in printed.increments.items():
-        if not any(math.isclose(time, end, rel_tol=_PRINTED) for end in ends):
+        if not any(math.isclose(time, end, rel_tol=_TIME_RTOL) for end in ends):
             increment.ignored = "it did not converge"

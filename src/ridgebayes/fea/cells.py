@@ -1,4 +1,4 @@
-"""Turn rows of text into the columns of a table: header, units, cells and numbers."""
+"""Conversion of text records to a table: header, units in cells, and numbers."""
 
 import csv
 import io
@@ -34,30 +34,30 @@ _TWO_NUMBERS = (
     "expected one number a cell, and its error in a column of its own, headed 'sd' or 'standard "
     "error'"
 )
-_MARKS = {".": "point", ",": "comma"}
-_COMMA = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
+_MARK_NAMES = {".": "point", ",": "comma"}
+_COMMA_NUMBER = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 _WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
-# Several words, not the single label of a row that is cut off.
+# A note has several words; a single word may be the label of a truncated row.
 _NOTE = re.compile(r"#.*|[^\W\d].*\s.*")
-# Python's blanks, without the control characters that only damaged files hold.
+# Whitespace without control characters, which occur in damaged files only.
 _BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
-_UNEVEN = ("#", "=", "nan")  # comments, formulas, missing numbers
-_IS_NEW = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)  # digits are exact by default
-_EXACT: dict[str, Any] = {} if _IS_NEW else {"float_precision": "round_trip"}
+_NOT_PLAIN = ("#", "=", "nan")  # signs of comments, formulas and missing numbers
+_IS_PANDAS_3_1 = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)  # floats exact by default
+_EXACT_FLOATS: dict[str, Any] = {} if _IS_PANDAS_3_1 else {"float_precision": "round_trip"}
 
 
-def _style(mark: str, thousands: str = "") -> tuple[str, str, re.Pattern[str]]:
-    """Return a decimal mark, a mark between thousands, and the pattern of cells with them."""
-    number = (NUMBER if mark == "." else _COMMA).pattern
+def _number_style(mark: str, thousands: str = "") -> tuple[str, str, re.Pattern[str]]:
+    """Return the decimal mark, the thousands separator, and the pattern of such cells."""
+    number = (NUMBER if mark == "." else _COMMA_NUMBER).pattern
     group, point = re.escape(thousands), re.escape(mark)
     grouped = rf"\s*[+-]?[1-9]\d{{0,2}}(?:{group}\d{{3}})+(?:{point}\d*)?\s*|" if thousands else ""
     return mark, thousands, re.compile(grouped + number, re.A)
 
 
 _STYLES = (
-    *(_style("."), _style(",")),
-    *(_style(".", thousands) for thousands in ",' \xa0\u202f"),
-    *(_style(",", thousands) for thousands in ".' \xa0\u202f"),
+    *(_number_style("."), _number_style(",")),
+    *(_number_style(".", thousands) for thousands in ",' \xa0\u202f"),
+    *(_number_style(",", thousands) for thousands in ".' \xa0\u202f"),
 )
 
 
@@ -67,24 +67,24 @@ class TextTable(TableFile):
     Parameters
     ----------
     rows : iterable of (int, list of str)
-        Lines from 1 and their cells.
+        Line number, from 1, and cells of each record.
     separator : str
         Separator between cells.
     facts : Given
-        Options that the user gives.
+        The user's options.
     problems : FileError
-        Where rows of another length and formulas are noted.
+        Collects rows of wrong length and formulas.
     cell : callable, optional
-        Returns words for a worksheet's cell in a line and a column, both from 1.
+        Function that names a worksheet's cell by line and column, both from 1.
     typed : collection of str, optional
-        Cells of a worksheet that are numbers, not text, and so have a point for decimals.
+        Texts of a worksheet's numeric cells, which have a decimal point.
     text : str, optional
-        Text of the rows; pandas reads it if all rows have equally many plain cells.
+        Text of the rows. pandas reads it if all rows have the same number of plain cells.
 
     Raises
     ------
     InputError
-        If there is no header, or no row.
+        If there is no header, or no row below it.
     """
 
     def __init__(
@@ -107,22 +107,22 @@ class TextTable(TableFile):
         if n_head >= len(full):
             raise InputError(f"{self.where}: no rows below the header")
         first = full[n_head][0]
-        self._units: dict[str, str] = {}  # units in the cells
+        self._units: dict[str, str] = {}  # unit in the cells of a column, by header
         self._body: str | None = None
         if not self._read_even(text, first - facts.skip_rows):
             below = [row for row in chain(head, rows) if row[0] >= first]
             self._read_uneven(below, full[n_head:], problems)
 
     def _read_even(self, text: str, first: int) -> bool:
-        """Keep the rows for pandas, if all have the same number of plain cells."""
+        """Keep the text for pandas if all rows have the same number of plain cells."""
         body = text.split("\n", first - 1)[-1].rstrip("\n")
         small, separator = body.lower(), self._separator
-        if not body or self._facts.empty or any(mark in small for mark in _UNEVEN):
+        if not body or self._facts.empty or any(mark in small for mark in _NOT_PLAIN):
             return False
         if (lines := even_lines(body, separator, len(self.headers))) is None:
             return False
         begin, last = body.lstrip("\n").split("\n", 1)[0], body.rpartition("\n")[2]
-        is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # perhaps a note
+        is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # or a short row
         if is_note or any(map(_WITH_UNIT.fullmatch, begin.split(separator))):
             return False
         self._body = body
@@ -130,7 +130,7 @@ class TextTable(TableFile):
         return True
 
     def _read_uneven(self, rows: list[Row], head: Sequence[Row], problems: FileError) -> None:
-        """Keep the rows as they were typed, without comments and notes between and below them."""
+        """Keep the rows as text, without comments and without notes below the rows."""
         begin = next((cells for _, cells in head if not self._is_comment(cells)), head[0][1])
         renamed = {}
         for name, match in zip(self.headers, map(_WITH_UNIT.fullmatch, begin), strict=False):
@@ -143,37 +143,37 @@ class TextTable(TableFile):
         for name in self.headers:
             cells = self._typed[name]
             begins = cells.str.lstrip().str.startswith("=").to_numpy(bool)
-            save = "; no value is stored: open the file in Excel or LibreOffice, and save it once"
-            rule = "expected values, not formulas" + (save if self._cell else "")
+            advice = "; no value is stored: open the file in Excel or LibreOffice, and save it once"
+            rule = "expected values, not formulas" + (advice if self._cell else "")
             problems.cells(begins, name, rule)
 
     def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
-        """Read all rows, the columns of these headers as numbers; note cells that are none."""
-        wanted = [name for name in self.headers if name in numeric]
-        frame, mark = self._plain(wanted), "."
+        """Read all rows, `numeric` columns as numbers; report cells that are not numbers."""
+        columns = [name for name in self.headers if name in numeric]
+        frame, mark = self._plain(columns), "."
         if frame is None:
-            numbers, mark = self._numbers(wanted, problems)
+            numbers, mark = self._numbers(columns, problems)
             frame = self._typed.assign(**numbers)
-        frame = frame.assign(**{n: lossless(frame[n]) for n in self.headers if n not in wanted})
+        frame = frame.assign(**{n: lossless(frame[n]) for n in self.headers if n not in columns})
         name = "TSV" if self._separator == "\t" else "CSV"
         kind = "Excel" if self._cell else f"{name}, separator {SEPARATORS[self._separator]}"
         thousands = f", {mark[1:]!r} between thousands" if mark[1:] else ""
-        dialect = f"{kind}, decimal {_MARKS[mark[0]]}{thousands}"
+        dialect = f"{kind}, decimal {_MARK_NAMES[mark[0]]}{thousands}"
         problems.messages.insert(0, f"{self.where}: {dialect}, {len(frame)} rows")
         return filled(frame, problems)
 
     def spot(self, row: int, name: str) -> str:
-        """Return words for a cell."""
+        """Return the place of a cell, for messages."""
         line = int(self.lines[row])
         return self._cell(line, self.headers.index(name) + 1) if self._cell else f"line {line}"
 
     def typed(self, row: int, name: str) -> str:
-        """Return a cell as it was typed."""
+        """Return the text of a cell."""
         return str(self._typed[name].iloc[row])
 
     @cached_property
     def _typed(self) -> pd.DataFrame:
-        """All cells as they were typed, if pandas can read the rows."""
+        """Text of all cells, as pandas reads it."""
         return self._by_pandas(dtype=str)
 
     def _by_pandas(self, **options: Any) -> pd.DataFrame:
@@ -182,27 +182,27 @@ class TextTable(TableFile):
         frame: pd.DataFrame = pd.read_csv(io.StringIO(self._body), **options)
         return frame
 
-    def _plain(self, wanted: list[str]) -> pd.DataFrame | None:
-        """Return the table by pandas, if all its numbers are plain; else None."""
+    def _plain(self, numeric: list[str]) -> pd.DataFrame | None:
+        """Read the table with pandas; return None if a number is not plain."""
         if self._body is None or self._facts.decimal == "comma":
             return None
-        text = {name: str for name in self.headers if name not in wanted}
-        frame = self._by_pandas(dtype=text, na_values={name: [""] for name in wanted}, **_EXACT)
-        if not all(frame[name].dtype.kind in "if" for name in wanted):
+        text = {name: str for name in self.headers if name not in numeric}
+        frame = self._by_pandas(dtype=text, na_values={n: [""] for n in numeric}, **_EXACT_FLOATS)
+        if not all(frame[name].dtype.kind in "if" for name in numeric):
             return None
-        frame = frame.astype(dict.fromkeys(wanted, float))
-        return None if any(np.isinf(frame[name]).any() for name in wanted) else frame
+        frame = frame.astype(dict.fromkeys(numeric, float))
+        return None if any(np.isinf(frame[name]).any() for name in numeric) else frame
 
     def _is_comment(self, cells: list[str]) -> bool:
-        """Return whether a record begins with a # that is not part of a label."""
+        """Return whether a record is a comment: it begins with a # that is not part of a label."""
         is_whole = len(cells) == len(self.headers)
         return cells[0].lstrip().startswith("# " if is_whole else "#")
 
     def _without_comments(self, rows: list[Row], problems: FileError) -> list[Row]:
-        """Return the rows without comments; if most rows begin with #, they are labels."""
+        """Return the rows without comments; if most full rows begin with #, keep all as labels."""
         comments = [row for row in rows if self._is_comment(row[1])]
         n_whole, n_row = (
-            sum(len(cells) == len(self.headers) for _, cells in some) for some in (comments, rows)
+            sum(len(cells) == len(self.headers) for _, cells in part) for part in (comments, rows)
         )
         if not comments or 2 * n_whole > n_row:
             return rows
@@ -212,21 +212,21 @@ class TextTable(TableFile):
         return [row for row in rows if row not in comments]
 
     def _without_notes(self, rows: list[Row], problems: FileError) -> list[Row]:
-        """Return the rows without the single texts below them."""
+        """Return the rows without the notes below them, which are lines of one text each."""
         notes: list[str] = []
         for n_row in range(len(rows), 0, -1):
             words = [cell.strip() for cell in rows[n_row - 1][1] if cell.strip()]
             if n_row == 1 or len(words) > 1 or (words and not _NOTE.fullmatch(words[0])):
                 break
             notes += words
-        said = f"{self.where}: passed over below the rows:"
-        problems.messages += [f"{said} {note!r}" for note in reversed(notes)]
+        start = f"{self.where}: passed over below the rows:"
+        problems.messages += [f"{start} {note!r}" for note in reversed(notes)]
         return rows[:n_row] if rows else rows
 
     def _checked(self, rows: list[Row], problems: FileError) -> tuple[IntArray, pd.DataFrame]:
-        """Return each row's line, and every cell as it was typed.
+        """Return the line number of each row, and the text of all cells.
 
-        Rows of another length are noted; empty cells beyond the header are none.
+        Rows of wrong length are reported. Empty cells beyond the header are dropped.
         """
         width, whole, bad = len(self.headers), list[Row](), list[str]()
         for line, cells in rows:
@@ -245,11 +245,11 @@ class TextTable(TableFile):
         frame = pd.DataFrame([cells for _, cells in whole], columns=list(self.headers), dtype=str)
         return np.array([line for line, _ in whole], dtype=np.int64), frame
 
-    def _numbers(self, wanted: list[str], problems: FileError) -> tuple[dict[str, FloatArray], str]:
-        """Read numbers in the style that fits most cells, and note the other cells."""
+    def _numbers(self, names: list[str], problems: FileError) -> tuple[dict[str, FloatArray], str]:
+        """Parse numbers in the style that fits most cells, and report the other cells."""
         text: dict[str, pd.Series[str]] = {}
         counts: Counter[Any] = Counter()
-        for name in wanted:
+        for name in names:
             cells = self._typed[name].str.strip(_BLANKS)
             cells = cells.str.removesuffix(self._units.get(name, "")).str.strip(_BLANKS)
             text[name] = cells.mask(cells.isin(self._facts.empty), "")
@@ -275,16 +275,16 @@ class TextTable(TableFile):
             rule: [*{*bad} - {*nothing, *ranges}],
         }
         columns = {}
-        for name in wanted:
+        for name in names:
             columns[name] = text[name].map(numbers).replace(np.inf, np.nan).to_numpy(dtype=float)
-            for broken, cells_of in rules.items():
-                problems.cells(text[name].isin(cells_of).to_numpy(bool), name, broken)
+            for broken, bad_cells in rules.items():
+                problems.cells(text[name].isin(bad_cells).to_numpy(bool), name, broken)
         if nothing:
             problems.options["empty"] = "\n".join(dict.fromkeys(map(str.strip, nothing)))
         return columns, mark + thousands
 
     def _exact(self, cell: str) -> float | None:
-        """Return the number of a cell that reads the same with any decimal mark; else None."""
+        """Return the number of a cell that has the same meaning with any decimal mark, or None."""
         if cell in self._is_typed:
             return float(cell) if NUMBER.fullmatch(cell) else None
         match = FORTRAN.fullmatch(cell)
@@ -293,14 +293,14 @@ class TextTable(TableFile):
     def _style_of(
         self, counts: Mapping[str, int], problems: FileError
     ) -> tuple[str, str, re.Pattern[str]]:
-        """Return the first style that fits most cells; ask where two fit as well."""
+        """Return the first style that fits most cells; ask the user if a comma is ambiguous."""
 
         def n_off(style: tuple[str, str, re.Pattern[str]]) -> int:
             return sum(n for cell, n in counts.items() if not style[2].fullmatch(cell))
 
         decimal = self._facts.decimal
-        styles = [style for style in _STYLES if decimal in (None, _MARKS[style[0]])]
-        style = next((some for some in styles if not n_off(some)), None) or min(styles, key=n_off)
+        styles = [style for style in _STYLES if decimal in (None, _MARK_NAMES[style[0]])]
+        style = next((s for s in styles if not n_off(s)), None) or min(styles, key=n_off)
         if style[0] == "," and not style[1] and not decimal:
             commas = [cell for cell in counts if "," in cell and style[2].fullmatch(cell)]
             if commas and all(map(_STYLES[2][2].fullmatch, commas)):
@@ -313,12 +313,12 @@ class TextTable(TableFile):
 
 
 def read_delimited(content: bytes, facts: Given, problems: FileError) -> TextTable:
-    """Read a text file of cells between separators.
+    """Read a delimited text file.
 
     Raises
     ------
     InputError
-        As `separated_text` and `TextTable`, or if a quote is open.
+        As `separated_text` and `TextTable`, or if a quote is not closed.
     """
     text, separator = separated_text(content, facts.skip_rows, problems)
     lines = records(text, problems.where, separator)

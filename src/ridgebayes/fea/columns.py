@@ -1,4 +1,4 @@
-"""Tables of any columns and units: CSV, TSV, Excel and Parquet to contact tables."""
+"""Reader for tables with any columns and units: CSV, TSV, text, Excel and Parquet."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -33,13 +33,14 @@ from ridgebayes.table.rules import as_text, checked, row_codes
 from ridgebayes.table.table import ContactTable
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
-_OF_BODY = ("R", "D", "E")
-_FULL = ("a", "b", "pitch", *_OF_BODY)  # columns without empty cells
-_OF_GROUPS = (*_FULL, "a_over_R", "b_over_R", "nu", "offset", "offset_over_R", "thickness")
+_BODY_KEYS = ("R", "D", "E")
+_NEVER_EMPTY = ("a", "b", "pitch", *_BODY_KEYS)  # columns that must not have empty cells
+# Columns that may have a value only in the first row of a group, as in merged cells.
+_GROUP_KEYS = (*_NEVER_EMPTY, "a_over_R", "b_over_R", "nu", "offset", "offset_over_R", "thickness")
 
 
 def read_columns(path: Path, facts: Given) -> Imported:
-    r"""Read a table of any columns.
+    r"""Read a table with any columns and units.
 
     Parameters
     ----------
@@ -48,17 +49,18 @@ def read_columns(path: Path, facts: Given) -> Imported:
         between cells), a ``.rpt`` of X-Y data, an ``.xlsx`` workbook, or a ``.parquet`` file. Title
         lines above the header and a row of units below it are recognised.
     facts : Given
-        Its `map` says keys and headers, in addition to those recognised by their words: a column of
-        the contract, or ``a``, ``b``, ``pitch``, ``R``, ``D``, ``offset`` (lengths), ``E``, ``p``,
-        ``p_lower`` (pressures; p is the line load over 2 R), ``line``, ``line_lower`` (line loads),
-        ``force``, ``force_lower``, or ``load`` (one of these by its unit). The header's unit
-        (``[mm]``, ``(N/mm)``, ``, kPa``, `` / mm``) may be left out; ``header;unit`` gives one,
-        ``header;1`` says that there is none. A header with ``*``, as ``p=Load Q=* [kPa]``, is
-        one column for each Q, empty where Q was not reached; so are, unasked, headers such as
-        ``Q=4``. Increments of load-stepped runs have ``gap Q=4``, ``gap_over_R Q=4``,
-        ``pressure Q=4`` or ``status Q=4``, or counts that repeat. Its constants are R, E and
-        thickness (``"8 mm"``, or a plain number where no column has a unit), nu and the texture, or
-        those of a file of `map`: all but the load among the contract's columns.
+        The user's options. `map` gives headers by key, in addition to recognised headers. A key is
+        a contract column, ``a``, ``b``, ``pitch``, ``R``, ``D``, ``offset`` (lengths), ``E``,
+        ``p``, ``p_lower`` (pressures; p is the line load over 2 R), ``line``, ``line_lower`` (line
+        loads), ``force``, ``force_lower``, or ``load`` (the unit tells the kind of load). The
+        header's unit (``[mm]``, ``(N/mm)``, ``, kPa``, `` / mm``) may be omitted in the mapping;
+        ``header;unit`` overrides it, and ``header;1`` means no unit. A header with ``*``, such as
+        ``p=Load Q=* [kPa]``, maps one column per Q, with empty cells where Q was not reached.
+        Headers such as ``Q=4`` are recognised without a mapping. Increments of load-stepped runs
+        have columns ``gap Q=4``, ``gap_over_R Q=4``, ``pressure Q=4`` or ``status Q=4``, or
+        repeated counts. Constants are `R`, `E` and `thickness` (``"8 mm"``, or a plain number if
+        no column has a unit), `nu`, the texture, and the ``[values]`` of a mapping file, which may
+        hold any contract column except the load.
 
     Returns
     -------
@@ -67,15 +69,16 @@ def read_columns(path: Path, facts: Given) -> Imported:
     Raises
     ------
     InputError
-        If the file, the mapping or a cell breaks a rule, or something is missing: all of it, with
-        file, line, column, value and rule.
+        If the file, the mapping or a cell breaks a rule, or a quantity is missing. The message
+        lists all errors, with file, line, column, value and rule.
 
     Notes
     -----
-    *Validity.* Every column and value with a dimension has a unit, or none has and they are one
-    consistent system. A bare ``load`` without a unit is p/E, and refused beside an E.
+    *Validity.* Units are given for all columns and values with a dimension, or for none of them; in
+    the latter case they form one consistent system. A ``load`` without a unit is p/E, and is
+    refused if E is given.
 
-    *Accuracy.* Quotients err by rounding, but not those of up to 14 digits.
+    *Accuracy.* Quotients with up to 14 digits are exact decimals; others have rounding errors.
 
     Examples
     --------
@@ -125,9 +128,9 @@ def read_columns(path: Path, facts: Given) -> Imported:
     else:
         frame["source"] = origin
     lines = None if rows is None or source.lines is None else source.lines[rows]
-    if "decimal" in problems.options:  # its numbers are doubtful
+    if "decimal" in problems.options:  # the decimal mark is ambiguous, and so are all numbers
         problems.raise_all(source)
-    bodies = [use for use in uses if use.key in _OF_BODY and len(cells[use.header].unique()) > 1]
+    bodies = [use for use in uses if use.key in _BODY_KEYS and len(cells[use.header].unique()) > 1]
     del cells, converter  # for a million rows this frees 0.2 GB for the validation
     table = _validated(RawTable(frame, where, lines), rows, problems, source, bodies)
     return Imported(table, (*problems.messages, *_kept(table)), problems.known)
@@ -136,7 +139,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
 def _transitions(
     converter: Converter, corners: list[Use], term: str | None
 ) -> tuple[pd.DataFrame, "pd.Index[int] | None"]:
-    """Return a row for each transition, and which rows of the file they are, where they are."""
+    """Return a row per transition, and its row in the file (None if rows are increments)."""
     if corners:
         return of_corners(converter, corners), None
     frame = converter.rows(term)
@@ -150,15 +153,19 @@ def _transitions(
 
 
 def _counts_repeat(frame: pd.DataFrame) -> bool:
-    """Return whether rows are increments: counts of 4 or more repeat while a load rises."""
+    """Return whether rows are increments: counts of 4 or more repeat while the load rises.
+
+    At least a third of the rows repeat the count of the previous row, and the load rises in 80 % of
+    the repeats up to the highest load of each curve.
+    """
     Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
     same = Q[1:] == Q[:-1]
     if (
         3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= MOST_DISTINCT
-    ):  # a column of memory each
+    ):  # each count becomes a column in memory
         return False
     curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
-    # A curve without any load has its top in its first row, and so no increments.
+    # A curve without loads has its highest load in the first row, and thus no increments.
     top = pd.Series(load).fillna(-np.inf).groupby(curve).transform("idxmax").to_numpy()
     same &= (curve[1:] == curve[:-1]) & (np.arange(1, len(Q)) <= top[1:])
     rising = same & (load[1:] > load[:-1])
@@ -166,13 +173,13 @@ def _counts_repeat(frame: pd.DataFrame) -> bool:
 
 
 def _fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> None:
-    """Fill what stands once for a group of rows: widths, and texts of the same groups.
+    """Fill empty cells from above where a value is typed once for a group of rows.
 
-    A group's first row has all of its widths, and two groups that follow each other differ; else
-    the cells that are empty are lost ones.
+    Cells are filled if the first row of each group has all group values (widths), and consecutive
+    groups differ. Otherwise the empty cells are missing values.
     """
     there = [use.header for use in uses if use.Q is None and use.header in cells]
-    groups = [use.header for use in uses if use.key in _OF_GROUPS and use.header in there]
+    groups = [use.header for use in uses if use.key in _GROUP_KEYS and use.header in there]
     widths = [name for name in groups if cells[name].dtype.kind == "f" and cells[name].isna().any()]
     if not widths:
         return
@@ -196,26 +203,26 @@ def _fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) ->
 def _one_series(
     cells: pd.DataFrame, uses: list[Use], problems: FileError
 ) -> tuple[pd.DataFrame, list[Use]]:
-    """Return one column of series: those that words name, joined, without numbers of rows."""
-    some = [use for use in uses if use.key == "series" and use.how in ("guessed", "wide")]
-    kept = [use for use in some if len(cells) == 1 or cells[use.header].duplicated().any()]
-    for use in some:
+    """Return the table with all recognised series columns joined; drop columns of row numbers."""
+    series = [use for use in uses if use.key == "series" and use.how in ("guessed", "wide")]
+    kept = [use for use in series if len(cells) == 1 or cells[use.header].duplicated().any()]
+    for use in series:
         if use not in kept:
             problems.known.pop("series", None)
             how = f"it numbers the rows (--map 'series={use.header}' takes it)"
             problems.messages.append(f"column {use.header!r} is not taken as series: {how}")
-    rest = [use for use in uses if use not in some]
+    rest = [use for use in uses if use not in series]
     if len(kept) < 2:
         return cells, [*rest, *kept]
     name = ", ".join(use.header for use in kept)
     joined = pd.DataFrame({use.header: as_text(cells[use.header]) for use in kept})
     problems.messages.append(f"series: {name}, joined")
-    series = Use("series", name, how="guessed")
-    return cells.assign(**{name: joined.agg(", ".join, axis=1)}), [*rest, series]
+    joined_use = Use("series", name, how="guessed")
+    return cells.assign(**{name: joined.agg(", ".join, axis=1)}), [*rest, joined_use]
 
 
 def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:
-    """Note the cells that break a rule of their column, and empty them."""
+    """Report the cells that break a rule of their column, and set them to NaN."""
     if use.key not in (*ABOVE_0, *LOWERS, "pressure"):
         return
     numbers = cells[use.header].to_numpy(dtype=float)
@@ -227,9 +234,9 @@ def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:
         return
     sign = "above 0" if use.key in ABOVE_0 else "0 or above"
     sign = "0 where open, above 0 where closed" if use.key == "pressure" else sign
-    # Increments of a run may have no load yet; other rows have a rule of the table for it.
+    # A load of 0 is valid in increments; for other rows the table rules check the load.
     is_low = numbers <= 0 if use.key in ABOVE_0 and use.key not in LOADS else numbers < 0
-    is_lost = np.isnan(numbers) & (use.key in _FULL and use.Q is None)
+    is_lost = np.isnan(numbers) & (use.key in _NEVER_EMPTY and use.Q is None)
     for rule, bad in (("not empty", is_lost), (sign, is_low)):
         problems.cells(cells.index[bad], use.header, f"expected {rule}")
     if is_low.any():
@@ -237,7 +244,7 @@ def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:
 
 
 def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> InputError:
-    """Return an error about counts of which no row is left."""
+    """Return the error for a table in which all counts are below 4."""
     counts = next(use for use in uses if use.key == "Q")
     name = "Q" if counts.how == "wide" else f"column {counts.header!r}"
     most = cells[counts.header].max()
@@ -254,7 +261,7 @@ def _validated(
     source: TableFile,
     bodies: Sequence[Use],
 ) -> ContactTable:
-    """Return the table, or raise all noted problems and the rules that it breaks."""
+    """Return the table; raise all reported problems and all broken table rules."""
     frame, findings = checked(raw)
     noted = set() if rows is None else problems.rows()
     for column, rule, bad, other in findings.complaints():
@@ -284,7 +291,7 @@ def _validated(
 
 
 def open_table(path: Path, facts: Given, problems: FileError) -> TableFile:
-    """Return the file, by its suffix; nothing in it is run."""
+    """Open a table file by its suffix; macros and formulas are not executed."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(

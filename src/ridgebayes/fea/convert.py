@@ -1,4 +1,4 @@
-"""Convert columns and constants of a table to SI units, and make its rows."""
+"""Conversion of columns and constants of a table to SI units and dimensionless rows."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
@@ -27,30 +27,32 @@ from ridgebayes.table.columns import COUNT, NAMES, OK
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import as_text
 
-_NEEDED = {  # its purpose, and an example
+_MISSING_CONSTANTS = {  # meaning of the constant, and an example value for messages
     "R": ("radius of the body", "? mm"),
     "E": ("Young's modulus of the body", "? kPa"),
     "thickness": ("length of the body along the ridges, needed for forces", "? mm"),
 }
-# Divisors that make p/E of loads of each kind: p is the line load over 2 R.
-_OVER = {"p_over_E": (), "p": ("E",), "line": ("R", "E"), "force": ("thickness", "R", "E")}
+# Divisors that convert each kind of load to p/E, where p is the line load over 2 R.
+_LOAD_DIVISORS = {"p_over_E": (), "p": ("E",), "line": ("R", "E"), "force": ("thickness", "R", "E")}
 
 
 class Converter:
-    """Columns that are understood, constants, and their units: all have one, or none has.
+    """Converter of the recognised columns and constants of a table to dimensionless rows.
+
+    Either all columns and constants with a dimension have a unit, or none has.
 
     Parameters
     ----------
     cells : DataFrame, n_row rows
         Numbers and texts by header.
     uses : list of Use
-        Columns with a clear meaning.
+        Recognised columns.
     values : mapping of str to str or float
         Constants by key.
     facts : Given
-        Options that the user gives.
+        The user's options.
     problems : FileError
-        Where messages are noted, and what the user has to say.
+        Collects messages, errors and missing facts.
     """
 
     def __init__(
@@ -66,20 +68,20 @@ class Converter:
         self.uses, self._values = {(use.key, use.Q): use for use in uses}, values
         self.used: dict[Use, None] = {}
         self._used_values: set[str] = set()
-        self._units: dict[str, str] = {}  # of values with a dimension, by their names in messages
+        self._units: dict[str, str] = {}  # unit of each quantity, by its name in messages
 
     def rows(self, term: str | None) -> pd.DataFrame:
-        """Return a row for each transition or increment, and the user's own columns.
+        """Return a row for each transition or increment, with contract columns.
 
         Parameters
         ----------
         term : str or None
-            Things counted, as `ridgebayes.fea.mapping.assign` returns it.
+            Counted objects, as `ridgebayes.fea.mapping.assign` returns them.
 
         Returns
         -------
         DataFrame
-            Empty if a column is missing, which is noted.
+            Empty if a column is missing; the missing column is reported.
         """
         columns = self.curve()
         columns["Q"] = self._counts(self.quantity("Q"), term)
@@ -93,7 +95,7 @@ class Converter:
         return self.framed(columns)
 
     def finished(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """Return the rows that are transitions, with the user's own columns beside them."""
+        """Return the rows that are transitions, with the user's additional columns."""
         left = self.left()
         extra = [name for name in left if name not in NAMES]
         for name in left:
@@ -122,30 +124,30 @@ class Converter:
         return frame[keep]
 
     def curve(self) -> dict[str, Any]:
-        """Return what is constant along a curve."""
+        """Return the columns that are constant along a curve."""
         a, b = self._over_R("a"), self._over_R("b")
         if b is None and a is not None and (pitch := self._over_R("pitch")) is not None:
-            b = np.round(pitch - a, 12)  # a difference of decimals, without rounding errors
+            b = np.round(pitch - a, 12)  # removes rounding errors of a difference of decimals
             self.messages.append("b: pitch minus ridge width")
         columns = {"a_over_R": a, "b_over_R": b, "offset_over_R": self._over_R("offset")}
         columns["nu"] = self.quantity("nu")
         return columns | self.texts("texture", "series", "solver", "source")
 
     def load(self, suffix: str = "") -> FloatArray | None:
-        """Return loads over E, of whichever kind there are; None where there are none."""
+        """Return p/E of the loads, whatever their kind; None without a column of loads."""
         for key in LOADS:
             if (numbers := self.quantity(key + suffix)) is not None:
                 return self._over_E(key, numbers)
         return None
 
     def load_se(self) -> FloatArray | None:
-        """Return the standard error of every load, over E, where the user gives one."""
+        """Return the standard error of the loads over E, or None if the user gives none."""
         if "load_se" not in self._values:
             return None
         text = str(self._values["load_se"]).strip()
         number, unit = number_and_unit(text)
         key = next((key for key in LOADS[1:] if unit_factor(unit, DIMENSIONS[key])), "")
-        if not unit and (use := self.load_use()) is not None:  # as the loads: without a unit
+        if not unit and (use := self.load_use()) is not None:  # loads without a unit
             key = use.key
         if not key or not number > 0:
             raise self.problems.error(
@@ -158,17 +160,17 @@ class Converter:
         return self._over_E(key, np.array(number * float(factor or 1)))
 
     def load_use(self) -> Use | None:
-        """Return the column of loads; None where there is none, or one for each Q."""
+        """Return the column of loads, or None if there is none or one column per Q."""
         return next((use for key in LOADS if (use := self.uses.get((key, None)))), None)
 
     def texts(self, *keys: str) -> dict[str, Any]:
-        """Return columns of text, and constants in place of some."""
+        """Return text columns or constants by key."""
         columns: dict[str, Any] = {}
         for key in keys:
             if (use := self.uses.get((key, None))) is not None:
                 self.tell(use)
                 codes, distinct = pd.factorize(self.cells[use.header], use_na_sentinel=False)
-                words = as_text(pd.Series(distinct)).take(codes)  # each text once
+                words = as_text(pd.Series(distinct)).take(codes)  # converts each text once
                 columns[key] = words.set_axis(self.cells.index)
             elif key in self._values:
                 self._tell_value(key)
@@ -176,19 +178,19 @@ class Converter:
         return columns
 
     def quantity(self, key: str, Q: int | None = None) -> FloatArray | None:
-        """Return a column or constant in SI units; None where there is none."""
+        """Return a column or constant in SI units, or None if there is none."""
         use = self.uses.get((key, Q)) or self.uses.get((key, None))
         return self._constant(key) if use is None else self._column(use)
 
     def tell(self, use: Use, what: str = "", *, is_plain: bool = True) -> None:
-        """Say which column is used, unless `summarize` reports it by its own name."""
+        """Report that a column is used, unless its header is its key (see `summarize`)."""
         self.used[use] = None
         what += ", guessed from its header" if use.how == "guessed" else ""
         if use.name != use.header or what or not is_plain:
             self.messages.append(f"{use.name}: column {use.header!r}{what}")
 
     def summarize(self) -> None:
-        """Say which columns go by their own names, and ask for units that are missing."""
+        """Report the columns whose header is their key, and ask for missing units."""
         if plain := [use.key for use in self.used if use.key == use.header and use.key in NAMES]:
             self.messages.append(f"recognised by name: {', '.join(plain)}")
         have = [f"{name} in {unit}" for name, unit in self._units.items() if unit]
@@ -202,12 +204,12 @@ class Converter:
             self.messages.append(f"values given but not used: {', '.join(sorted(unused))}")
 
     def framed(self, columns: Mapping[str, Any]) -> pd.DataFrame:
-        """Return the columns that there are as a frame."""
-        there = {key: value for key, value in columns.items() if value is not None}
-        return pd.DataFrame(there, index=self.cells.index)
+        """Return a frame of the columns that are not None."""
+        present = {key: value for key, value in columns.items() if value is not None}
+        return pd.DataFrame(present, index=self.cells.index)
 
     def left(self) -> list[str]:
-        """Return the columns that are nothing of the contract."""
+        """Return the headers of columns that are not used."""
         used = {use.header for use in self.used}
         return [name for name in map(str, self.cells) if name not in used]
 
@@ -222,7 +224,7 @@ class Converter:
             unit, factor = None, Fraction(1)
         if use not in self.used:
             self.tell(use, f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else "")
-        if unit is not None and key in DIMENSIONS:  # else it was asked for above
+        if unit is not None and key in DIMENSIONS:  # a None was reported above
             self._units[f"{key} ({use.header!r})"] = unit
         numbers = self.cells[use.header].to_numpy(dtype=float)
         return numbers if factor == 1 else divided(numbers * float(factor))
@@ -246,7 +248,7 @@ class Converter:
         return np.array(number * float(factor or 1))
 
     def _tell_value(self, key: str) -> None:
-        """Say once that a constant is used."""
+        """Report once that a constant is used."""
         if key not in self._used_values:
             self.messages.append(f"{key}: {str(self._values[key]).strip()}, as given")
         self._used_values.add(key)
@@ -258,7 +260,7 @@ class Converter:
         return divided(length, self._needed("R"))
 
     def _over_E(self, key: str, loads: FloatArray) -> FloatArray:
-        by = [self._needed(name) for name in _OVER[key]]
+        by = [self._needed(name) for name in _LOAD_DIVISORS[key]]
         return divided(loads / 2 if len(by) > 1 else loads, *by) if by else loads
 
     def _needed(self, key: str) -> FloatArray:
@@ -266,14 +268,14 @@ class Converter:
             return numbers
         if key == "R" and (numbers := self.quantity("D")) is not None:
             return numbers / 2
-        why, example = _NEEDED[key]
-        self._units[key] = example.split()[1]  # the unit that the user is asked for
+        why, example = _MISSING_CONSTANTS[key]
+        self._units[key] = example.split()[1]  # the unit in the user's answer
         ways = f"expected --{key} '{example}', or a column, --map '{key}=HEADER'"
         self.problems.need(f"{key} is missing ({why}): {ways}", None, **{key: example})
-        return np.array(1.0)  # any E: it does not change whether loads rise
+        return np.array(1.0)  # a placeholder, so that all other errors are found, too
 
     def _rel_se(self, load: FloatArray | None) -> FloatArray | None:
-        """Return the relative error of loads: as a column, or a deviation over its mean."""
+        """Return the relative standard error of loads, from the columns of errors and sds."""
         rel_se, se, n = self.quantity("rel_se"), self.load("_sem"), self.uses.get(("n_mean", None))
         if se is None and (se := self.load("_sd")) is not None and n is not None:
             se = se / np.sqrt(self.cells[n.header].to_numpy(dtype=float))
@@ -283,7 +285,7 @@ class Converter:
         return divided(se, load) if rel_se is None else np.hypot(rel_se, divided(se, load))
 
     def _counts(self, counts: FloatArray | None, term: str | None) -> FloatArray | None:
-        """Return Q from counts of edges, ridges, segments or one side."""
+        """Return Q from counts of edges, ridges or segments, or of edges on one side."""
         if counts is None:
             return None
         if self.facts.count_is is None and term == "":
@@ -298,7 +300,10 @@ class Converter:
         return 2 * counts if term == "per-side" else counts
 
     def _empty(self, frame: pd.DataFrame, extra: list[str]) -> "pd.Series[bool]":
-        """Return which rows have no load and are left out; refuse them without `--skip-empty`."""
+        """Return a mask of the rows to leave out without a load; report them as errors otherwise.
+
+        Rows without a load are left out with ``--skip-empty`` only.
+        """
         is_ok = frame["status"].isin(["", OK]) if "status" in frame else True
         empty = frame["p_over_E"].isna() & is_ok
         empty &= ~frame.index.isin(list(self.problems.broken_rows()))
@@ -313,17 +318,17 @@ class Converter:
             return empty & False
         texts = [name for name in extra if frame[name].dtype.kind not in "if"]
         why = frame.loc[empty, texts].astype(str).agg(" ".join, axis=1).str.strip()
-        said = listed(why.mask(why == "", "no reason given").unique(), "")
-        self.messages.append(f"{int(empty.sum())} rows without a load left out: {said}")
+        reasons = listed(why.mask(why == "", "no reason given").unique(), "")
+        self.messages.append(f"{int(empty.sum())} rows without a load left out: {reasons}")
         return empty
 
     def _compare_loads(self, name: str, p_over_E: "pd.Series[float]") -> None:
-        """Say of another column of loads how far it is from the one that is read."""
+        """Report the ratio of an unused column of loads to the loads that are read."""
         words, unit = split_header(name)
         for key in LOADS[1:]:
             factor = unit_factor(unit, DIMENSIONS[key])
             is_load = factor is not None and key_of(words) in (key, "load")
-            if is_load and all(self.quantity(by) is not None for by in _OVER[key]):
+            if is_load and all(self.quantity(by) is not None for by in _LOAD_DIVISORS[key]):
                 others = pd.to_numeric(self.cells[name], errors="coerce").to_numpy(dtype=float)
                 ratio = np.nanmedian(self._over_E(key, others * float(factor or 1)) / p_over_E)
                 self.messages.append(
@@ -331,7 +336,7 @@ class Converter:
                 )
 
     def _ask_units(self, have: list[str], bare: list[str]) -> None:
-        """Ask for units, with those of the same dimension as a first guess."""
+        """Ask for missing units, and propose the unit of another quantity of the same dimension."""
         units = {DIMENSIONS[name.split(" ")[0]]: unit for name, unit in self._units.items() if unit}
         mapping, options = {}, {}
         for name in bare:
@@ -351,7 +356,7 @@ class Converter:
 
 
 def with_load_se(frame: pd.DataFrame, p_se: FloatArray | None) -> pd.DataFrame:
-    """Return rows with the load cell's error, over E, in rel_se, in quadrature."""
+    """Return rows with the load cell's error `p_se` (over E) added to rel_se in quadrature."""
     if p_se is None:
         return frame
     rel_se = frame["rel_se"].fillna(0.0) if "rel_se" in frame else 0.0
@@ -359,5 +364,5 @@ def with_load_se(frame: pd.DataFrame, p_se: FloatArray | None) -> pd.DataFrame:
 
 
 def listed(names: Iterable[str], quote: str = "'") -> str:
-    """Return names in quotes, the first of them."""
+    """Return the first names in quotes, separated by commas."""
     return some_of((repr(name) if quote else name for name in names), MOST_SHOWN)

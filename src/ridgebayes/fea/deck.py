@@ -1,4 +1,4 @@
-"""Read nodes, sets and a material from input decks of Abaqus and CalculiX."""
+"""Reader for input decks of Abaqus and CalculiX: nodes, node sets, elements and a material."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,27 +15,27 @@ from ridgebayes.fea.lines import Line, read_lines
 from ridgebayes.fea.record import Given, provenance
 from ridgebayes.table.columns import LARGEST_Q
 
-_DEEPEST = 4  # *INCLUDEs within *INCLUDEs
-_MOST_NODES = 1_000_000  # of a set
-_CORNERS = (3, 4)  # of plane elements
+_MAX_INCLUDE_DEPTH = 4  # refuses *INCLUDE cycles
+_MAX_SET_NODES = 1_000_000  # limits the memory that one GENERATE can take
+_CORNER_COUNTS = (3, 4)  # plane elements are triangles or quadrilaterals
 
 
 @dataclass
 class Deck:
-    """Nodes, node sets, and E and nu of the material.
+    """Contents of an input deck: nodes, node sets, elements, and E and nu of the body.
 
     Parameters
     ----------
     nodes : dict of int to (float, float)
-        Coordinates x and y by number.
+        Coordinates x and y by node number.
     nsets : dict of str to list of int
-        Node sets by name, in capitals, each in the order in which it is given.
+        Node sets by name in capitals, in the order of the deck.
     elements : dict of int to tuple of int
-        Nodes of the elements by number.
+        Nodes of each element by element number.
     E, nu : float or None
         From ``*HYPERELASTIC, NEO HOOKE``, or else from the first ``*ELASTIC``; None without either.
     printed : dict of str to list of str
-        Node sets by what ``*NODE PRINT`` writes of them: "U" and "RF".
+        Node sets in ``*NODE PRINT``, by the printed variable ("U", "RF").
     """
 
     nodes: dict[int, tuple[float, float]] = field(default_factory=dict)
@@ -46,16 +46,16 @@ class Deck:
     printed: dict[str, list[str]] = field(default_factory=dict)
 
     def nodes_of(self, name: str, where: str) -> list[int]:
-        """Return the nodes of a set, each once.
+        """Return the nodes of a set without duplicates.
 
         Raises
         ------
         InputError
-            If there is no such set.
+            If the deck has no set with this name.
         """
         if name.upper() not in self.nsets:
-            there = ", ".join(self.nsets) or "none"
-            raise InputError(f"{where}: no node set {name!r}; the node sets are {there}")
+            names = ", ".join(self.nsets) or "none"
+            raise InputError(f"{where}: no node set {name!r}; the node sets are {names}")
         return list(dict.fromkeys(self.nsets[name.upper()]))
 
     def coordinates(self, numbers: Sequence[int], where: str) -> FloatArray:
@@ -72,18 +72,19 @@ class Deck:
         return np.array([self.nodes[number] for number in numbers], dtype=float).reshape(-1, 2)
 
     def check_material(self, E: float, nu: float, path: Path) -> None:
-        """Refuse an E off by a thousandth, or a nu off by 0.001.
+        """Check the user's E and nu against the material of the deck.
 
         Parameters
         ----------
         E, nu : float
-            Young's modulus, in the deck's unit, and Poisson's ratio, as the user gives them.
+            The user's Young's modulus, in the deck's unit, and Poisson's ratio.
         path : pathlib.Path
-            The deck's, for messages.
+            Path of the deck, for messages.
 
         Raises
         ------
         InputError
+            If E differs by more than 0.1 %, or nu by more than 0.001.
         """
         for name, typed, off in (("E", E, {"rel_tol": 1e-3}), ("nu", nu, {"abs_tol": 1e-3})):
             value = getattr(self, name)
@@ -92,7 +93,7 @@ class Deck:
                 raise InputError(f"{path}: {has}; use --{name} as in the deck")
 
     def rigid_nodes(self, body: Sequence[int]) -> list[int]:
-        """List the nodes that no chain of elements joins to some nodes of the body."""
+        """Return the nodes that no chain of elements connects to the given nodes of the body."""
         joined = DisjointSet({*self.nodes, *body, *chain(*self.elements.values())})
         for first, *others in self.elements.values():
             for node in others:
@@ -110,9 +111,10 @@ class RunDeck:
     path : pathlib.Path
         The ``.inp`` file.
     deck : Deck
-        As read.
+        Contents of the deck.
     surface, reaction : str
-        Node sets: the body's surface, and where the load is read.
+        Names of the node sets of the body's surface and of the driven nodes, whose reaction is the
+        load.
     """
 
     path: Path
@@ -122,12 +124,12 @@ class RunDeck:
 
     @classmethod
     def read(cls, facts: Given) -> "RunDeck":
-        """Read the deck that is given, and its sets.
+        """Read the deck in `facts` and check that it has the node sets.
 
         Raises
         ------
         InputError
-            If it cannot be understood, or has other sets.
+            If the deck cannot be parsed, or a node set is missing.
         """
         assert facts.deck is not None
         assert facts.surface is not None
@@ -144,7 +146,7 @@ class RunDeck:
 
     @property
     def driven(self) -> list[int]:
-        """Nodes where the load is read."""
+        """Driven nodes, whose reaction is the load."""
         return self.deck.nodes_of(self.reaction, str(self.path))
 
     @property
@@ -154,27 +156,27 @@ class RunDeck:
 
     @property
     def rigid(self) -> FloatArray:
-        """Coordinates of nodes that are not the body's, shape (n, 2)."""
+        """Coordinates of the nodes that do not belong to the body, shape (n, 2)."""
         return self.deck.coordinates(self.deck.rigid_nodes(self.nodes), str(self.path))
 
     @property
     def places(self) -> dict[str, FloatArray]:
-        """Where the surface and the ridges are, as `ContactHistory` takes them."""
+        """Coordinates of surface and rigid nodes, as keyword arguments of `ContactHistory`."""
         return {"undeformed": self.undeformed, "rigid": self.rigid}
 
     def ends(self, element: int, side: int) -> tuple[float, float]:
-        """Return from where to where a side of a plane element is.
+        """Return the x of both ends of a side (from 1) of a plane element.
 
         Raises
         ------
         InputError
-            If there is no such side.
+            If the element or the side does not exist.
         """
         nodes = self.deck.elements.get(element, ())
         places = [self.deck.nodes[node] for node in nodes if node in self.deck.nodes]
-        # Corners come first, then as many nodes in the middle of sides, or none.
-        n = len(nodes) if len(nodes) in _CORNERS else len(nodes) // 2
-        if len(set(places)) < len(nodes) or n not in _CORNERS or not 0 < side <= n:
+        # Corner nodes come first; quadratic elements have as many mid-side nodes after them.
+        n = len(nodes) if len(nodes) in _CORNER_COUNTS else len(nodes) // 2
+        if len(set(places)) < len(nodes) or n not in _CORNER_COUNTS or not 0 < side <= n:
             raise InputError(
                 f"{self.path}: no side {side} of an element {element}, which is pressed; expected "
                 "the run's deck, of plane triangles and quadrilaterals"
@@ -182,18 +184,18 @@ class RunDeck:
         return places[side - 1][0], places[side % n][0]
 
     def provenance(self, path: Path, importer: str) -> str:
-        """Return where rows of a run's results come from."""
+        """Return the source of a run's rows: importer, result file, deck and node sets."""
         names = (f"surface={self.surface}", f"reaction={self.reaction}")
         return provenance(path, importer, f"deck={self.path.name}", *names)
 
 
 def read_deck(path: Path) -> Deck:
-    """Read a deck.
+    """Read an input deck.
 
     Parameters
     ----------
     path : pathlib.Path
-        A ``.inp`` file; files that it includes have to lie in its folder.
+        An ``.inp`` file; included files must lie in its folder.
 
     Returns
     -------
@@ -202,7 +204,7 @@ def read_deck(path: Path) -> Deck:
     Raises
     ------
     InputError
-        With file, line and rule, if a node, a set or an include cannot be understood.
+        If a node, a set or an include cannot be parsed. The message names file, line and rule.
     """
     deck = Deck()
     _read(path, deck, 0)
@@ -213,7 +215,7 @@ def read_deck(path: Path) -> Deck:
 
 @dataclass
 class _Block:
-    """A keyword with its options, and the cells of each line below it."""
+    """A keyword with its options and the cells of its data lines."""
 
     line: Line
     keyword: str
@@ -261,9 +263,9 @@ def _nset(block: _Block, deck: Deck) -> None:
         if "GENERATE" in block.options:
             first, last, *step = _integers(line, cells, 2)
             new = range(first, last + 1, *step[:1])
-            if len(nodes) + len(new) > _MOST_NODES:
+            if len(nodes) + len(new) > _MAX_SET_NODES:
                 raise line.error(
-                    f"GENERATE of {len(new)} nodes: expected at most {_MOST_NODES} in a set"
+                    f"GENERATE of {len(new)} nodes: expected at most {_MAX_SET_NODES} in a set"
                 )
             nodes += new
         else:
@@ -275,7 +277,7 @@ def _elements(block: _Block, deck: Deck) -> None:
     cells: list[str] = []
     for line, more in block.rows:
         cells += filter(None, more)
-        if more[-1]:  # a line that ends in a comma goes on
+        if more[-1]:  # an element continues after a comma at the end of a line
             element, *nodes = _integers(line, cells, 2)
             deck.elements[element] = tuple(nodes)
             cells = []
@@ -284,7 +286,7 @@ def _elements(block: _Block, deck: Deck) -> None:
 
 
 def _elastic(block: _Block, deck: Deck) -> None:
-    # The rubber is the body, even if the ridges' metal precedes it.
+    # A hyperelastic material is the body's, even if the ridges' *ELASTIC precedes it.
     if deck.E is None and block.rows and any(block.rows[0][1]):
         line, cells = block.rows[0]
         deck.E, deck.nu = _numbers(line, cells[:2], 2)
@@ -318,8 +320,8 @@ def _include(block: _Block, deck: Deck) -> None:
         raise block.line.error(
             f"*INCLUDE of {str(name)!r}: expected a file in the deck's own folder"
         )
-    if block.depth >= _DEEPEST:
-        raise block.line.error(f"*INCLUDE: expected at most {_DEEPEST} deep")
+    if block.depth >= _MAX_INCLUDE_DEPTH:
+        raise block.line.error(f"*INCLUDE: expected at most {_MAX_INCLUDE_DEPTH} deep")
     _read(folder / name, deck, block.depth + 1)
 
 

@@ -1,7 +1,6 @@
-"""Decks of a pressed disk: rigid blocks below it, and how far it is pressed at each level.
+"""Export of a scene as an input deck of CalculiX or Abaqus: a disk pressed onto rigid blocks.
 
-Everything is over the radius R and Young's modulus E: R = 1, E = 1. The text of a deck,
-CalculiX's or Abaqus's, is that of a template.
+All quantities are dimensionless, with R = 1 and E = 1. The text of the deck is a Jinja template.
 """
 
 import math
@@ -25,12 +24,13 @@ from ridgebayes.scene.scene import Scene
 
 FORMATS = ("calculix", "abaqus")
 SURFACE, REACTION = "NARC", "NTOP"
-_PENALTY = 1e5  # pressure over overlap, E/R: an overlap shifts the first transition most
-DEPTH = 0.06  # of the blocks that are the ridges, over R
-_ARC = 16  # blocks under a round corner
-_GROWTH = 0.3  # of edges away from corners
-_EACH = 12  # levels while the contact grows by a pitch
-_BEYOND = 1.2  # of the smooth body's displacement at the highest load: grooves give way
+_PENALTY = 1e5  # E/R; a smaller value lets overlap shift the first transition load
+DEPTH = 0.06  # depth of the rigid blocks over R
+_BLOCKS_PER_ROUND_CORNER = 16
+_EDGE_GROWTH = 0.3  # growth of element edges per distance from a corner
+_LEVELS_PER_PITCH = 12  # load levels while the contact grows by one pitch
+# A textured body needs a larger displacement than a smooth body for the same load.
+_DISPLACEMENT_FACTOR = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +40,15 @@ class PressedDisk:
     Parameters
     ----------
     mesh : DiskMesh
-        Its last node of each element, in the middle, is not for eight-node elements.
+        Mesh of nine-node elements; the centre node of each element is not used.
     blocks : tuple of ndarray of float, shape (4, 2)
         Corners of each block, counter-clockwise from the bottom left.
     nu, friction : float
-        Poisson's and Coulomb's.
+        Poisson's ratio and Coulomb's coefficient of friction.
     displacements : ndarray of float, shape (n_level,)
         Displacements of the mid-plane over R, downwards, in rising order.
     title : tuple of str
-        Lines for a reader.
+        Comment lines at the top of the deck.
     """
 
     mesh: DiskMesh
@@ -65,7 +65,7 @@ class PressedDisk:
 
     @property
     def numbers(self) -> IntArray:
-        """Number from 1 of each node in a deck; 0 of those in the middle of elements."""
+        """Number of each node in the deck, from 1; 0 for the unused centre nodes."""
         used = np.unique(self.cells)
         numbers = np.zeros(len(self.mesh.points), dtype=np.int64)
         numbers[used] = np.arange(1, len(used) + 1)
@@ -73,25 +73,25 @@ class PressedDisk:
 
     @property
     def rim(self) -> IntArray:
-        """Nodes of the rim from its lowest point on."""
+        """Nodes of the rim, from its lowest point outwards."""
         rim = self.mesh.rim
         return np.concatenate([rim[:, :2].ravel(), rim[-1:, 2]])
 
     @property
     def reach(self) -> float:
-        """Distance from the axis of the last block's end."""
+        """Distance of the outer end of the last block from the axis."""
         return float(max(block[:, 0].max() for block in self.blocks))
 
 
 def pressed_disk(scene: Scene, *, edges: float = 12.0) -> PressedDisk:
-    """Make the disk that the deck of a scene holds.
+    """Build the pressed disk of a scene.
 
     Parameters
     ----------
     scene : Scene
         Scene of one texture, with the body centred over a groove.
     edges : float, optional
-        Element edges over a ridge's width; at corners they are a third as long.
+        Number of element edges over a ridge's width; at corners the edges are a third as long.
 
     Returns
     -------
@@ -139,12 +139,12 @@ def pressed_disk(scene: Scene, *, edges: float = 12.0) -> PressedDisk:
         f"friction = {scene.friction:g}, to p/E = {p_max:g} or beyond",
         "R = 1, E = 1; a quarter disk: the line load is twice the reaction of NTOP, per thickness",
     )
-    n = math.ceil(_EACH * widest / (a + b))
+    n = math.ceil(_LEVELS_PER_PITCH * widest / (a + b))
     widths = widest * (np.arange(n) + 1) / n
-    # How far the mid-plane of a smooth cylinder comes down (Johnson 1985, 5.57).
+    # Displacement of the mid-plane of a smooth cylinder (Johnson 1985, eq. 5.57).
     down = widths**2 / 4 * (2 * np.log(4 / widths) - 1)
     return PressedDisk(
-        disk_mesh(size), tuple(blocks), scene.nu, scene.friction, _BEYOND * down, title
+        disk_mesh(size), tuple(blocks), scene.nu, scene.friction, _DISPLACEMENT_FACTOR * down, title
     )
 
 
@@ -154,21 +154,21 @@ def _size(
     corners = np.arcsin(places[places < 1.0])
 
     def size(theta: FloatArray) -> FloatArray:
-        """Return the wanted length of the rim's edges: short at corners, long where all is free."""
-        # Points of the rim that meet a corner slide as the load grows: hence the widths.
+        """Return the length of the rim's edges: short at corners, long outside of the contact."""
+        # Rim points slide over corners as the load grows: edges are short in windows around them.
         apart = np.abs(theta[:, None] - corners) - (0.5 * corner + window + 0.005 * corners)
-        near = corner + _GROWTH * np.maximum(apart.min(axis=1), 0.0)
-        return np.asarray(np.minimum(near, edge) + _GROWTH * np.maximum(theta - reach, 0.0))
+        near = corner + _EDGE_GROWTH * np.maximum(apart.min(axis=1), 0.0)
+        return np.asarray(np.minimum(near, edge) + _EDGE_GROWTH * np.maximum(theta - reach, 0.0))
 
     return size
 
 
 def _ridge(start: float, a: float, r: float, height: float) -> list[FloatArray]:
-    """Return the blocks of a ridge: one, or slices under round corners."""
+    """Return the blocks of a ridge: one for sharp corners, several slices for round corners."""
     if r == 0.0:
         x, y = np.array([start, start + a]), np.array([height, height])
     else:
-        turn = np.linspace(0.0, 0.5 * math.pi, _ARC + 1)
+        turn = np.linspace(0.0, 0.5 * math.pi, _BLOCKS_PER_ROUND_CORNER + 1)
         out, up = r * (1 - np.cos(turn)), height - r + r * np.sin(turn)
         x = np.concatenate([start + out, (start + a - out)[::-1]])
         y = np.concatenate([up, up[::-1]])
@@ -181,23 +181,23 @@ def _ridge(start: float, a: float, r: float, height: float) -> list[FloatArray]:
 
 
 def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> str:
-    """Write a deck.
+    """Return the text of a deck.
 
     Parameters
     ----------
     disk : PressedDisk
         Disk to write.
     program : {"calculix", "abaqus"}
-        Which reads it.
+        Program that reads the deck.
     penalty : float, optional, E/R
         Stiffness of CalculiX's contact, pressure over overlap.
 
     Returns
     -------
     str
-        Eight-node plane-strain elements; each level a step of its own, at whose end the
-        displacements of the rim (node set NARC) and the reaction of the mid-plane (NTOP) are
-        printed.
+        Deck with eight-node plane-strain elements and one step per level. At the end of each step,
+        the deck prints the displacements of the rim (node set NARC) and the reaction of the
+        mid-plane (NTOP).
 
     Raises
     ------
@@ -206,9 +206,9 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
 
     Notes
     -----
-    *Validity.* CalculiX leaves a spurious overlap where one step holds several increments: hence
-    the steps. Its elements have no separate pressure: Poisson's ratios near 0.5 lock in full
-    integration, so that it is reduced.
+    *Validity.* CalculiX leaves a spurious overlap if one step has several increments, so each level
+    is a step. CalculiX has no hybrid elements, and full integration locks for Poisson's ratios near
+    0.5, so the deck uses reduced integration.
     """
     if program not in FORMATS:
         raise InputError(f"--format {program}: expected {' or '.join(FORMATS)}")
@@ -220,8 +220,8 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
         )
     number, points, n_cell = disk.numbers, disk.mesh.points, len(disk.cells)
     sets = {REACTION: disk.mesh.mid_plane, "NAX": disk.mesh.axis, SURFACE: disk.rim}
-    # Blocks side by side share nodes: CalculiX goes from face to face to find what is pressed, and
-    # at the seam of faces that do not know each other the body passes through them.
+    # Adjacent blocks share nodes: CalculiX searches contact from face to face, and the body passes
+    # through the seam between faces without common nodes.
     rigid: dict[tuple[float, float], int] = {}
     for corner in np.concatenate(disk.blocks).tolist():
         rigid.setdefault(tuple(corner), int(number.max()) + len(rigid) + 1)
@@ -245,9 +245,9 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
 def _block(
     disk: PressedDisk, k: int, n_cell: int, nodes: dict[tuple[float, float], int]
 ) -> dict[str, Any]:
-    """Return number, nodes and the sides that may be touched of a block."""
+    """Return the element number, nodes and exposed sides of a block."""
     block = disk.blocks[k]
-    # Walls are where no neighbour goes on at the same height.
+    # A lateral side is exposed unless a neighbour has the same height there.
     left = any(tuple(block[3]) == tuple(other[2]) for other in disk.blocks)
     right = any(tuple(block[2]) == tuple(other[3]) for other in disk.blocks)
     return {
@@ -258,7 +258,7 @@ def _block(
 
 
 def _pressed_faces(disk: PressedDisk) -> list[tuple[int, int]]:
-    """Return elements and their sides along the part of the rim that may touch."""
+    """Return the element and side of each rim edge that can come into contact."""
     rim, points = disk.mesh.rim, disk.mesh.points
     middle = np.arctan2(points[:, 0], -points[:, 1])[rim[:, 1]]
     pressed = rim[middle < 2.0 * np.arcsin(min(disk.reach, 0.7)), 1]
@@ -273,7 +273,7 @@ def export_deck(
     *,
     edges: float = 12.0,
 ) -> PressedDisk:
-    """Write a scene as an input deck for other finite elements, as ``ridgebayes export-deck``.
+    """Write a scene as an input deck of CalculiX or Abaqus, as ``ridgebayes export-deck``.
 
     Parameters
     ----------
@@ -282,19 +282,19 @@ def export_deck(
     program : {"calculix", "abaqus"}
         Program that reads the deck.
     path : path
-        File to write; one that is there is replaced.
+        File to write. An existing file is overwritten.
     edges : float, optional
-        Element edges over a ridge's width.
+        Number of element edges over a ridge's width.
 
     Returns
     -------
     PressedDisk
-        The disk that was written: nodes, cells, displacements of its levels, in units of R.
+        Disk in the deck: nodes, elements and displacements, in units of R.
 
     Raises
     ------
     InputError
-        If the scene has several textures, or effects that a deck cannot hold.
+        If the scene has several textures, or effects that the deck does not support.
 
     Examples
     --------

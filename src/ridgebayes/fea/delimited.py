@@ -1,4 +1,4 @@
-"""Text files to records of cells: encoding, separator, header, units, and names of columns."""
+"""Splitting of text files into records: encoding, separator, header, row of units, and headers."""
 
 import codecs
 import re
@@ -17,34 +17,35 @@ from ridgebayes.table.columns import NAMES
 from ridgebayes.table.files import records
 
 SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
-_TOUCH = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # where a number begins within a word
-_RULE = re.compile(r"\s*[-=_]{9,}\s*")  # below a header
-LOOKED_AT = 60  # records
-_MOST_LOOKED = 200  # cells of a header
+_NUMBER_START = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # start of a number within a word
+_UNDERLINE = re.compile(r"\s*[-=_]{9,}\s*")  # line below a header
+LOOKED_AT = 60  # first records that are searched for the header
+_MAX_CELLS = 200  # cells of a record that are compared with known headers
 _NUMBER = re.compile(r"\s*[+-]?(?:\d[\d.,'\u2019 \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*%?\s*")
-_MOST_COLUMNS = 2000
-_LONGEST = 500  # characters of a header
+_MAX_COLUMNS = 2000
+_MAX_HEADER_LENGTH = 500  # characters
 _UNNAMED = "(column {})"
 _NO_UNIT = ("", "-", "--", "\N{EN DASH}", "1", "#", "[-]", "(-)", "count", "%")
-Row = tuple[int, list[str]]  # line from 1, and cells
+Row = tuple[int, list[str]]  # line number, from 1, and cells
 
 
 def separated_text(content: bytes, skip_rows: int, problems: FileError) -> tuple[str, str]:
-    """Return a file's text below some lines, and the separator between its cells.
+    """Return the text of a file below the skipped lines, and its separator.
 
     Parameters
     ----------
     content : bytes
-        All of it: UTF-8, UTF-16 with its mark, or Windows-1252, lines ended in any way.
+        Content of the file: UTF-8, UTF-16 with a byte order mark, or Windows-1252, with any line
+        ends.
     skip_rows : int
-        Lines to pass over at the top.
+        Lines to skip at the top.
     problems : FileError
-        Where messages about the text are noted.
+        Collects messages about the text.
 
     Raises
     ------
     InputError
-        If it is no text, is empty, or has one column only.
+        If the content is not text, is empty, or has only one column.
     """
     text = _as_text(content, problems).lstrip("\ufeff")
     lines = text.split("\n", skip_rows)
@@ -55,7 +56,7 @@ def separated_text(content: bytes, skip_rows: int, problems: FileError) -> tuple
 
 
 def _as_text(content: bytes, problems: FileError) -> str:
-    """Return text that may be UTF-16 or Windows-1252; say so if it is."""
+    """Decode text; report an encoding of UTF-16 or Windows-1252."""
     where = problems.where
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         try:
@@ -76,16 +77,16 @@ def _as_text(content: bytes, problems: FileError) -> str:
 
 
 def _separated(text: str, problems: FileError) -> tuple[str, str]:
-    """Return the text and its separator: the one that gives most first records one width.
+    """Return the text and the separator that splits most of the first records into equal widths.
 
-    Tab goes before semicolon, bar and comma: a comma may stand within cells of the others. Text in
-    columns with blanks between gets tabs.
+    Tab, semicolon and bar precede comma, since a comma may be part of cells between other
+    separators. In text with columns between blanks, the blanks are replaced by tabs.
     """
     best, n_record, failed = (0, ""), 0, None
     for separator in SEPARATORS:
         try:
-            some = islice(records(text, problems.where, separator), LOOKED_AT)
-            widths = Counter(len(cells) for _, cells in some)
+            first = islice(records(text, problems.where, separator), LOOKED_AT)
+            widths = Counter(len(cells) for _, cells in first)
         except InputError as error:
             failed = error
             continue
@@ -105,28 +106,29 @@ def _separated(text: str, problems: FileError) -> tuple[str, str]:
 
 
 def _tabs_for_blanks(text: str, problems: FileError) -> str:
-    """Return text in columns with tabs between; empty if most lines are not equally wide."""
+    """Return text with tabs between columns; empty if most lines differ in number of words."""
     lines = text.split("\n")
     n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith(("#", "%"))), 0)
-    rows = [re.sub(r"^\s*[#%]+", "", row) for row in lines[:n]] + lines[n:]  # a header among them
-    rows = ["" if _RULE.fullmatch(row) else row for row in rows]
+    rows = [re.sub(r"^\s*[#%]+", "", row) for row in lines[:n]] + lines[n:]  # may be a header
+    rows = ["" if _UNDERLINE.fullmatch(row) else row for row in rows]
     some = [row.split() for row in rows[:LOOKED_AT] if row.strip() and row.lstrip()[0] not in "#%"]
     widths = Counter(map(len, some))
     width, n = widths.most_common(1)[0] if widths else (0, 0)
     is_table = width >= 2 and n >= 2 and 2 * n > widths.total()
-    touching = next((i for i, row in enumerate(rows) if _TOUCH.search(row)), None)
+    touching = next((i for i, row in enumerate(rows) if _NUMBER_START.search(row)), None)
     if touching is not None and len(widths) > 1:
-        # Numbers of fixed columns run together: safe to part where all rows then have one width.
-        parted = [_TOUCH.sub(" ", row) for row in rows]
-        counts = sorted({len(row.split()) for row in parted if row.strip()})
-        said = f"{problems.where}, line {touching + 1}: columns run together, such as "
-        said += clipped(lines[touching])
+        # Numbers in columns of fixed width can touch. They are split if all rows then have the
+        # same number of cells.
+        split = [_NUMBER_START.sub(" ", row) for row in rows]
+        counts = sorted({len(row.split()) for row in split if row.strip()})
+        symptom = f"{problems.where}, line {touching + 1}: columns run together, such as "
+        symptom += clipped(lines[touching])
         if len(counts) == 1:
-            problems.messages.append(f"{said}: split before signs, {counts[0]} columns")
-            rows, width, is_table = parted, counts[0], True
+            problems.messages.append(f"{symptom}: split before signs, {counts[0]} columns")
+            rows, width, is_table = split, counts[0], True
         elif not is_table:
             raise InputError(
-                f"{said}; split before signs, lines have {' or '.join(map(str, counts))} cells: "
+                f"{symptom}; split before signs, lines have {' or '.join(map(str, counts))} cells: "
                 "expected blanks between columns"
             )
     if not is_table:
@@ -137,9 +139,12 @@ def _tabs_for_blanks(text: str, problems: FileError) -> str:
 
 
 def _with_tabs(row: str, width: int) -> str:
-    """Return a line of so many cells with tabs between; names of Abaqus hold single blanks."""
-    ways = (row.split(), re.split(r"\s{2,}", row.strip()))
-    return next(("\t".join(cells) for cells in ways if len(cells) == width), "")
+    """Return a line of `width` cells with tabs between them; empty if it has another width.
+
+    Cells may contain single blanks, like column names of Abaqus.
+    """
+    splits = (row.split(), re.split(r"\s{2,}", row.strip()))
+    return next(("\t".join(cells) for cells in splits if len(cells) == width), "")
 
 
 def find_header(
@@ -152,21 +157,21 @@ def find_header(
     rows : sequence of (int, list of str)
         Line and cells of each record.
     header_row : int or None
-        The header's line, where the user says it; 0 for none.
+        Line of the header; 0 for a file without header, None to search for it.
     problems : FileError
-        Where messages about the lines above the rows are noted.
+        Collects messages about the lines above the rows.
 
     Returns
     -------
     headers : list of str
-        Name of each column, with the units of a row of units.
+        Header of each column, with its unit if a row of units follows.
     n_head : int
         Number of records above the first row.
 
     Raises
     ------
     InputError
-        If there is no record in that line, or rows stand above the header.
+        If `header_row` has no record, or rows stand above the header.
 
     Examples
     --------
@@ -175,7 +180,7 @@ def find_header(
     (['Steg [mm]', 'Q'], 3)
     """
     where = problems.where
-    i = _likeliest(rows) if header_row is None else _at(rows, header_row, where)
+    i = _guess_header(rows) if header_row is None else _index_of_line(rows, header_row, where)
     if i is None:
         headers = [f"column {n}" for n in range(1, len(rows[0][1]) + 1)]
         names = f"columns are {headers[0]!r} to {headers[-1]!r}"
@@ -199,29 +204,30 @@ def find_header(
 
 
 def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
-    r"""Return headers on one line each, and a stand-in for a column without one.
+    r"""Return unique headers on one line each, with a placeholder for an empty header.
 
-    A header that stands twice gets the number of its column.
+    A duplicate header gets the number of its column.
 
     Raises
     ------
     InputError
-        If a header is a formula, is too long or has control characters, or there are over 2000.
+        If a header is a formula, is too long or has control characters, if all headers are empty,
+        or if there are more than 2000 columns.
 
     Examples
     --------
     >>> clean_headers(["Ridge  width\n[mm]", None, "Q", "Q"], "mine.csv")
     ('Ridge width [mm]', '(column 2)', 'Q', 'Q #4')
     """
-    if len(names) > _MOST_COLUMNS:
-        raise InputError(f"{where}: {len(names)} columns; expected at most {_MOST_COLUMNS}")
+    if len(names) > _MAX_COLUMNS:
+        raise InputError(f"{where}: {len(names)} columns; expected at most {_MAX_COLUMNS}")
     headers: list[str] = []
     for i, name in enumerate(names, start=1):
         text = "" if name is None else " ".join(str(name).split())
         rules = {
             "expected values, not formulas": text.startswith("="),
             "expected no control characters": re.search(r"[\x00-\x1f\x7f]", text) is not None,
-            f"expected at most {_LONGEST} characters": len(text) > _LONGEST,
+            f"expected at most {_MAX_HEADER_LENGTH} characters": len(text) > _MAX_HEADER_LENGTH,
         }
         for rule, is_broken in rules.items():
             if is_broken:
@@ -236,24 +242,24 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
 
 
 def filled(frame: pd.DataFrame, problems: FileError) -> pd.DataFrame:
-    """Return the rows of a file that hold anything, without unnamed columns that hold nothing.
+    """Return a table without empty rows and without empty columns that have no header.
 
     Parameters
     ----------
     frame : DataFrame, n_row rows
-        All cells by header: numbers, NaN where a cell is empty, or text.
+        All cells by header: numbers (NaN for an empty cell) or text.
     problems : FileError
-        Where it is said how many rows are empty.
+        Collects a message with the number of empty rows.
 
     Returns
     -------
     DataFrame
-        Its index tells which rows of the file they are, from 0.
+        Its index is the row in the file, from 0.
 
     Raises
     ------
     InputError
-        If no row does.
+        If all rows are empty.
     """
     empty = frame.isna() | (frame == "")
     unnamed = {_UNNAMED.format(i) for i in range(1, len(empty.columns) + 1)}
@@ -261,25 +267,25 @@ def filled(frame: pd.DataFrame, problems: FileError) -> pd.DataFrame:
     blank = empty.all(axis=1)
     if blank.all() and not problems:
         raise problems.error("no rows below the header")
-    blank &= not blank.all()  # else its cells are no numbers
+    blank &= not blank.all()  # if all are blank, their cells were reported as invalid numbers
     if n := int(blank.sum()):
         problems.messages.append(f"{n} empty rows ignored")
     return frame.loc[~blank, used]
 
 
 def n_known(cells: Sequence[str]) -> int:
-    """Return how many of some cells are headers whose meaning is known."""
-    words = [split_header(cell.strip())[0] for cell in cells[:_MOST_LOOKED] if not is_number(cell)]
+    """Return the number of cells that are recognised headers."""
+    words = [split_header(cell.strip())[0] for cell in cells[:_MAX_CELLS] if not is_number(cell)]
     keys = {text if text in NAMES else key_of(text) for text in words} - {""}
     return len(keys) + len(corners_of(words))
 
 
 def is_number(cell: str) -> bool:
-    """Return whether a cell looks like a number, in whichever country."""
+    """Return whether a cell looks like a number with any decimal mark and thousands separator."""
     return _NUMBER.fullmatch(cell) is not None
 
 
-def _at(rows: Sequence[Row], line: int, where: str) -> int | None:
+def _index_of_line(rows: Sequence[Row], line: int, where: str) -> int | None:
     if line == 0:
         return None
     lines = [number for number, _ in rows]
@@ -288,8 +294,8 @@ def _at(rows: Sequence[Row], line: int, where: str) -> int | None:
     return lines.index(line)
 
 
-def _likeliest(rows: Sequence[Row]) -> int | None:
-    """Return which record is the header: most words of the field above columns of numbers."""
+def _guess_header(rows: Sequence[Row]) -> int | None:
+    """Return the index of the likeliest header: most recognised words above columns of numbers."""
     full = [[j for j, cell in enumerate(cells) if cell.strip()] for _, cells in rows]
     width = max(map(len, full))
     best, place = 0, None
@@ -310,7 +316,7 @@ def _likeliest(rows: Sequence[Row]) -> int | None:
 
 
 def _refuse_rows(above: Sequence[Row], headers: Sequence[str], line: int, where: str) -> None:
-    """Refuse records above the header that look like rows: they would be lost as titles."""
+    """Refuse rows of numbers above the header, which would be ignored as title lines."""
     least = max(2, sum(bool(name.strip()) for name in headers) / 2)
     lines = [str(at) for at, cells in above if sum(map(is_number, cells)) >= least]
     if lines:

@@ -1,4 +1,4 @@
-"""FEBio's log data: positions of nodes and a force, step by step, in files of their own."""
+"""Reader for log data of FEBio: node positions and a force at each step."""
 
 import math
 import re
@@ -23,21 +23,21 @@ def read_febio(paths: Sequence[Path], facts: Given) -> ContactHistory:
     Parameters
     ----------
     paths : sequence of pathlib.Path
-        Text files of ``*Step``, ``*Time``, ``*Data`` and rows ``id,value,...``: ``x;y`` of the
-        body's surface (the nodes of one set), and ``Fy`` of the rigid body or ``Ry`` of the driven
-        nodes, which are summed. One file may hold both.
+        Text files with ``*Step``, ``*Time``, ``*Data`` and rows ``id,value,...``. The data are
+        ``x;y`` of the nodes of the body's surface, and ``Fy`` of the rigid body or ``Ry`` of the
+        driven nodes, which are summed. Positions and forces may be in one file or in two.
     facts : Given
-        Nothing of it is needed.
+        Not used.
 
     Returns
     -------
     ContactHistory
-        Heights of the surface; these files do not hold its undeformed positions.
+        Heights of the surface, without undeformed positions, which log data do not contain.
 
     Raises
     ------
     InputError
-        If a line cannot be understood, with file and line, or data are missing.
+        If a line cannot be parsed (the message names file and line), or data are missing.
     """
     log = _Log()
     for path in paths:
@@ -50,18 +50,18 @@ def read_febio(paths: Sequence[Path], facts: Given) -> ContactHistory:
             raise MissingError("zeros, as before the first step: no state")
         return force, at
 
-    wanted = (
+    required = (
         "data x, y, and Fy or Ry; expected log data x;y of the surface's nodes, and Fy of the "
         "rigid body or Ry of the driven nodes: ridgebayes import POSITIONS FORCES"
     )
-    load, states = log.states(state, paths[0], wanted)
+    load, states = log.states(state, paths[0], required)
     at = np.array(states)
     source = provenance(paths[0], "febio", *(path.name for path in paths[1:]))
     return log.history(load, source, "febio", at=at, digits=last_digit(at[..., 1]) / 2)
 
 
 class _Log(Printed):
-    """Records of data, step by step."""
+    """Parser of log data."""
 
     @on(r"\*Step\s*=\s*(\S+)\s*$")
     def _step(self, line: Line, match: re.Match[str]) -> None:

@@ -1,4 +1,4 @@
-"""A run as a contact history, and the one way from a history to transition loads."""
+"""Contact history of a run, and its conversion to transition loads."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,46 +14,47 @@ from ridgebayes.fea.rim import Rim
 from ridgebayes.fea.transitions import transitions_of
 from ridgebayes.table.table import ContactTable
 
-NEAR = 1e-5  # of R: a node so near to a corner, or to the circle, is at it
-_REST = 3e-6  # of R: how well the height of a rim at rest on a ridge is known
-_INSIDE = 0.1  # of a ridge's width: away from its corners, where meshes sink in
-_LOWEST = 0.25  # of a ridge's nodes: where the body rests, if it rests on part of it
-_LIFTED = 1e-4  # of R: nodes so far above those do not rest
+NEAR = 1e-5  # distance over R below which a node counts as on a corner, or on the circle
+_REST_ERROR = 3e-6  # error over R of the height of a rim that rests on a ridge
+_CORNER_MARGIN = 0.1  # part of a ridge's width at each corner that is skipped: meshes overlap there
+# Quantile of the heights of nodes over a ridge at which the body rests, even if on a part of it.
+_RESTING_QUANTILE = 0.25
+_LIFTED_HEIGHT = 1e-4  # height over R above resting nodes from which a node does not rest
 
 
 @dataclass(frozen=True, eq=False)
 class ContactHistory:
-    """Contact of a run, step by step: the height of its surface, or the places where it is closed.
+    """Contact at each step of a run, as heights of the surface or as closed nodes or faces.
 
     Parameters
     ----------
     load : ndarray of float, shape (n_step,)
-        What `load_is` says: force on the meshed part, of either sign.
+        Load of either sign; `load_is` gives its meaning.
     where, source, solver : str
-        The file, for messages; columns of the table.
+        File name for messages, and values of the table's columns.
     x : ndarray of float, shape (n_step, n_node), length
-        Across the ridges, of nodes of the body's surface or of the middles of its faces.
+        Coordinates across the ridges, of surface nodes or of the centres of surface faces.
     height : ndarray of float, shape (n_step, n_node), length, or None
-        The gap, but for the height of the ridges' tops.
+        Heights of the surface nodes; the gap is the height minus that of the ridges' tops.
     closed : ndarray of bool, shape (n_step, n_node), or None
-        Which nodes are in contact, where heights are not known.
+        Whether each node or face is in contact, if heights are unknown.
     width : ndarray of float, shape (n_node,), length, or None
-        Widths of the closed faces; None for points.
+        Widths of the faces; None for nodes.
     Q : ndarray of int, shape (n_node,), or None
-        Counts of nodes at corners, in place of `x`.
+        Q of nodes at corners, which replaces `x`.
     undeformed : ndarray of float, shape (n_node, 2), length, or None
-        The same nodes before; None where the file does not tell.
+        Undeformed coordinates of the nodes; None if the file does not contain them.
     rigid : ndarray of float, shape (n, 2), length, or None
-        Nodes of the ridges: tops and corners are looked for among them. None where a file never
-        has them: tops are where the body rests.
+        Nodes of the ridges, which give the tops and corners. None for a format without ridge nodes;
+        then the height at which the body rests on the first ridge gives the tops.
     R : float, length, or None
-        Radius, where the file tells it.
+        Radius, if the file gives it.
     digits : float, length
-        Half of what the last printed digit of a height is worth.
+        Half of the last printed digit of a height.
     load_is : {"force", "line", "p_over_E"}
-        "line" and "p_over_E" are the whole body's.
+        Kind of load: force on the meshed part, or line load or p/E of the whole body.
     messages : tuple of str
-        Messages: values that were read, and parts that were ignored.
+        Messages about values that were read and parts that were ignored.
     """
 
     load: FloatArray
@@ -75,24 +76,24 @@ class ContactHistory:
 
 @dataclass(frozen=True)
 class RunBody:
-    """Values that the user gives beside a run's files; lengths and stresses in the run's units.
+    """Properties of the body and texture that the user gives, in the units of the run.
 
     Parameters
     ----------
     a_over_R, b_over_R, nu : float
         Texture and Poisson's ratio.
     R : float or None
-        Radius; None takes the circle through the surface's nodes.
+        Radius; None fits a circle to the undeformed surface nodes.
     E : float
         Young's modulus.
     symmetry : {"half", "full"}
-        Whether the mesh is half of the body (x of one sign), and its force half of the load.
+        "half" if the mesh is one half of the body, whose force is half of the load.
     top : float or None
-        Height of the ridges' tops; None looks for the rigid side's nodes at their corners.
+        Height of the ridges' tops; None uses the rigid nodes at the corners.
     thickness : float
-        Thickness of the plane-strain slice to which forces belong.
+        Thickness of the plane-strain slice on which the forces act.
     corner_over_R : float or None
-        Radius of the ridges' top corners; 0 is sharp, and None what the rigid side's nodes say.
+        Radius of the ridges' top corners; 0 is sharp, None uses the rigid nodes.
     """
 
     a_over_R: float
@@ -123,16 +124,16 @@ class RunBody:
 
 
 def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) -> Imported:
-    """Tell at which load a body reaches each proximal corner beyond the first.
+    """Return a table of the loads at which the body reaches each proximal corner after the first.
 
     Parameters
     ----------
     history : ContactHistory
         Contact of the run.
     body : RunBody
-        Values that the run's files do not hold.
+        Properties of the body that the run's files do not contain.
     brackets : bool, optional
-        As `ridgebayes.fea.transitions.transitions_of`.
+        As in `ridgebayes.fea.transitions.transitions_of`.
 
     Returns
     -------
@@ -141,26 +142,26 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
     Raises
     ------
     InputError
-        If the surface is not round, corners cannot be placed, none is reached, or a load is beyond
-        what can be computed with.
+        If the surface is not circular, corners cannot be located, no corner is reached, or a load
+        is too large.
     """
     where, load = history.where, np.abs(history.load)
-    said: list[str] = []
+    remarks: list[str] = []
     errors: dict[str, Any] = {}
     if history.Q is None or history.closed is None:
-        body, gaps, errors = _on_rim(history, body, said)
+        body, gaps, errors = _on_rim(history, body, remarks)
         Q = 4 + 2 * np.arange(gaps.shape[1])
     elif body.R is None and history.load_is != "p_over_E":
         raise InputError(f"{where}: expected --R, the body's radius")
     else:
         gaps, Q = np.where(history.closed, -np.inf, np.inf), history.Q
-    is_force, over = history.load_is == "force", 2 * (body.R or 1.0) * body.E
+    is_force, divisor = history.load_is == "force", 2 * (body.R or 1.0) * body.E
     half = 2 if is_force and body.symmetry == "half" else 1
     how = f"{' times 2' if half == 2 else ''} over 2 R E, E = {body.E:g}"
     if history.load_is == "p_over_E":
-        over, how = 1.0, ""
+        divisor, how = 1.0, ""
     with np.errstate(over="ignore"):
-        p_over_E = load * half / (body.thickness if is_force else 1.0) / over
+        p_over_E = load * half / (body.thickness if is_force else 1.0) / divisor
     if (bad := p_over_E > HUGE).any():  # NaN passes: transitions_of ignores those increments
         too_large = f"force {load[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}"
         raise InputError(f"{where}: {too_large}; expected p/E at most {HUGE:g}")
@@ -175,7 +176,7 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
     name = {"line": "line load", "p_over_E": "p/E"}.get(history.load_is, "force")
     messages = (
         *history.messages,
-        *said,
+        *remarks,
         f"texture: a/R = {body.a_over_R:g}, b/R = {body.b_over_R:g}, nu = {body.nu:g}",
         f"load: {name}{how}, {len(load)} increments to p/E = {np.nanmax(p_over_E):.5g}",
         *odd,
@@ -186,9 +187,9 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
 
 
 def _on_rim(
-    history: ContactHistory, body: RunBody, said: list[str]
+    history: ContactHistory, body: RunBody, remarks: list[str]
 ) -> tuple[RunBody, FloatArray, dict[str, Any]]:
-    """Return the body with its R, gaps over R at corners, shape (n_step, n_corner), and errors."""
+    """Return the body with R, gaps over R, shape (n_step, n_corner), and their errors."""
     assert history.x is not None
     R, where, n = body.R or history.R, history.where, history.x.shape[1]
     if history.undeformed is None:
@@ -196,31 +197,31 @@ def _on_rim(
     else:
         rim = Rim.of(history.undeformed, where, R=R, symmetry=body.symmetry)
     body = replace(body, R=rim.R)
-    said.append(f"surface: {n} nodes on a circle of R = {rim.R:.6g}")
+    remarks.append(f"surface: {n} nodes on a circle of R = {rim.R:.6g}")
     if history.height is None:
-        return body, _of_closed(history, body, rim), {}
+        return body, _closed_gaps(history, body, rim), {}
     digits = history.digits
     position = np.stack([history.x, history.height], axis=-1)
     if body.top is None and history.rigid is None:
-        position, body = _at_rest(position, body, rim, where), replace(body, top=0.0)
-        digits = math.hypot(digits, _REST * rim.R)
-        said.append("tops: where the body rests on the first ridge, step by step")
+        position, body = _relative_to_tops(position, body, rim, where), replace(body, top=0.0)
+        digits = math.hypot(digits, _REST_ERROR * rim.R)
+        remarks.append("tops: where the body rests on the first ridge, step by step")
     corners, radius, how = _corners(history, body, rim)
     if body.symmetry == "half" and (beyond := n - len(rim.sides[0][0])):
-        # A few nodes beyond a half mesh's axis are no second side: see Rim.of.
-        said.append(f"{beyond} surface nodes ignored: beyond the axis of a half mesh")
-    said.append(how)
+        # Rim ignores a side with few nodes, such as nodes just beyond the axis of a half mesh.
+        remarks.append(f"{beyond} surface nodes ignored: beyond the axis of a half mesh")
+    remarks.append(how)
     gaps = np.array([rim.gaps(at, corners, radius)[1:] for at in position]) / rim.R
-    # Over round corners a surface below the tops is no overlap: flats tell it.
+    # Beside the flat tops the rim may dip into round corners without overlap.
     flat, width = corners + np.array([radius, 0.0]), body.a_over_R * rim.R - 2 * radius
     depth = np.array([rim.overlap(at, flat, width) for at in position])
     error = np.hypot(depth[:, None], digits) / rim.R
-    # A height is a sum of two printed numbers: a coordinate and a displacement.
+    # A height is the sum of two printed numbers, a coordinate and a displacement.
     return body, gaps, {"gap_error": error, "digits": 2 * history.digits / rim.R}
 
 
 def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArray, float, str]:
-    """Return the proximal corners as distance from the axis and height, their radius, and how."""
+    """Return the proximal corners (distance from the axis, height), their radius and a message."""
     assert history.x is not None
     where, R, b = history.where, rim.R, body.b_over_R * rim.R
     pitch = body.a_over_R * R + b
@@ -235,10 +236,10 @@ def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArr
     away = np.abs(rigid[:, 0] - rim.centre[0])
     radius = body.corner_over_R
     if radius is None:
-        radius = _radius(away, rigid[:, 1], b / 2, body.a_over_R * R, R)
-    # Rigid nodes stand at the ends of the flats: the highest of those at each distance.
-    here = (rigid[np.abs(away - end) < NEAR * R, 1] for end in far + radius * R)
-    heights = [float(some.max()) for some in takewhile(len, here)]
+        radius = _corner_radius(away, rigid[:, 1], b / 2, body.a_over_R * R, R)
+    # The highest rigid node at the end of each flat top gives the height of the ridge.
+    at_ends = (rigid[np.abs(away - end) < NEAR * R, 1] for end in far + radius * R)
+    heights = [float(y.max()) for y in takewhile(len, at_ends)]
     if len(heights) < 2:
         raise InputError(
             f"{where}: no rigid nodes at the corners, {far[0] + radius * R:.6g} and "
@@ -251,8 +252,8 @@ def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArr
     return np.column_stack([far[: len(heights)], heights]), radius * R, tops
 
 
-def _radius(away: FloatArray, y: FloatArray, near: float, a: float, R: float) -> float:
-    """Return the first ridge's corner radius over R, if its nodes make one; else 0."""
+def _corner_radius(away: FloatArray, y: FloatArray, near: float, a: float, R: float) -> float:
+    """Return the corner radius over R of the first ridge from its nodes; 0 for a sharp corner."""
     on = (away >= near - NEAR * R) & (away <= near + a / 2)
     if not on.any():
         return 0.0
@@ -262,9 +263,9 @@ def _radius(away: FloatArray, y: FloatArray, near: float, a: float, R: float) ->
     return round(radius / R, 9) if radius > NEAR * R and start.any() else 0.0
 
 
-def _at_rest(position: FloatArray, body: RunBody, rim: Rim, where: str) -> FloatArray:
-    """Return positions seen from the ridges: tops at y = 0, where the body rests on the first."""
-    parts = np.array([_INSIDE, 1 - _INSIDE])
+def _relative_to_tops(position: FloatArray, body: RunBody, rim: Rim, where: str) -> FloatArray:
+    """Return positions with y = 0 at the height at which the body rests on the first ridge."""
+    parts = np.array([_CORNER_MARGIN, 1 - _CORNER_MARGIN])
     near, far = rim.R * (body.b_over_R / 2 + parts * body.a_over_R)
     away = np.abs(position[..., 0] - rim.centre[0])
     position = position.copy()
@@ -275,20 +276,20 @@ def _at_rest(position: FloatArray, body: RunBody, rim: Rim, where: str) -> Float
                 f"{where}, state {k + 1}: no rim node over the first ridge, {near:.4g} to "
                 f"{far:.4g} from the axis; expected its texture and a mesh as fine, or --top"
             )
-        # Nodes at rest scatter about the top by what the mesh leaves: their median does not.
+        # Heights of resting nodes scatter about the top by the mesh error; their median is robust.
         heights = position[k, over, 1]
-        low = float(np.quantile(heights, _LOWEST))
-        rest = float(np.median(heights[heights <= low + _LIFTED * rim.R]))
-        # States at a transition touch by rounding only: a little lower they do.
-        position[k, :, 1] -= rest + _REST * rim.R
+        low = float(np.quantile(heights, _RESTING_QUANTILE))
+        rest = float(np.median(heights[heights <= low + _LIFTED_HEIGHT * rim.R]))
+        # At a transition a corner touches within rounding only; the shift makes it closed.
+        position[k, :, 1] -= rest + _REST_ERROR * rim.R
     return position
 
 
-def _of_closed(history: ContactHistory, body: RunBody, rim: Rim) -> FloatArray:
-    """Return -inf where a ridge is closed, inf where not, NaN where that is open.
+def _closed_gaps(history: ContactHistory, body: RunBody, rim: Rim) -> FloatArray:
+    """Return gaps of -inf (ridge in contact), inf (not in contact) or NaN (ambiguous).
 
-    Shape (n_step, n_ridge), from the second ridge on. A face over two ridges leaves open which of
-    them it touches.
+    The shape is (n_step, n_ridge), from the second ridge on. A ridge is ambiguous if it is only
+    covered by closed faces that also cover another ridge.
     """
     assert history.x is not None
     assert history.closed is not None
@@ -302,7 +303,7 @@ def _of_closed(history: ContactHistory, body: RunBody, rim: Rim) -> FloatArray:
     gap = np.full((len(away), n), math.inf)
     for i, closed in enumerate(history.closed):
         start, end = ((away + way * reach)[i, closed][:, None] for way in (-1, 1))
-        # Faces reach over the groove beside the ridge that presses them, at most to its middle.
+        # A closed face over a groove belongs to an adjacent ridge.
         over = (end >= near) & (start <= near + a)
         none = ~over.any(axis=1)
         over[none] = (end[none] >= near - b) & (start[none] <= near + a + b)

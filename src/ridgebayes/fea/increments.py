@@ -1,4 +1,4 @@
-"""Increments of runs in a table: gaps, pressures, status or counts that become transitions."""
+"""Transitions of tables whose rows are increments with gaps, pressures, statuses or counts."""
 
 from collections.abc import Sequence
 
@@ -20,14 +20,14 @@ from ridgebayes.table.rules import as_text
 
 
 def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
-    """Return the transitions of tables whose rows are increments of runs.
+    """Return the transitions of a table with gap, pressure or status columns of corners.
 
     Parameters
     ----------
     converter : Converter
-        The table.
+        Converter of the table.
     corners : sequence of Use
-        Columns of gap, pressure or status at each corner.
+        Columns of gap, pressure or status, one per corner.
     """
     cells, problems = converter.cells, converter.problems
     for use in converter.uses.values():
@@ -41,36 +41,35 @@ def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
     load, load_se = converter.load(), converter.load_se()
     corners = sorted(corners, key=lambda use: use.Q or 0)
     gaps = np.column_stack([_gap(converter, use) for use in corners])
-    digits = last_digit(gaps) / 2  # a printed gap is rounded once
-    keep, said = np.ones(len(cells), dtype=bool), []
+    digits = last_digit(gaps) / 2  # rounding error of a printed gap
+    keep, remarks = np.ones(len(cells), dtype=bool), []
     if status := converter.uses.get(("status", None)):
         keep = as_text(cells[status.header]).isin(["", OK]).to_numpy(bool)
         converter.used[status] = None
         if n := int((~keep).sum()):
-            said.append(f"{n} increments ignored: their status is not 'ok'")
+            remarks.append(f"{n} increments ignored: their status is not 'ok'")
         if not keep.any():
             raise problems.error("no increment whose status is 'ok'")
     converter.summarize()
     if load is None or problems:
         return pd.DataFrame()
-    # In a run the empty cells of a column are its default; NaN would tell rows apart.
     frame = converter.framed(curve | {"p_over_E": load, "load_se": load_se})[keep]
     Q = np.array([use.Q or 0 for use in corners])
-    return _transitions(converter, frame.reset_index(drop=True), gaps[keep], Q, said, digits)
+    return _transitions(converter, frame.reset_index(drop=True), gaps[keep], Q, remarks, digits)
 
 
 def of_counts(converter: Converter, frame: pd.DataFrame) -> pd.DataFrame:
-    """Return the transitions of increments with a count each."""
+    """Return the transitions of a table whose rows are increments with a count."""
     Q = frame["Q"].to_numpy()
     levels = np.arange(4, int(np.nanmax(Q)) + 1, 2)
     gaps = np.where(Q[:, None] >= levels, -np.inf, np.inf)
     gaps[np.isnan(Q)] = np.nan
     how = "loads" if converter.facts.interpolate else "brackets (--interpolate gives loads)"
-    said = f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}"
+    remark = f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}"
     if converter.problems:
         return pd.DataFrame()
     curve = frame.drop(columns=["Q", "p_over_E_lower", "rel_se"], errors="ignore")
-    return _transitions(converter, curve, gaps, levels, [said])
+    return _transitions(converter, curve, gaps, levels, [remark])
 
 
 def _transitions(
@@ -78,19 +77,19 @@ def _transitions(
     frame: pd.DataFrame,
     gaps: FloatArray,
     Q: IntArray,
-    said: list[str],
+    remarks: list[str],
     digits: float = 0.0,
 ) -> pd.DataFrame:
     problems, load = converter.problems, frame.pop("p_over_E").to_numpy()
     load_se = frame.pop("load_se").to_numpy() if "load_se" in frame else None
     brackets = converter.facts.brackets
     try:
-        rows, remarks = transitions_of_runs(frame, load, gaps, Q, brackets=brackets, digits=digits)
+        rows, notes = transitions_of_runs(frame, load, gaps, Q, brackets=brackets, digits=digits)
     except InputError as error:
         raise problems.error(str(error)) from None
     if left := converter.left():
         problems.messages.append(f"not used: {listed(left)}")
-    problems.messages += [*said, *remarks]
+    problems.messages += [*remarks, *notes]
     if converter.facts.interpolate:
         rows, n = middle_loads(rows)
         problems.messages.append(f"{n} loads in the middle of their increments")
@@ -100,7 +99,7 @@ def _transitions(
 
 
 def _gap(converter: Converter, use: Use) -> FloatArray:
-    """Return the gap of a corner at each increment; the sign alone, of a status or a pressure."""
+    """Return the gap of a corner at each increment; -inf or inf for a status or a pressure."""
     cells, problems = converter.cells, converter.problems
     if use.key == "status":
         converter.tell(use, is_plain=False)
@@ -116,5 +115,5 @@ def _gap(converter: Converter, use: Use) -> FloatArray:
     distance = converter.quantity(use.key, use.Q)
     assert distance is not None
     R = None if use.key == "gap_over_R" else converter.quantity("R")
-    # A gap without R serves too: only its zero and its slope matter, not its size.
+    # Without R the gap keeps its unit: interpolation to zero does not depend on the unit.
     return distance if R is None else divided(distance, R)

@@ -1,4 +1,4 @@
-"""Lines of text files of other programs: numbers in them, refused with file and line."""
+"""Lines of text files, with number parsing whose errors name file and line."""
 
 import math
 import re
@@ -15,7 +15,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_text
 from ridgebayes.runtime.text import clipped
 
-# A number as programs print it: Fortran drops the E of an exponent of three digits.
+# A printed number. Fortran omits the E of an exponent with three digits.
 NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]?([+-]\d+)|[EeDd](\d+))?")
 
 
@@ -25,13 +25,13 @@ class Line(NamedTuple):
     Parameters
     ----------
     path : pathlib.Path
-        The file, for messages.
+        File, for messages.
     number : int
-        From 1.
+        Line number, from 1.
     text : str
-        Without its end.
+        Text without line end.
     ended : bool, optional
-        Whether it has one: the last line of a run that was stopped may be half.
+        Whether the line has a line end. The last line of an interrupted run may be incomplete.
     """
 
     path: Path
@@ -41,7 +41,7 @@ class Line(NamedTuple):
 
     @property
     def words(self) -> list[str]:
-        """Words of the line, between blanks."""
+        """Words of the line, separated by blanks."""
         return self.text.split()
 
     def error(self, message: str) -> InputError:
@@ -49,23 +49,23 @@ class Line(NamedTuple):
         return InputError(f"{self.path}, line {self.number}: {message}")
 
     def unexpected(self, expected: str) -> InputError:
-        """Return an error that shows the line."""
+        """Return an error that quotes the line."""
         return self.error(f"{clipped(self.text.strip())}; expected {expected}")
 
     def finite(self, word: str, value: int | None = None) -> float:
-        """Return a printed number.
+        """Parse a printed number.
 
         Parameters
         ----------
         word : str
-            Digits with a point; an exponent may lack its E, as Fortran prints it.
+            Digits with a decimal point; an exponent may lack its E, as Fortran prints it.
         value : int or None, optional
-            Which value of the line it is, for messages.
+            Position of the word in the line, for messages.
 
         Raises
         ------
         InputError
-            If it is no finite number, such as with a comma for the point.
+            If the word is not a finite number, for example with a decimal comma.
         """
         number = parse_number(word)
         if not math.isfinite(number):
@@ -74,7 +74,7 @@ class Line(NamedTuple):
         return number
 
     def values(self, columns: Sequence[str]) -> list[float]:
-        """Return the line's numbers, as many as there are columns."""
+        """Return the numbers of the line, one per column."""
         words = self.words
         if len(words) != len(columns):
             raise self.unexpected(", ".join(columns))
@@ -87,14 +87,15 @@ def numbers_of(lines: Sequence[Line], columns: Sequence[str]) -> FloatArray:
     Raises
     ------
     InputError
-        With its line, if a line has another number of columns, or a cell is no finite number.
+        If a line has another number of words, or a word is not a finite number. The message names
+        the line.
     """
     words = [line.words for line in lines]
     flat = list(chain.from_iterable(words))
     text = "".join(flat)
-    # Python has underscores and digits of other scripts in numbers, too.
+    # Python also accepts underscores and digits of other scripts in numbers.
     if set(map(len, words)) == {len(columns)} and text.isascii() and "_" not in text:
-        with suppress(ValueError):  # exponents without an E
+        with suppress(ValueError):  # NumPy refuses exponents without an E
             values = np.array(flat, dtype=float).reshape(-1, len(columns))
             if np.isfinite(values).all():
                 return values
@@ -102,7 +103,7 @@ def numbers_of(lines: Sequence[Line], columns: Sequence[str]) -> FloatArray:
 
 
 def last_digit_of(word: str) -> float:
-    """Return what the last printed digit is worth.
+    """Return the value of a unit in the last printed digit.
 
     Examples
     --------
@@ -116,7 +117,7 @@ def last_digit_of(word: str) -> float:
 
 
 def parse_number(word: str) -> float:
-    """Return a printed number, NaN if it is none.
+    """Return a printed number, or NaN if the word is not a number.
 
     Examples
     --------
@@ -128,14 +129,14 @@ def parse_number(word: str) -> float:
 
 
 def read_lines(path: Path, *, unfinished: bool = False) -> list[Line]:
-    """Read a text file.
+    """Read the lines of a text file.
 
     Parameters
     ----------
     path : pathlib.Path
-        The file.
+        File to read.
     unfinished : bool, optional
-        Whether to return a last line without an end too.
+        Whether to include a last line without line end.
 
     Returns
     -------
@@ -144,7 +145,7 @@ def read_lines(path: Path, *, unfinished: bool = False) -> list[Line]:
     Raises
     ------
     InputError
-        If it cannot be read, or is not UTF-8.
+        If the file cannot be read, or is not UTF-8.
     """
     *texts, last = read_text(path).split("\n")
     lines = [Line(path, number, text) for number, text in enumerate(texts, start=1)]

@@ -1,4 +1,4 @@
-"""Match the columns of a file with those of the contract: by mapping, by name, or by guess."""
+"""Matching of a file's columns with contract columns: by mapping, by name, or by header words."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -26,17 +26,17 @@ LOWERS = tuple(f"{key}_lower" for key in LOADS)
 SDS, _SEMS = (tuple(f"{key}{end}" for key in LOADS) for end in ("_sd", "_sem"))
 CORNERS = ("gap", "gap_over_R", "pressure", "status")
 ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
-_OF_MEANS = ("load", "load_lower", "load_sd", "load_sem", "n_mean")
-_NO_KEYS = ("gap", "thickness", *SDS, *_SEMS)
-KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _NO_KEYS), *_OF_MEANS)
+_MEAN_KEYS = ("load", "load_lower", "load_sd", "load_sem", "n_mean")
+_UNLISTED_KEYS = ("gap", "thickness", *SDS, *_SEMS)
+KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _UNLISTED_KEYS), *_MEAN_KEYS)
 PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", *CORNERS)
-_QUANTITIES = (*NUMBERS, *DIMENSIONS, *_OF_MEANS, *SDS, *_SEMS, "gap_over_R", "pressure")
-_VARYING = ("Q", "p_over_E", "p_over_E_lower", "source")
+_NUMERIC_KEYS = (*NUMBERS, *DIMENSIONS, *_MEAN_KEYS, *SDS, *_SEMS, "gap_over_R", "pressure")
+_NEVER_CONSTANT = ("Q", "p_over_E", "p_over_E_lower", "source")
 _CONSTANT = ("R", "D", "E", "thickness", "load_se", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
-CONSTANTS = tuple(name for name in _CONSTANT if name not in _VARYING)
-_WIDE = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
-_KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
-_SAME = (
+CONSTANTS = tuple(name for name in _CONSTANT if name not in _NEVER_CONSTANT)
+_WIDE_HEADER = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
+_CORNER_KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
+_ALTERNATIVES = (
     *(("a", "a_over_R"), ("b", "b_over_R"), ("offset", "offset_over_R")),
     *((*LOADS, "load"), (*LOWERS, "load_lower"), (*SDS, "load_sd"), (*_SEMS, "load_sem")),
 )
@@ -44,22 +44,23 @@ _SAME = (
 
 @dataclass(frozen=True)
 class Use:
-    """A column of the file, and what it is.
+    """A recognised column of a file.
 
     Parameters
     ----------
     key : str
-        A contract column, or one with a dimension.
+        Contract column, or quantity with a dimension.
     header : str
-        The file's header.
+        Header in the file.
     unit : str or None
-        The unit that the mapping gives; None leaves it to the header.
+        Unit in the mapping; None uses the unit in the header.
     Q : int or None
-        Which corner, for one column per Q.
-    how : {"mapped", "named", "guessed"}
-        Source of the match.
+        Q of the corner, in tables with one column per Q.
+    how : {"mapped", "named", "guessed", "wide"}
+        Source of the match: mapping, header equal to a key, words in the header, or conversion
+        from a wide table.
     repeat : str or None
-        Which repeat, for one column of loads each.
+        Label of the repeat, in tables with one column of loads per repeat.
     """
 
     key: str
@@ -71,27 +72,27 @@ class Use:
 
     @property
     def is_number(self) -> bool:
-        """Whether its cells are numbers."""
-        return self.key in _QUANTITIES
+        """Whether the cells are numbers."""
+        return self.key in _NUMERIC_KEYS
 
     @property
     def own_unit(self) -> str:
-        """Unit that the mapping gives, or else the text in the unit's place in the header."""
+        """Unit in the mapping, or else the text in place of a unit in the header."""
         return split_header(self.header)[1] if self.unit is None else self.unit
 
     @property
     def label(self) -> int | str | None:
-        """Corner or repeat of the column; None where it holds all of them."""
+        """Q or repeat of the column; None for a column with all corners and repeats."""
         return self.repeat if self.Q is None else self.Q
 
     @property
     def name(self) -> str:
-        """The key, with the corner."""
+        """The key, with Q if the column belongs to one corner."""
         return self.key if self.Q is None else f"{self.key} Q={self.Q}"
 
     @property
     def typed(self) -> str:
-        """The column as ``--map`` would name it."""
+        """The column in the notation of ``--map``."""
         return self.header if self.unit is None else f"{self.header};{self.unit}"
 
 
@@ -101,15 +102,15 @@ def assign(
     values: Mapping[str, object],
     problems: FileError,
 ) -> tuple[list[Use], str | None]:
-    """Tell what each column of a file is.
+    """Assign keys to the columns of a file.
 
     Parameters
     ----------
     headers : sequence of str
-        The file's.
+        Headers of the file.
     mapping : mapping of str to str
-        Keys to headers, with ``;unit`` where the header has none; a header with ``*`` means
-        one column per Q, and ``Q=*`` for headers such as ``Q=4``. The rest is recognised.
+        Headers by key, with ``;unit`` if the header has no unit. A header with ``*`` maps one
+        column per Q, and ``Q=*`` maps headers such as ``Q=4``. Other columns are recognised.
     values : mapping of str to object
         Constants by key.
     problems : FileError
@@ -118,15 +119,15 @@ def assign(
     Returns
     -------
     list of Use
-        Headers that occur in none are the user's own columns.
+        Recognised columns. Other columns are the user's additional columns.
     str or None
-        Things counted, one of `ridgebayes.fea.words.COUNTS`; empty where words do not say, None
-        where the user does, or the header is Q.
+        Counted objects, a key of `ridgebayes.fea.words.COUNTS`; empty if the header does not tell
+        them, None if no header of counts was guessed.
 
     Raises
     ------
     InputError
-        If a key is unknown, a header is not there, or two columns are mapped to one key.
+        If a key is unknown, a header is missing, or two columns are mapped to one key.
     """
     columns = _Columns(headers, values, problems)
     is_wide = False
@@ -141,7 +142,7 @@ def assign(
         columns.name_corners(required=is_wide)
     columns.guess()
     columns.settle()
-    # Q by words that may count something else.
+    # Counts that were recognised by words may be counts of edges, ridges or segments.
     counts = [u for u in columns.uses if u.key == "Q" and u.how == "guessed"]
     terms = columns.terms | {count_term(use.header) for use in counts}
     term = None if not terms else min(terms) if len(terms) == 1 else ""
@@ -150,12 +151,12 @@ def assign(
 
 
 def check_constants(values: Mapping[str, object], where: str) -> None:
-    """Refuse unknown constants.
+    """Check the keys of constants.
 
     Raises
     ------
     InputError
-        If a key is unknown or must be a column.
+        If a key is unknown, or the quantity must be a column.
     """
     for key in values:
         if key not in CONSTANTS:
@@ -163,7 +164,7 @@ def check_constants(values: Mapping[str, object], where: str) -> None:
 
 
 class _Columns:
-    """The columns of a file, and their meanings so far."""
+    """The columns of a file, and the keys assigned so far."""
 
     def __init__(
         self, headers: Sequence[str], values: Mapping[str, object], problems: FileError
@@ -174,13 +175,13 @@ class _Columns:
         self._headers, self.values = list(headers), values
         for header in headers:
             if header in values:
-                raise self._twice(header, header)
+                raise self._duplicate(header, header)
 
     def map(self, name: str, text: str) -> None:
-        """Add the columns that the mapping names."""
+        """Add the columns of an entry ``name=text`` of the mapping."""
         key, Q = name.strip(), None
         if key not in (*KEYS, *CORNERS, *SDS, *_SEMS):
-            match = _KEY.fullmatch(key)
+            match = _CORNER_KEY.fullmatch(key)
             key, Q = (match[1] or "load", int(match[2])) if match else (key, None)
             if match is None or key not in PER_Q:
                 raise self.problems.error(
@@ -197,23 +198,23 @@ class _Columns:
             raise self.problems.error(
                 f"mapping {name}={text}: expected with a corner, as '{key} Q=4'"
             )
-        headers = [header] if header in self._headers else self._of_words(header)
+        headers = [header] if header in self._headers else self._headers_with_words(header)
         if len(headers) != 1:
             several = "several columns" if headers else "no column"
             error = self._missing(f"mapping {name}={text}: {several} {header!r}")
             words = (split_header(other)[0] for other in self._headers)
             if not (near := get_close_matches(header, words, 1)):
                 raise error
-            headers = self._of_words(near[0])[-1:]
+            headers = self._headers_with_words(near[0])[-1:]
             meant = headers[0] if unit is None else f"{headers[0]};{unit}"
             self.problems.need(f"{error}; did you mean {headers[0]!r}?", {name: meant})
         self.uses.append(Use(key, headers[0], unit, Q))
 
-    def _of_words(self, words: str) -> list[str]:
+    def _headers_with_words(self, words: str) -> list[str]:
         return [header for header in self._headers if split_header(header)[0] == words]
 
     def _map_all(self, key: str, text: str, unit: str | None) -> None:
-        """Add the columns of a header with ``*``."""
+        """Add all columns that match a header with ``*``."""
         if text.count("*") != 1 or key not in PER_Q:
             raise self.problems.error(
                 f"mapping {key}={text}: expected one * in a header of {', '.join(PER_Q)}"
@@ -227,25 +228,25 @@ class _Columns:
             raise self._missing(f"mapping {key}={text}: no such column")
 
     def name(self, is_wide: bool) -> None:
-        """Add columns by their names: of the contract, then keys with dimensions."""
+        """Add columns whose header is a contract column or a key with a dimension."""
         has_Q = is_wide or any(use.Q is not None for use in self.uses)
         for names in (NAMES, set(KEYS) - {"Q", *TEXTS}):
             keys = self._keys()
             for header, words, unit in self._free():
-                # The second of two equal headers is "force #5".
+                # Duplicate headers have a column number, such as "force #5".
                 key = (header if names is NAMES else words).partition(" #")[0]
-                # "force [N/mm]": its unit tells what it is.
+                # "force [N/mm]" is a line load by its unit.
                 is_other = key in LOADS[1:] and unit and not unit_factor(unit, DIMENSIONS[key])
-                is_given = _rivals(key) & keys or (key == "Q" and has_Q)
+                is_given = _alternatives(key) & keys or (key == "Q" and has_Q)
                 if key in names and not is_given and not is_other:
                     self.uses.append(Use(key, header, how="named"))
 
     def name_corners(self, *, required: bool) -> None:
-        """Add columns with headers such as ``Q=4``, or that differ in one even number."""
+        """Add columns with headers such as ``Q=4``, or with headers that differ in one number."""
         n = len(self.uses)
         words = {header: text for header, text, _ in self._free()}
         for header, text in words.items():
-            match = _WIDE.fullmatch(text)
+            match = _WIDE_HEADER.fullmatch(text)
             key = (match[1] or "load").strip(" _") if match is not None else ""
             key = key if key in PER_Q else corner_key(key)
             if match is not None and key:
@@ -261,33 +262,33 @@ class _Columns:
             raise self._missing("no column with a header such as 'Q=4'")
 
     def guess(self) -> None:
-        """Add columns whose headers have words of the field."""
+        """Add columns that are recognised by the words in their headers."""
         keys, free = self._keys(), self._free()
         is_wide = any(use.Q is not None for use in self.uses)
         of_mean = sum(key_of(words) in ("load_sd", "load_sem", "Q") for _, words, _ in free) > 2
         for header, words, unit in free:
             key = "n_mean" if of_mean and is_number_of_repeats(words) else key_of(words)
             of_each_Q = is_wide and (key == "Q" or (key in PER_Q and key != "rel_se"))
-            if not key or _rivals(key) & keys or of_each_Q:
+            if not key or _alternatives(key) & keys or of_each_Q:
                 continue
             of_R = key in ("a", "b", "offset") and unit.startswith("%")
             use = Use(f"{key}_over_R", header, "%") if of_R else Use(key, header)
             self.uses.append(replace(use, how="guessed"))
 
     def settle(self) -> None:
-        """Take columns of one meaning as repeats, or ask for one of them; refuse a value beside."""
+        """Resolve several columns with one key, and refuse a column that is also a constant."""
         places: dict[tuple[str, int | None], list[Use]] = {}
         for use in self.uses:
             is_corner = use.Q is not None and use.key in CORNERS
-            rivals = _rivals(use.key)
+            rivals = _alternatives(use.key)
             for key in {use.key} if use.key in CORNERS else rivals:
                 if key in self.values:
-                    raise self._twice(key, use.header)
+                    raise self._duplicate(key, use.header)
             places.setdefault(("corner" if is_corner else min(rivals), use.Q), []).append(use)
         self.uses = [use for uses in places.values() for use in self._settled(uses)]
 
     def _settled(self, uses: list[Use]) -> list[Use]:
-        """Return the columns to keep among several of one meaning."""
+        """Return the columns to keep among several with one key; they may be repeats of loads."""
         first, headers = uses[0], [use.header for use in uses]
         are_guessed = all(use.how == "guessed" for use in uses)
         if len(uses) == 1 or (first.key == "series" and are_guessed):
@@ -303,44 +304,44 @@ class _Columns:
         return uses[:1]
 
     def _keys(self) -> set[str]:
-        """Return keys that are given."""
+        """Return the keys of all assigned columns and constants."""
         return {use.key for use in self.uses} | set(self.values)
 
     def _free(self) -> list[tuple[str, str, str]]:
-        """Return unused headers, with their words and the text in the place of their units."""
+        """Return the header, words and unit of each unassigned column."""
         used = {use.header for use in self.uses}
         return [(text, *split_header(text)) for text in self._headers if text not in used]
 
     def _missing(self, message: str) -> InputError:
-        there = ", ".join(map(repr, self._headers[:50]))
-        return self.problems.error(f"{message}; the columns are {there}")
+        names = ", ".join(map(repr, self._headers[:50]))
+        return self.problems.error(f"{message}; the columns are {names}")
 
-    def _twice(self, key: str, header: str) -> InputError:
+    def _duplicate(self, key: str, header: str) -> InputError:
         return self.problems.error(
             f"{key} is given as a value, and as column {header!r}; expected once"
         )
 
 
-def _rivals(key: str) -> set[str]:
-    """Return the other keys that give the same quantity."""
-    return next((set(group) for group in _SAME if key in group), {key})
+def _alternatives(key: str) -> set[str]:
+    """Return the keys that give the same quantity, including the key itself."""
+    return next((set(group) for group in _ALTERNATIVES if key in group), {key})
 
 
 def lacking(uses: Sequence[Use], values: Mapping[str, object]) -> list[str]:
-    """Return what a table needs, of a, b, Q and load, and neither a column nor a value says."""
-    there = {use.key for use in uses} | set(values)
+    """Return the required quantities (a, b, Q, load) that neither a column nor a constant gives."""
+    keys = {use.key for use in uses} | set(values)
     per_Q = {use.key for use in uses if use.Q is not None}
-    if "pitch" in there:
-        there.add("b")
+    if "pitch" in keys:
+        keys.add("b")
     if per_Q:
-        there |= {"Q"} if per_Q & set(CORNERS) else {"Q", "load"}
-    return [key for key in ("a", "b", "Q", "load") if not there & _rivals(key)]
+        keys |= {"Q"} if per_Q & set(CORNERS) else {"Q", "load"}
+    return [key for key in ("a", "b", "Q", "load") if not keys & _alternatives(key)]
 
 
 def as_load(
     use: Use, uses: Sequence[Use], values: Mapping[str, object], problems: FileError
 ) -> Use:
-    """Return a load with its kind, by the unit; note a missing unit where others have units."""
+    """Replace the key "load" by the kind of load of its unit; ask for a unit if it is missing."""
     if use.key not in ("load", "load_lower"):
         return use
     lower = use.key.removeprefix("load")
@@ -367,7 +368,7 @@ def as_load(
 
 
 def _as_error(use: Use, uses: Sequence[Use]) -> Use:
-    """Return an sd or standard error of loads with its kind, by its unit or that of the mean."""
+    """Replace the key of an sd or standard error of loads by the kind of its or the mean's unit."""
     mean = next((other for other in uses if other.key in LOADS), None)
     if use.key not in ("load_sd", "load_sem") or mean is None:
         return use

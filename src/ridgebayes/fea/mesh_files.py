@@ -1,7 +1,7 @@
-"""XDMF and VTU files that somebody else may have made: checked before meshio reads them.
+"""Reader for XDMF and VTU files, which checks untrusted files before meshio reads them.
 
-meshio trusts links, sizes and paths. No types and no entities are declared in a file that passes,
-its numbers lie in itself or in an HDF5 file of its folder, and unpack to no more than they state.
+meshio trusts links, sizes and paths. The checks refuse document types and entities, data outside
+of the file and of HDF5 files in its folder, and compressed data larger than the stated size.
 """
 
 import base64
@@ -35,12 +35,12 @@ State = tuple[FloatArray, FloatArray]  # points, and their displacements
 
 
 def parse_xml(path: Path) -> ET.Element:
-    """Parse a file.
+    """Parse an XML file.
 
     Raises
     ------
     InputError
-        If it is no XML, is too large, has a document type or entities, or is not UTF-8.
+        If the file is not XML, is too large, has a document type or entities, or is not UTF-8.
     """
     text = read_text(path, LARGEST_TEXT)
     for word in ("<!DOCTYPE", "<!ENTITY"):
@@ -57,13 +57,13 @@ def parse_xml(path: Path) -> ET.Element:
 
 
 def read_xdmf(path: Path, field: str) -> tuple[FloatArray, list[FloatArray], list[str]]:
-    """Read points, displacements and the text of the time of each state of a series."""
+    """Read the points, and the displacements and time (as text) of each state of a series."""
     root = parse_xml(path)
     _check_items(path, root)
     if len({ET.tostring(grid).strip() for grid in root.iter("Geometry")}) > 1:
         raise InputError(f"{path}: several geometries; expected one, undeformed")
-    with _of_meshio(str(path), "an XDMF time series of one mesh"):
-        from meshio.xdmf import TimeSeriesReader  # slow to load, and other formats need none
+    with _meshio_errors(str(path), "an XDMF time series of one mesh"):
+        from meshio.xdmf import TimeSeriesReader  # slow import that other formats do not need
 
         with TimeSeriesReader(path) as reader:
             points = _checked_points(str(path), reader.read_points_cells()[0])
@@ -82,7 +82,7 @@ def read_xdmf(path: Path, field: str) -> tuple[FloatArray, list[FloatArray], lis
 
 
 def read_vtu(path: Path, field: str) -> State:
-    """Read points and displacements of a state."""
+    """Read the points and displacements of one state."""
     root = parse_xml(path)
     compressor = root.get("compressor")
     if compressor not in (None, "vtkZLibDataCompressor"):
@@ -90,11 +90,11 @@ def read_vtu(path: Path, field: str) -> State:
             f"{path}: compressor {clipped(str(compressor))}; expected vtkZLibDataCompressor"
         )
     _check_once(str(path), field, root.findall("*/Piece/PointData/DataArray"))
-    with _of_meshio(str(path), "a VTU file of an unstructured grid"):
+    with _meshio_errors(str(path), "a VTU file of an unstructured grid"):
         for item in root.iter("DataArray"):
             if item.get("format") != "ascii":
                 _check_binary(path, root, item)
-        from meshio.vtu import read  # slow to load, and other formats need none
+        from meshio.vtu import read  # slow import that other formats do not need
 
         mesh = read(path)
         points = _checked_points(str(path), mesh.points)
@@ -102,16 +102,16 @@ def read_vtu(path: Path, field: str) -> State:
 
 
 @contextmanager
-def _of_meshio(where: str, expected: str) -> Iterator[None]:
-    """Refuse what meshio cannot read, in its words: it lets out exceptions of many kinds."""
+def _meshio_errors(where: str, expected: str) -> Iterator[None]:
+    """Convert the exceptions of meshio, which are of many types, and its warnings to InputError."""
     refuse = refusing(f"{where}: cannot be read", rule=f"; expected {expected}")
     with refuse, warnings.catch_warnings():
-        warnings.simplefilter("error")  # such as of text that ends before its numbers do
+        warnings.simplefilter("error")  # meshio only warns of truncated numbers
         yield
 
 
 def _check_items(path: Path, root: ET.Element) -> None:
-    """Refuse numbers of a series that are in no file of its folder, or are too many."""
+    """Refuse data of a series that are too large, or outside of the file's folder."""
     left = LARGEST
     for item in root.iter("DataItem"):
         dimensions, text = item.get("Dimensions") or "", (item.text or "").strip()
@@ -135,13 +135,13 @@ def _check_items(path: Path, root: ET.Element) -> None:
 
 
 def _check_dataset(path: Path, text: str, shape: tuple[int, ...]) -> None:
-    """Refuse a dataset that is in no file of the XDMF's folder, or behind a link."""
-    import h5py  # slow to load, and other formats need none
+    """Refuse a dataset that is behind a link, or not in a file in the folder of the XDMF file."""
+    import h5py  # slow import that other formats do not need
 
     name, _, inner = text.rpartition(":")
     target = path.parent.resolve() / name
     here = f"{target}: {clipped(inner)}"
-    # TypeError: a type of HDF5 that NumPy has not.
+    # h5py raises TypeError for an HDF5 type without a NumPy type.
     kinds = (OSError, RuntimeError, KeyError, ValueError, TypeError)
     with refusing(f"{path}: numbers in {clipped(text)}: cannot be read", *kinds):
         if not re.fullmatch("(/[^/]+)+", inner) or not name or not is_beside(path, name):
@@ -166,7 +166,7 @@ def _check_dataset(path: Path, text: str, shape: tuple[int, ...]) -> None:
 
 
 def _check_binary(path: Path, root: ET.Element, item: ET.Element) -> None:
-    """Refuse an array that is not base64, or whose blocks unpack to more than they state."""
+    """Refuse an array that is not base64, or whose blocks are larger than the stated size."""
     text = (item.text or "").strip()
     if item.get("format") == "appended":
         appended = (root.findtext("AppendedData") or "").strip()
@@ -179,15 +179,15 @@ def _check_binary(path: Path, root: ET.Element, item: ET.Element) -> None:
     head = np.dtype(f"{order}u{8 if root.get('header_type') == 'UInt64' else 4}")
 
     def numbers(n: int) -> list[int]:
-        content = base64.b64decode(text[: _encoded(n * head.itemsize)])
+        content = base64.b64decode(text[: _base64_length(n * head.itemsize)])
         return [int(number) for number in np.frombuffer(content, head, n)]
 
     n_block, block, _ = numbers(3)
     if n_block > len(text) or n_block * block > LARGEST:
         raise InputError(f"{path}: {n_block} blocks of {block} bytes; expected {LARGEST} in all")
     packed = numbers(3 + n_block)[3:]
-    at = _encoded((3 + n_block) * head.itemsize)
-    content = base64.b64decode(text[at : at + _encoded(sum(packed))])
+    at = _base64_length((3 + n_block) * head.itemsize)
+    content = base64.b64decode(text[at : at + _base64_length(sum(packed))])
     for start, end in pairwise(np.cumsum([0, *packed]).tolist()):
         if len(zlib.decompressobj().decompress(content[start:end], block + 1)) > block:
             raise InputError(
@@ -195,21 +195,21 @@ def _check_binary(path: Path, root: ET.Element, item: ET.Element) -> None:
             )
 
 
-def _encoded(n: int) -> int:
-    """Return how many characters of base64 hold some bytes."""
+def _base64_length(n: int) -> int:
+    """Return the number of base64 characters that encode n bytes."""
     return 4 * -(-n // 3)
 
 
 def is_beside(path: Path, name: str) -> bool:
-    """Return whether the name of a file stays in the folder of another, links followed."""
+    """Return whether a file name refers to the folder of `path`, with symbolic links resolved."""
     folder, within = path.parent.resolve(), PureWindowsPath(name)
-    # Backslashes and drives too: the file may have been made elsewhere.
+    # The file may have been written on Windows, with backslashes and drives.
     is_away = within.anchor or ".." in within.parts
     return not is_away and (folder / name).resolve().is_relative_to(folder)
 
 
 def _check_once(here: str, field: str, arrays: Sequence[ET.Element]) -> None:
-    """Refuse point data that are not there once, or are data of cells."""
+    """Refuse a state that does not have exactly one point data array of the field."""
     names = [array.get("Name") for array in arrays if array.get("Center", "Node") == "Node"]
     if (n := names.count(field)) != 1:
         shown = some_of(sorted(set(map(clipped, map(str, names)))), MOST_SHOWN)
@@ -229,7 +229,7 @@ def _checked_points(where: str, points: FloatArray) -> FloatArray:
 def _displacements(
     where: str, field: str, data: dict[str, FloatArray], points: FloatArray
 ) -> FloatArray:
-    """Return displacements, two or three a point and finite; single precision where they were."""
+    """Return the checked x and y displacements, in single precision if the file stores them so."""
     values = data[field]
     if values.ndim != 2 or len(values) != len(points):
         raise InputError(f"{where}: {field!r} of shape {values.shape}; expected {points.shape}")

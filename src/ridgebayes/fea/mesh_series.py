@@ -1,6 +1,6 @@
-"""Deformed meshes over load: XDMF time series, PVD collections and lists of VTU files.
+"""Reader for series of deformed meshes: XDMF time series, PVD collections and lists of VTU files.
 
-meshio reads them, after `ridgebayes.fea.mesh_files` has checked links, sizes and paths.
+meshio reads the files after `ridgebayes.fea.mesh_files` has checked links, sizes and paths.
 """
 
 from collections.abc import Sequence
@@ -23,14 +23,15 @@ def read_series(paths: Sequence[Path], facts: Given) -> ContactHistory:
     Parameters
     ----------
     paths : sequence of pathlib.Path
-        An ``.xdmf`` time series (numbers in it, or in an HDF5 file in its folder), a ``.pvd`` with
-        its ``.vtu`` files in its folder, or several ``.vtu`` files, of an undeformed plane mesh
-        down from the cylinder's mid-plane.
+        An ``.xdmf`` time series (with data in the file or in an HDF5 file in its folder), a
+        ``.pvd`` with ``.vtu`` files in its folder, or several ``.vtu`` files. The points are those
+        of the undeformed plane mesh below the mid-plane of the cylinder.
     facts : Given
-        Its R is the radius, the mesh's extent at its mid-plane if None; its field, the point data
-        that hold the displacement, in the units of the points, "displacement" if None; its time,
-        whether times are p/E, if None, or the body's line load 2 R p; and its loads, the same for
-        each of several ``.vtu`` files, or of those of a ``.pvd`` whose times are no loads.
+        The user's options. `R` is the radius, by default the extent of the mesh at the mid-plane.
+        `field` is the name of the point data of displacements, in the units of the points, by
+        default "displacement". `time` is the meaning of times and loads: "p_over_E" (default), or
+        "line" for the line load 2 R p of the whole body. `loads` gives one load for each ``.vtu``
+        file, if there is no ``.pvd`` or its times are not loads.
 
     Returns
     -------
@@ -39,8 +40,8 @@ def read_series(paths: Sequence[Path], facts: Given) -> ContactHistory:
     Raises
     ------
     InputError
-        If a file cannot be understood; if it has a document type, entities, an encoding other than
-        UTF-8, numbers elsewhere than in its folder, or more than 2 GiB of them.
+        If a file cannot be parsed, has a document type, entities or an encoding other than UTF-8,
+        refers to data outside of its folder, or has more than 2 GiB of data.
     """
     field, time, loads = facts.field or "displacement", facts.time, facts.loads
     if time not in (None, "p_over_E", "line"):
@@ -49,7 +50,7 @@ def read_series(paths: Sequence[Path], facts: Given) -> ContactHistory:
     kinds = {path.suffix.lower() for path in paths}
     words: Sequence[object] = loads
     if kinds == {".pvd"} and len(paths) == 1:
-        paths, times = _of_pvd(first)
+        paths, times = _read_pvd(first)
         words = words or times
     elif kinds <= {".xdmf", ".xmf"} and len(paths) == 1 and not loads:
         points, moved, words = read_xdmf(first, field)
@@ -60,7 +61,7 @@ def read_series(paths: Sequence[Path], facts: Given) -> ContactHistory:
         if not 2 <= len(paths) == len(words):
             counts = f"{len(paths)} .vtu with {len(words)} loads"
             raise InputError(f"{where}: {counts}; expected two or more .vtu, with a load each")
-        points, moved = _of_vtus(paths, field)
+        points, moved = _read_vtus(paths, field)
         places = [str(path) for path in paths]
     load = _loads(words, places)
     nodes, R = _rim(points, None if facts.R is None else float(facts.R), where)
@@ -88,7 +89,7 @@ def read_series(paths: Sequence[Path], facts: Given) -> ContactHistory:
 
 
 def _loads(words: Sequence[object], places: Sequence[str]) -> FloatArray:
-    """Return the load of each state."""
+    """Parse the load of each state."""
     loads = np.array([parse_number(str(word).strip()) for word in words])
     for k in np.flatnonzero(~((loads >= 0) & (loads <= HUGE)))[:1]:
         shown = clipped(str(words[k]))
@@ -96,8 +97,8 @@ def _loads(words: Sequence[object], places: Sequence[str]) -> FloatArray:
     return loads
 
 
-def _of_pvd(path: Path) -> tuple[list[Path], list[str]]:
-    """Return the files that a collection lists, in its folder, and their times."""
+def _read_pvd(path: Path) -> tuple[list[Path], list[str]]:
+    """Return the files of a collection, which must lie in its folder, and their times."""
     listed = parse_xml(path).findall("Collection/DataSet")
     names = [item.get("file", "") for item in listed]
     times = [item.get("timestep", "") for item in listed]
@@ -109,8 +110,8 @@ def _of_pvd(path: Path) -> tuple[list[Path], list[str]]:
     return [path.parent / name for name in names], times
 
 
-def _of_vtus(paths: Sequence[Path], field: str) -> tuple[FloatArray, list[FloatArray]]:
-    """Read VTU files of one mesh."""
+def _read_vtus(paths: Sequence[Path], field: str) -> tuple[FloatArray, list[FloatArray]]:
+    """Return the points of VTU files with the same mesh, and the displacements of each file."""
     states = [read_vtu(path, field) for path in paths]
     points = states[0][0]
     for path, (others, _) in zip(paths, states, strict=True):
@@ -120,7 +121,7 @@ def _of_vtus(paths: Sequence[Path], field: str) -> tuple[FloatArray, list[FloatA
 
 
 def _rim(points: FloatArray, R: float | None, where: str) -> tuple[IntArray, float]:
-    """Return the nodes of the lower rim, and R."""
+    """Return the nodes of the lower rim, and the radius."""
     if not (most := float(np.abs(points).max(initial=0.0))) <= HUGE:
         raise InputError(f"{where}: a point {most:.3g} away; expected coordinates within {HUGE:g}")
     if not len(points) or (points[:, 2:] != points[0, 2:]).any():

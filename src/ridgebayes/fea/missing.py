@@ -1,4 +1,4 @@
-"""Columns that a table needs and that no word tells: the likeliest is proposed, never taken."""
+"""Proposals for required columns that were not recognised; the user has to confirm them."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,7 +8,7 @@ from ridgebayes.fea.mapping import Use, as_load
 from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import DIMENSIONS, is_counter, split_header, unit_factor
 
-_NAMES = {
+_KEY_NAMES = {
     "a": "a_over_R (or a)",
     "b": "b_over_R (or b, pitch)",
     "Q": "Q",
@@ -23,40 +23,43 @@ def ask_columns(
     values: Mapping[str, object],
     problems: FileError,
 ) -> list[Use]:
-    """Return the uses with the likeliest column for what is missing, and note what is.
+    """Ask the user for missing columns, and return the uses with the proposed columns added.
+
+    The proposed columns let the import go on, so that further errors are found; `problems` holds an
+    error for each missing quantity.
 
     Parameters
     ----------
     lacking : sequence of str
-        As `ridgebayes.fea.mapping.lacking` returns it.
+        Missing quantities, as `ridgebayes.fea.mapping.lacking` returns them.
     cells : DataFrame
-        All of the table; the columns that are taken become numbers.
+        The table; proposed columns are converted to numbers in place.
     uses : list of Use
         Recognised columns.
     values : mapping of str to object
         Constants by key.
     problems : FileError
-        Where it is noted what the user has to name.
+        Collects the questions.
     """
     taken = {use.header for use in uses}
     names = [name for name in map(str, cells) if not (name in taken or is_counter(name))]
     texts = {name: cells[name].astype(str).str.replace(",", ".") for name in names}
     numbers = {name: pd.to_numeric(text, errors="coerce") for name, text in texts.items()}
     is_text = {name: cells[name].dtype.kind not in "if" for name in names}
-    free = {n: some for n, some in numbers.items() if not (is_text[n] and some.isna().any())}
-    kinds = {name: _kind(name, some) for name, some in free.items()}
-    if any(use.key == "Q" for use in uses):  # then no other column counts
+    free = {n: column for n, column in numbers.items() if not (is_text[n] and column.isna().any())}
+    kinds = {name: _kind(name, column) for name, column in free.items()}
+    if any(use.key == "Q" for use in uses):  # the table already has a column of counts
         kinds = {name: kind.replace("Q", "") for name, kind in kinds.items()}
     uses = [*uses]
     for key in lacking:
         problems.columns = ", ".join(map(repr, list(cells)[:50]))
-        text = f"no column {_NAMES[key]}; name it with --map '{key}=HEADER'"
-        wanted = {"a": "length", "b": "length"}.get(key, key)
-        likely = [name for name in free if kinds[name] == wanted]
+        text = f"no column {_KEY_NAMES[key]}; name it with --map '{key}=HEADER'"
+        kind = {"a": "length", "b": "length"}.get(key, key)
+        likely = [name for name in free if kinds[name] == kind]
         likely = likely or [name for name in free if not kinds[name] and key != "Q"]
-        # Only the user knows which of several loads presses, as of Fx and Fz.
+        # Several loads are ambiguous: only the user knows whether Fx or Fz presses.
         header = likely[0] if likely and (key != "load" or len(likely) == 1) else None
-        if header is None and wanted == "length":
+        if header is None and kind == "length":
             problems.need(f"{text}, or give --texture A,B", texture="?,?")
         else:
             problems.need(text, {key: header or "?"})
@@ -67,10 +70,10 @@ def ask_columns(
 
 
 def _kind(name: str, numbers: "pd.Series[float]") -> str:
-    """Return what a column may be by its unit and its numbers: length, load or Q; else nothing."""
+    """Return "length", "load", "Q" or "", the possible kind of a column by unit and numbers."""
     unit = split_header(name)[1]
     if not unit:
         return "Q" if (numbers.round().eq(numbers) & numbers.ge(2)).all() else ""
     if unit_factor(unit, "length") is not None:
         return "length"
-    return "load" if any(unit_factor(unit, some) for some in set(DIMENSIONS.values())) else ""
+    return "load" if any(unit_factor(unit, kind) for kind in set(DIMENSIONS.values())) else ""

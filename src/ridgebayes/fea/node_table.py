@@ -1,4 +1,4 @@
-"""A table of node results, of any program: a row for each node at each step."""
+"""Reader for tables of node results of any program, with a row for each node at each step."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,21 +16,22 @@ from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import as_text
 
 _CONTACT = ("gap", "pressure", "status")
-_NEEDED = {"load": "the load of the step, the same in its rows", "x": "where the node is"}
+_REQUIRED = {"load": "the load of the step, the same in its rows", "x": "where the node is"}
 
 
 def read_node_table(paths: Sequence[Path], facts: Given) -> ContactHistory:
-    """Read a table of a row for each node at each step.
+    """Read a table with a row for each node at each step.
 
     Parameters
     ----------
     paths : sequence of pathlib.Path
-        One file, as `ridgebayes.fea.columns.read_columns` reads them, in one system of units:
-        ``load``, ``x`` across the ridges, one of ``gap`` (to the ridges' tops), ``pressure`` and
-        ``status``, and ``step`` and ``node`` where loads or coordinates do not distinguish rows.
+        One file of a format of `ridgebayes.fea.columns.read_columns`, in a consistent system of
+        units. Columns are ``load``, ``x`` (across the ridges), one of ``gap`` (to the ridges'
+        tops), ``pressure`` and ``status``, and ``step`` and ``node`` if loads and coordinates do
+        not distinguish steps and nodes.
     facts : Given
-        How the file is to be read, headers by key in addition to those that words show, and which
-        codes of a status mean contact.
+        The user's options: format of the file, headers by key (`map`), and codes of a status that
+        mean contact (`closed_is`).
 
     Returns
     -------
@@ -39,7 +40,7 @@ def read_node_table(paths: Sequence[Path], facts: Given) -> ContactHistory:
     Raises
     ------
     InputError
-        If a column is missing or not clear, a cell breaks a rule, or nodes differ between steps.
+        If a column is missing or ambiguous, a cell is invalid, or nodes differ between steps.
     """
     path, problems = paths[0], FileError(str(paths[0]))
     source = open_table(path, facts, problems)
@@ -47,7 +48,7 @@ def read_node_table(paths: Sequence[Path], facts: Given) -> ContactHistory:
     kind = next((key for key in _CONTACT if key in columns), "")
     if not kind:
         problems.need("no column gap, pressure or status: name it with --map 'gap=HEADER'")
-    for key, what in _NEEDED.items():
+    for key, what in _REQUIRED.items():
         if key not in columns:
             problems.need(f"no column {key} ({what}): name it with --map '{key}=HEADER'")
     problems.raise_all()
@@ -100,14 +101,14 @@ def read_node_table(paths: Sequence[Path], facts: Given) -> ContactHistory:
 def _columns(
     headers: tuple[str, ...], mapping: Mapping[str, str], problems: FileError
 ) -> dict[str, str]:
-    """Return headers by key."""
+    """Return the header of each key, by mapping or by words."""
     columns = dict(mapping)
     for key, header in mapping.items():
         if key not in OF_NODES or header not in headers:
-            there = some_of(map(repr, headers), MOST_SHOWN)
+            names = some_of(map(repr, headers), MOST_SHOWN)
             raise problems.error(
                 f"--map {key}={header}: expected one of {', '.join(OF_NODES)}, and one of the "
-                f"columns {there}"
+                f"columns {names}"
             )
     for key, words in OF_NODES.items():
         likely = [header for header in headers if plain(split_header(header)[0]) in words]

@@ -1,4 +1,4 @@
-"""Parquet files as cells, through pyarrow and nothing else."""
+"""Reader for Parquet tables, through pyarrow."""
 
 from collections.abc import Collection
 from importlib import import_module
@@ -22,14 +22,14 @@ class ParquetTable(TableFile):
     Parameters
     ----------
     path : pathlib.Path
-        Its name, for messages.
+        Path of the file, for messages.
     content : bytes
-        All of it.
+        Content of the file.
 
     Raises
     ------
     InputError
-        If pyarrow is missing or refuses the file, or it has too many rows.
+        If pyarrow is missing or refuses the file, or the file has no rows or too many rows.
     """
 
     def __init__(self, path: Path, content: bytes) -> None:
@@ -40,27 +40,26 @@ class ParquetTable(TableFile):
             raise InputError(f"{self.where}: no rows")
 
     def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
-        """Read all rows, the columns of these headers as numbers; note cells that are none."""
-        wanted = set(numeric)
+        """Read all rows, `numeric` columns as numbers; report cells that are not finite."""
         problems.messages.append(f"{self.where}: Parquet, {self._table.num_rows} rows")
         columns: dict[str, Any] = {}
         for name, column in zip(self.headers, self._table.columns, strict=True):
             with refusing(f"{self.where}, column {name!r}", most=200):
-                values = self._values(name, column, name in wanted)
+                values = self._values(name, column, name in numeric)
             if values is None:
                 problems.messages.append(f"column {name!r} ignored: its type is {column.type}")
             else:
                 columns[name] = values
-        for name in wanted & columns.keys():
+        for name in set(numeric) & columns.keys():
             problems.cells(np.isinf(columns[name]), name, FINITE)
         return filled(pd.DataFrame(columns), problems)
 
     def spot(self, row: int, name: str) -> str:
-        """Return words for a cell."""
+        """Return the place of a cell, for messages."""
         return f"row {row + 1}"
 
     def typed(self, row: int, name: str) -> str:
-        """Return a cell as text."""
+        """Return the text of a cell."""
         return str(self._table.column(self.headers.index(name))[row].as_py())
 
     def _values(self, name: str, column: Any, is_number: bool) -> Any:

@@ -1,4 +1,4 @@
-"""Tables of node values that programs print, increment by increment."""
+"""Base parser of text files with tables of node values at each increment."""
 
 import functools
 import math
@@ -20,35 +20,35 @@ from ridgebayes.runtime.text import clipped, some_of
 from ridgebayes.table.columns import LARGEST_Q
 
 _ROW = re.compile(r"\s*\d+\s+[-+.\d][-+0-9.Ee\s]*$")
-Handler = Any  # a method of a `Printed`, of a line and its match
+Handler = Any  # method of a `Printed` that takes a line and its match
 Key = tuple[float, ...]
 T = TypeVar("T")
 
 
 class MissingError(Exception):
-    """Why an increment cannot be used."""
+    """An increment is incomplete; the message is the reason."""
 
 
 @dataclass(eq=False)
 class NodeTable:
-    """Values of nodes that a program printed.
+    """A printed table of node values.
 
     Parameters
     ----------
     line : Line
-        Where it begins.
+        First line.
     nodes : str
-        Its set or region of nodes.
+        Name of the set or region of nodes.
     columns : list of str
         Names of the values.
     rule : str
-        Words for its rows, in messages.
+        Requirement on the rows, for messages.
     lines : list of Line
-        Its rows, a node and its values.
+        Rows with a node and its values.
     below : dict of str to list of float
-        Values printed below the columns: ``TOTAL``, ``MAXIMUM``, ``MINIMUM``.
+        Summary below the columns: ``TOTAL``, ``MAXIMUM``, ``MINIMUM``.
     whole : bool
-        Whether its end was printed.
+        Whether the end of the table was printed.
     """
 
     line: Line
@@ -60,17 +60,18 @@ class NodeTable:
     whole: bool = False
 
     def has(self, *names: str) -> bool:
-        """Return whether all of some columns are there."""
+        """Return whether the table has all these columns."""
         return all(name in self.columns for name in names)
 
     @functools.cached_property
     def rows(self) -> pd.DataFrame:
-        """Its columns, by node.
+        """Values by node.
 
         Raises
         ------
         InputError
-            With its line, if a row cannot be read, or its node is not whole or stands twice.
+            If a row cannot be parsed, or a node is not a whole number or occurs twice. The message
+            names the line.
         """
         try:
             values = numbers_of(self.lines, ["node", *self.columns])
@@ -85,12 +86,12 @@ class NodeTable:
         return pd.DataFrame(values[:, 1:], columns=self.columns, index=node.astype(np.int64))
 
     def of(self, nodes: Sequence[int], *names: str) -> FloatArray:
-        """Return columns, shape (n_node, n_name).
+        """Return columns of these nodes, shape (n_node, n_name).
 
         Raises
         ------
         MissingError
-            If nodes have no row.
+            If a node has no row.
         """
         values = self.rows[list(names)].reindex(pd.Index(nodes)).to_numpy()
         if n := int(np.isnan(values[:, 0]).sum()):
@@ -98,12 +99,12 @@ class NodeTable:
         return values
 
     def force(self, nodes: Sequence[int], name: str) -> float:
-        """Return the printed total of a column, or else the sum over nodes.
+        """Return the printed total of a column, or else its sum over these nodes.
 
         Raises
         ------
         MissingError
-            If nodes have no row.
+            If a node has no row.
         """
         if total := self.below.get("TOTAL"):
             return total[self.columns.index(name)]
@@ -112,16 +113,16 @@ class NodeTable:
 
 @dataclass(eq=False)
 class Increment:
-    """Tables printed for an increment.
+    """Tables of one increment.
 
     Parameters
     ----------
     line : Line
-        Where it begins.
+        First line.
     tables : list of NodeTable
-        In the order of the file.
+        Tables in the order of the file.
     ignored : str
-        Why it is not to be used.
+        Reason to ignore the increment; empty to use it.
     """
 
     line: Line
@@ -129,21 +130,21 @@ class Increment:
     ignored: str = ""
 
     def table(self, columns: Sequence[str], *names: str) -> NodeTable:
-        """Return the last table with some columns, of the first of several sets that has it.
+        """Return the last table with these columns, for the first of the names with such a table.
 
         Parameters
         ----------
         columns : sequence of str
-            Names of its columns.
+            Required columns.
         *names : str
-            Names of sets, or the ends of such names after a point; "" for any.
+            Names of node sets, or their parts after a point; "" for any set.
 
         Raises
         ------
         MissingError
-            If there is none.
+            If the increment is ignored, or has no such table.
         InputError
-            If there are tables of several sets.
+            If a name fits tables of several sets.
         """
         if self.ignored:
             raise MissingError(self.ignored)
@@ -166,7 +167,7 @@ class Increment:
 
 
 def on(pattern: str) -> Callable[[Handler], Handler]:
-    """Mark a method of a `Printed` as what takes lines that begin, after blanks, with a pattern."""
+    """Mark a method of a `Printed` as the handler of lines that begin with a pattern."""
 
     def marked(method: Handler) -> Handler:
         method.pattern = re.compile(rf"\s*{pattern}")
@@ -176,15 +177,15 @@ def on(pattern: str) -> Callable[[Handler], Handler]:
 
 
 class Printed:
-    """Contents of files read so far: increments, and the table that lines belong to.
+    """Line parser that collects increments and their tables.
 
-    A line goes to the first method, in the order of the class, that is marked by `on` and whose
-    pattern it has; another line is the table's.
+    A row goes to the current table. Another line goes to the first method, in the order of the
+    class, that is marked by `on` and whose pattern matches, or else to the current table.
 
     Parameters
     ----------
     rule : str, optional
-        Words for rows, in messages.
+        Requirement on rows, for messages.
     """
 
     def __init__(self, rule: str = "") -> None:
@@ -199,11 +200,11 @@ class Printed:
 
     @property
     def tables(self) -> list[NodeTable]:
-        """All tables that were read."""
+        """Tables of all increments."""
         return [table for increment in self.increments.values() for table in increment.tables]
 
     def read(self, path: Path, *, unfinished: bool = False) -> Self:
-        """Take the lines of a file."""
+        """Parse the lines of a file."""
         for line in read_lines(path, unfinished=unfinished):
             if line.text.strip():
                 self.take(line)
@@ -213,7 +214,7 @@ class Printed:
         return self
 
     def take(self, line: Line) -> None:
-        """Take a line that is not blank."""
+        """Parse a line that is not blank."""
         if self.table is not None and _ROW.match(line.text):  # most lines are rows
             self.row(line, self.table)
             return
@@ -225,18 +226,18 @@ class Printed:
             self.other(line, self.table)
 
     def blank(self) -> None:
-        """Take a blank line."""
+        """Handle a blank line."""
 
     def row(self, line: Line, table: NodeTable) -> None:
-        """Take a row of a table."""
+        """Add a row to the table."""
         table.lines.append(line)
 
     def other(self, line: Line, table: NodeTable) -> None:
-        """Take a line of a table that is no plain row."""
+        """Handle a line within a table that is not a plain row."""
         self.row(line, table)
 
     def begin(self, line: Line, key: Key, *, anew: bool = False, ignored: str = "") -> Increment:
-        """Go to an increment; where one is printed again, the later one counts."""
+        """Start or continue an increment; with `anew`, replace an increment of the same key."""
         if anew and self.increments.pop(key, None) is not None:
             self._n_again += 1
         self.table = None
@@ -244,7 +245,7 @@ class Printed:
         return self.increment
 
     def open(self, line: Line, nodes: str, columns: list[str]) -> NodeTable:
-        """Add a table to the increment; one that breaks off is gone on with."""
+        """Add a table to the increment, or continue an unfinished table with the same columns."""
         if self.increment is None:
             raise line.error("a table before its increment; expected the head of an increment")
         for table in self.increment.tables:
@@ -256,14 +257,14 @@ class Printed:
         return self.table
 
     def column(self, increment: Increment, *names: str) -> "pd.Series[float]":
-        """Return a column by node: the first of several names that is there.
+        """Return the first of several columns that an increment has, by node.
 
         Raises
         ------
         MissingError
-            If none is there.
+            If the increment has none of the columns.
         InputError
-            If there are several, or nodes are not those of other increments.
+            If several tables have the column, or the nodes differ between increments.
         """
         for name in names:
             tables = [table for table in increment.tables if table.has(name)]
@@ -281,23 +282,24 @@ class Printed:
         raise MissingError(f"{' or '.join(names)} missing")
 
     def states(
-        self, read: Callable[[Increment], tuple[float, T]], path: Path, wanted: str
+        self, read: Callable[[Increment], tuple[float, T]], path: Path, required: str
     ) -> tuple[FloatArray, list[T]]:
-        """Return the load, and what else a function reads of each increment in order of their keys.
+        """Return the loads and states of all complete increments, in the order of their keys.
 
         Parameters
         ----------
         read : callable
-            It raises MissingError, with the reason, where an increment is to be ignored.
+            Function that returns the load and the state of an increment, and raises MissingError
+            with the reason for ignoring an increment.
         path : pathlib.Path
-            The file, for messages.
-        wanted : str
-            Words for the tables.
+            File, for messages.
+        required : str
+            Description of the required tables, for messages.
 
         Raises
         ------
         InputError
-            If no increment is left.
+            If all increments are ignored.
         """
         states = []
         ignored: dict[str, list[str]] = {}
@@ -307,17 +309,17 @@ class Printed:
             except MissingError as lack:
                 ignored.setdefault(str(lack), []).append(f"line {increment.line.number}")
         self._where = str(path)
-        said = [f"not used: {', '.join(sorted(self.others))}"] if self.others else []
+        notes = [f"not used: {', '.join(sorted(self.others))}"] if self.others else []
         if self._n_again:
-            said.append(f"{self._n_again} increments printed again: the later one counts")
-        said += [
+            notes.append(f"{self._n_again} increments printed again: the later one counts")
+        notes += [
             f"{some_of(where, SHOWN)}: increment ignored, {lack}" for lack, where in ignored.items()
         ]
-        said = [*self.messages, *said]
+        notes = [*self.messages, *notes]
         if not states:
-            why = "".join(f"; {text}" for text in said[:SHOWN])
-            raise InputError(f"{path}: no increment with {wanted}{why}")
-        self.messages = [f"{path}: {len(states)} increments", *said]
+            why = "".join(f"; {text}" for text in notes[:SHOWN])
+            raise InputError(f"{path}: no increment with {required}{why}")
+        self.messages = [f"{path}: {len(states)} increments", *notes]
         return np.array([load for load, _ in states], dtype=float), [rest for _, rest in states]
 
     def history(
@@ -329,7 +331,7 @@ class Printed:
         at: FloatArray | None = None,
         **contact: Any,
     ) -> ContactHistory:
-        """Return the history of what `states` returned, `at` the places of the surface's nodes."""
+        """Return a contact history; `at` holds the positions of the surface nodes at each step."""
         messages = tuple(self.messages)
         if at is not None:
             contact["x"], contact["height"] = np.moveaxis(at, -1, 0)

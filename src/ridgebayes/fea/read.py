@@ -1,4 +1,4 @@
-"""Files of any known format to a contact table: `import_table`, and the job behind `import`."""
+"""Import of files of all supported formats as a contact table."""
 
 import os
 import re
@@ -19,9 +19,9 @@ from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.scene.typed import parse_texture
 from ridgebayes.table.table import ContactTable
 
-_LOOKED_AT = 20_000  # bytes
+_HEAD_BYTES = 20_000  # bytes at the beginning of a file that are searched for marks of a format
 FORMATS = tuple(OPTIONS)
-# The first that a file's name and its beginning fit is its format.
+# Format, suffixes and mark; the format is the first whose suffixes and mark match the file.
 _RECOGNISED: tuple[tuple[str, tuple[str, ...], re.Pattern[bytes]], ...] = (
     ("series", (".vtu", ".pvd", ".xdmf", ".xmf"), re.compile(b"")),
     ("calculix", (".frd",), re.compile(b"")),
@@ -32,7 +32,7 @@ _RECOGNISED: tuple[tuple[str, tuple[str, ...], re.Pattern[bytes]], ...] = (
     ("calculix", (".dat",), re.compile(rb"(?:displacements|contact stress) \(|\) for set ")),
     ("table", SUFFIXES, re.compile(b"")),
 )
-_OF_SEVERAL = ("febio", "ansys", "series")
+_MULTI_FILE_FORMATS = ("febio", "ansys", "series")
 
 
 def import_table(
@@ -42,38 +42,38 @@ def import_table(
     texture: tuple[float, float] | str | None = None,
     **facts: Any,
 ) -> ContactTable:
-    """Read the output of finite elements or tests as a contact table, as ``ridgebayes import``.
+    """Import measured or simulated loads as a contact table, as ``ridgebayes import``.
 
     Parameters
     ----------
     *paths : path
-        File to read, or all files of a run that wrote several.
+        File to read, or all files of a run that has several.
     program : str, optional
-        ``table``, ``calculix``, ``abaqus-dat``, ...: the command's ``--format``. Recognised if not
-        given.
+        Format, such as ``table``, ``calculix`` or ``abaqus-dat`` (``--format`` of the command).
+        None recognises the format.
     role : str, optional
-        Role of all rows: ``calibration`` or ``held-out``.
+        Role of all rows, ``calibration`` or ``held-out``.
     texture : (float, float) or str, optional
         Ridge and groove width over R, or a text such as ``"0.25 mm,0.25 mm"``.
     **facts
-        Facts that the file lacks, named as the command's options: R, E, nu, thickness and
-        load_se as texts with units; map as a sequence of texts ``key=header``; sheet, skip_rows,
-        decimal, deck, surface, reaction, corner, ...
+        Facts that the file does not contain, named as the command's options: R, E, nu, thickness
+        and load_se are texts with units; map is a sequence of texts ``key=header``; further facts
+        are sheet, skip_rows, decimal, deck, surface, reaction, corner, ...
 
     Returns
     -------
     ContactTable
-        The file's rows.
+        Table of transition loads.
 
     Raises
     ------
     InputError
-        If the file cannot be understood: the message says what is missing.
+        If the file cannot be read. The message lists all errors and missing facts.
 
     Warns
     -----
     CautionWarning
-        If values that were read look doubtful.
+        If values look doubtful.
 
     Examples
     --------
@@ -105,19 +105,19 @@ def import_files(
     program: str | None = None,
     role: str | None = None,
 ) -> Imported:
-    """Read a file, or the files of a run.
+    """Import a file, or the files of a run.
 
     Parameters
     ----------
     paths : sequence of Path
-        One, several ``.vtu`` in the order of their loads, or what FEBio or ANSYS printed of a run
-        into several.
+        One file; or several ``.vtu`` files in the order of their loads, or several files of an
+        FEBio or ANSYS run.
     facts : Given
-        Facts that the files lack.
+        Facts that the files do not contain.
     program : str or None
-        One of `ridgebayes.fea.read.FORMATS`; None looks.
+        One of `ridgebayes.fea.read.FORMATS`; None recognises the format.
     role : str or None
-        Role of every row, if not None.
+        Role of all rows; None keeps the roles of the file.
 
     Returns
     -------
@@ -126,14 +126,14 @@ def import_files(
     Raises
     ------
     InputError
-        If a file cannot be understood, the format needs what is not given, or takes not what is.
+        If a file cannot be parsed, a required fact is missing, or the format does not use a fact.
     """
     path = paths[0]
     name = recognise(path) if program is None else program
     if name not in FORMATS:
         raise InputError(f"--format {name}: expected {', '.join(FORMATS)}")
-    if len(paths) > 1 and name not in _OF_SEVERAL:
-        rule = f"expected one (several of {', '.join(_OF_SEVERAL)})"
+    if len(paths) > 1 and name not in _MULTI_FILE_FORMATS:
+        rule = f"expected one (several of {', '.join(_MULTI_FILE_FORMATS)})"
         raise InputError(f"{len(paths)} files of format {name}: {rule}")
     _check_given(name, facts)
     imported = read_columns(path, facts) if name == "table" else read_run(name, paths, facts)
@@ -145,12 +145,12 @@ def import_files(
 
 
 def recognise(path: Path) -> str:
-    """Return the format of a file.
+    """Recognise the format of a file.
 
     Parameters
     ----------
     path : pathlib.Path
-        The file.
+        File to look at.
 
     Returns
     -------
@@ -160,10 +160,10 @@ def recognise(path: Path) -> str:
     Raises
     ------
     InputError
-        If it cannot be read, is of a program whose files are not read, or is none that is known.
+        If the file cannot be read, or its format is unsupported or unknown.
     """
     suffix, name = path.suffix.lower(), path.name.lower()
-    head = read_bytes(path)[:_LOOKED_AT]
+    head = read_bytes(path)[:_HEAD_BYTES]
     for kind in NOT_READ.values():
         if suffix in kind.get("suffixes", ()) or name in kind.get("names", ()):
             raise InputError(f"{path}: {kind['is']} is not read; {kind['instead']}")

@@ -1,4 +1,4 @@
-"""Facts that a user gives to an import, and its result: a table, or all that is wrong."""
+"""Facts that the user gives to an import, and the result: a table, or a list of all errors."""
 
 import hashlib
 import heapq
@@ -20,55 +20,59 @@ from ridgebayes.table.columns import CURVE, OK, TRANSITION
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.table import ContactTable
 
-SHOWN = 3  # cells of one complaint that a message lists; the rest is counted
+SHOWN = 3  # cells that a message lists for one broken rule; further cells are counted
 
 
 @dataclass(frozen=True)
 class Given:
-    """Facts that a file lacks and the user gives; each format takes only some of them.
+    """Facts that a file does not contain and the user gives; each format uses some of them.
 
     Parameters
     ----------
     map : tuple of str
-        ``key=header``, or paths of TOML files with them.
+        Texts ``key=header``, or paths of TOML files with a mapping.
     sheet : str or None
-        Worksheet by name or number; None takes the one with the words of the field.
+        Name or number of a worksheet, or "all"; None uses the sheet with the most recognised
+        headers.
     skip_rows : int
-        Lines to pass over at the top.
+        Lines to skip at the top.
     header_row : int or None
-        Line of the header; 0 for none, None looks for it.
+        Line of the header; 0 for a file without header, None to search for it.
     decimal : str or None
-        "point" or "comma".
+        Decimal mark, "point" or "comma"; None to infer it.
     empty : tuple of str
-        Texts of cells that are empty.
+        Texts that mean an empty cell.
     count_is : str or None
-        Things counted, one of `ridgebayes.fea.words.COUNTS`.
+        Counted objects, one of `ridgebayes.fea.words.COUNTS`.
     brackets, interpolate : bool
-        For increments: always intervals, even where gaps tell the load within; or always loads.
+        Result for increments: always intervals, even if gaps allow interpolation (`brackets`), or
+        always loads (`interpolate`).
     closed_is : tuple of int
-        Codes of a status that mean contact; none for 0 open, 1 closed.
+        Codes of a status that mean contact; empty for 0 (open) and 1 (closed).
     skip_empty : bool
-        Whether rows without a load are left out.
+        Whether to leave out rows without a load.
     load_se : str or None
-        Standard error of every load of a table, in any unit of loads.
+        Standard error of all loads of a table, in a unit of loads.
     texture : (float, float) or None
         Ridge and groove width over R.
     nu, R, E : str or None
-        As typed; lengths and stresses with units for tables, plain numbers in a run's own units.
+        Text typed by the user, with units for tables and as plain numbers in the run's units for
+        runs.
     thickness : str or None
-        As R: of the slice, or of the body that forces press on.
+        Thickness of the slice or body on which forces act, typed as R.
     symmetry : str or None
         "half" or "full".
     top, corner : float or None
-        Height of the ridges' tops, corner radius over R.
+        Height of the ridges' tops; corner radius over R.
     deck : Path or None
         Input deck of a run.
     surface, reaction : str or None
-        Node sets.
+        Node sets of the surface and of the driven nodes.
     field, time : str or None
-        Name of a series' displacements; meaning of its time, "p_over_E" or "line".
+        Name of the displacements of a series; meaning of its times, "p_over_E" or "line".
     loads : tuple of float
-        Loads of several ``.vtu``, or of a ``.pvd`` whose times are no loads, as `time` says.
+        Loads, with the meaning given by `time`, of several ``.vtu`` files or of a ``.pvd`` file
+        whose times are not loads.
     """
 
     map: tuple[str, ...] = ()
@@ -99,7 +103,7 @@ class Given:
     loads: tuple[float, ...] = ()
 
     def columns_and_values(self) -> tuple[dict[str, str], dict[str, str | float]]:
-        """Return headers by key, and constants of a table by key: of files, and of options."""
+        """Return headers by key and constants by key, from mapping files and options."""
         mapping: dict[str, str] = {}
         values: dict[str, str | float] = {}
         files = [text for text in self.map if text.endswith(".toml") and "=" not in text]
@@ -116,18 +120,18 @@ class Given:
         return mapping, values
 
     def numbers(self) -> dict[str, str]:
-        """Return the numbers of the body that were typed, by key."""
+        """Return the given values of nu, R, E and thickness by key, as typed."""
         typed = {key: getattr(self, key) for key in ("nu", "R", "E", "thickness")}
         return {key: text for key, text in typed.items() if text is not None}
 
 
 def parse_map(texts: Iterable[str]) -> dict[str, str]:
-    """Return a mapping from texts ``key=header``, ``key=header;unit`` or ``gap Q=4=header``.
+    """Parse texts ``key=header``, ``key=header;unit`` or ``gap Q=4=header`` of a mapping.
 
     Raises
     ------
     InputError
-        If a text has no key or header, or a key stands twice.
+        If a text has no key or header, or a key occurs twice.
 
     Examples
     --------
@@ -147,23 +151,23 @@ def parse_map(texts: Iterable[str]) -> dict[str, str]:
 
 
 def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
-    """Read a mapping that is kept beside the data.
+    """Read a mapping file.
 
     Parameters
     ----------
     path : pathlib.Path
-        A TOML file: ``[columns]`` of key and header (``a = "Ridge width [mm]"``), and optionally
-        ``[values]`` of key and value (``R = "8 mm"``).
+        TOML file with a table ``[columns]`` of headers by key (``a = "Ridge width [mm]"``), and
+        optionally a table ``[values]`` of constants by key (``R = "8 mm"``).
 
     Returns
     -------
     mapping, values : dict of str to str
-        As `ridgebayes.fea.columns.read_columns` takes them.
+        Headers and constants by key.
 
     Raises
     ------
     InputError
-        If it is not TOML, or has other keys, or others than text in columns.
+        If the file is not TOML, has other tables, or has a header that is not text.
     """
     tables: dict[str, dict[str, str]] = {"columns": {}, "values": {}}
     for name, entries in read_toml(path).items():
@@ -179,44 +183,44 @@ def read_mapping(path: Path) -> tuple[dict[str, str], dict[str, str]]:
 
 
 class TableFile(Protocol):
-    """A table file whose header is known; rows are counted from 0 below it."""
+    """A table file whose header has been read; rows below it are numbered from 0."""
 
     where: str
     headers: tuple[str, ...]
-    lines: IntArray | None  # of the rows, where the file has lines
+    lines: IntArray | None  # line of each row; None for files without lines
 
     def read(self, numeric: Collection[str], problems: "FileError") -> pd.DataFrame:
-        """Read all rows, the columns of these headers as numbers; note cells that are none."""
+        """Read all rows, `numeric` columns as numbers; report cells that are not numbers."""
 
     def spot(self, row: int, name: str) -> str:
-        """Return words for a cell, such as ``line 4``."""
+        """Return the place of a cell, such as ``line 4``, for messages."""
 
     def typed(self, row: int, name: str) -> str:
-        """Return a cell as it was typed."""
+        """Return the text of a cell."""
 
 
 @dataclass(eq=False, repr=False)
 class FileError(InputError):
-    """A file that cannot be imported as it was asked for: gathered, and raised once all is known.
+    """Collector of all errors and questions of an import, raised as one error at the end.
 
     Parameters
     ----------
     where : str
-        The file, for messages.
+        File, for messages.
     wrong, needs : list of str
         Broken rules, and facts that the user has to give.
     options : dict of str to str
-        Options that a second try needs, by name; ``?`` replaces values that only the user knows.
+        Options for a second try, by name; ``?`` stands for a value that only the user knows.
     mapping : dict of str to str
-        The same of ``--map``.
+        Entries of ``--map`` for a second try.
     known : dict of str to str
-        Recognised columns, as ``--map`` would name them.
+        Recognised columns, in the notation of ``--map``.
     is_broken : bool
-        Whether cells break rules that no option changes.
+        Whether rules are broken that no option mends.
     messages : list of str
-        Messages about the reading so far.
+        Messages about the import so far.
     columns : str
-        The columns that there are, where one is missing.
+        Columns of the file, shown if a column is missing.
     """
 
     where: str
@@ -229,7 +233,7 @@ class FileError(InputError):
     messages: list[str] = field(default_factory=list)
     columns: str = ""
     _cells: dict[tuple[str, str], list[int]] = field(default_factory=dict)
-    _told: set[tuple[int, str]] = field(default_factory=set)
+    _reported_cells: set[tuple[int, str]] = field(default_factory=set)
 
     def __str__(self) -> str:
         lines = [*self.wrong, *self.needs]
@@ -244,43 +248,43 @@ class FileError(InputError):
         return bool(self.wrong or self.needs or self._cells)
 
     def error(self, message: str) -> InputError:
-        """Return an error about the file that no option mends."""
+        """Return an error that names the file and that no option mends."""
         return InputError(f"{self.where}: {message}")
 
     def need(self, text: str, mapping: dict[str, str] | None = None, /, **options: str) -> None:
-        """Note what the user has to say, with the options that would say it."""
+        """Record a fact that the user has to give, with the options that would give it."""
         if text not in self.needs:
             self.needs.append(text)
         self.mapping |= mapping or {}
         self.options |= {**options, **self.options}
 
     def cells(self, bad: "BoolArray | IntArray | pd.Index[int]", header: str, rule: str) -> None:
-        """Note cells, by a mask over the file's rows or by rows; each cell is reported once."""
+        """Record cells that break a rule, by a mask or by row numbers; report each cell once."""
         rows = np.flatnonzero(bad) if bad.dtype == bool else bad
-        fresh = [row for row in rows.tolist() if (row, header) not in self._told]
+        fresh = [row for row in rows.tolist() if (row, header) not in self._reported_cells]
         if fresh:
-            self._told |= {(row, header) for row in fresh}
+            self._reported_cells |= {(row, header) for row in fresh}
             self._cells.setdefault((header, rule), []).extend(fresh)
 
     def rows(self) -> set[int]:
-        """Return the file's rows with a reported cell."""
-        return {row for row, _ in self._told}
+        """Return the rows with a reported cell."""
+        return {row for row, _ in self._reported_cells}
 
     def broken_rows(self) -> set[int]:
-        """Return the file's rows with a cell that no option mends."""
+        """Return the rows with a reported cell that no option mends."""
         return {r for (_, rule), rows in self._cells.items() if "--" not in rule for r in rows}
 
     def raise_all(self, source: TableFile | None = None) -> None:
-        """Raise what was noted, if anything was."""
-        # A cell that an option mends is not broken.
+        """Raise this error if any problem was recorded."""
+        # A rule that names an option is not a broken rule: the option mends its cells.
         self.is_broken = bool(self.wrong) or any("--" not in rule for _, rule in self._cells)
-        self.wrong += [] if source is None else self._of_cells(source)
+        self.wrong += [] if source is None else self._cell_errors(source)
         self.needs += [f"the columns are {self.columns}"] if self.columns else []
         if self.wrong or self.needs:
             raise self
 
-    def _of_cells(self, source: TableFile) -> list[str]:
-        """Return a line for each complaint about cells, in the order of the file."""
+    def _cell_errors(self, source: TableFile) -> list[str]:
+        """Return a message for each rule that cells of a column break, in the order of the file."""
         texts = []
         for (header, rule), rows in self._cells.items():
             first = heapq.nsmallest(SHOWN, rows)
@@ -296,26 +300,27 @@ class FileError(InputError):
         return [text for _, text in sorted(texts, key=lambda item: item[0])]
 
 
-FIRST = 4  # Q of the first load that a run can tell
-_UNSURE = 0.2  # rel_se
-_FAR = 5.0  # over the smooth body's load: loads of textures are lower
-FARTHEST = 4.0  # over R: largest distance of a point of the body from the axis
-HUGE = 1e100  # largest length or load: a product of three still is a float
+FIRST = 4  # smallest Q with a transition load: two ridges touch at any load
+_MAX_REL_SE = 0.2  # larger relative errors get a caution
+# Loads above this multiple of a smooth body's load get a caution: a texture needs a smaller load.
+_MAX_LOAD_RATIO = 5.0
+FARTHEST = 4.0  # largest distance over R of a point of the body from the axis
+HUGE = 1e100  # largest length or load; the product of three is still a finite float
 
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """A file that was understood.
+    """Result of an import.
 
     Parameters
     ----------
     table : ContactTable
-        Its rows.
+        Imported rows.
     messages : tuple of str
-        Messages about the reading, a line each: columns, units, textures, rows kept, and parts
-        ignored, with the reason.
+        One-line messages about columns, units, textures, rows kept, and parts ignored with the
+        reason.
     known : mapping of str to str
-        Columns of a table file by key, as ``--map`` would name them.
+        Recognised columns of a table file by key, in the notation of ``--map``.
     """
 
     table: ContactTable
@@ -324,10 +329,10 @@ class Imported:
 
     @property
     def cautions(self) -> list[str]:
-        """Warnings of doubtful rows that break no rule of the table.
+        """Warnings about doubtful rows, which break no rule of the table.
 
-        An error above a fifth of the load, a curve that begins above Q = 4, and a load over five
-        times that at which a smooth body reaches the same corner.
+        Doubtful are a relative error above 0.2, a curve that begins above Q = 4, and a load above
+        five times the load at which a smooth body reaches the same corner.
         """
         frame = self.table.frame
         transition = frame[(frame["kind"] == TRANSITION) & (frame["status"] == OK)]
@@ -335,14 +340,13 @@ class Imported:
         corner = frame["b_over_R"] / 2 + (frame["Q"] / 2 - 1) * (
             frame["a_over_R"] + frame["b_over_R"]
         )
-        smooth = load_of_half_width(corner, nu=frame["nu"])
-        far = f"p/E is over {_FAR:g} times that of a smooth body whose contact reaches this corner"
+        limit = _MAX_LOAD_RATIO * load_of_half_width(corner, nu=frame["nu"])
+        ratio = f"{_MAX_LOAD_RATIO:g} times that of a smooth body"
+        far = f"p/E is over {ratio} whose contact reaches this corner"
         doubtful = {
-            f"{far}; check the units of loads, widths, R and E": frame[
-                frame["p_over_E"] > _FAR * smooth
-            ],
-            f"rel_se is above {_UNSURE:g}: the load is hardly known": frame[
-                frame["rel_se"] > _UNSURE
+            f"{far}; check the units of loads, widths, R and E": frame[frame["p_over_E"] > limit],
+            f"rel_se is above {_MAX_REL_SE:g}: the load is hardly known": frame[
+                frame["rel_se"] > _MAX_REL_SE
             ],
             "a curve begins here; loads of lower Q are missing": first[first["Q"] > FIRST],
         }
@@ -358,6 +362,6 @@ def _shown(row: Any) -> str:
 
 
 def provenance(path: Path, importer: str, *details: str) -> str:
-    """Return where rows come from: importer, file, the beginning of its SHA-256, details."""
+    """Return the source of rows: importer, file name, first digits of its SHA-256, and details."""
     digest = hashlib.sha256(read_bytes(path)).hexdigest()[:16]
     return " ".join([f"import {importer}:", path.name, f"sha256={digest}", *details])

@@ -1,4 +1,4 @@
-"""The rim of a pressed cylinder: its circle, its sides, and how far it is from points below."""
+"""Rim of a pressed cylinder: its circle, its sides, and its distance from ridge corners."""
 
 import math
 from dataclasses import dataclass, field
@@ -10,14 +10,14 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.record import FARTHEST, HUGE
 
-_ROUND = 2e-3  # of R: how far surface nodes may lie off a circle
-_LEAST_NODES = 5
-_TINY = 1e-9  # of R: nodes so near to the axis are on both sides
+_MAX_OFF_CIRCLE = 2e-3  # largest distance over R of a surface node from the fitted circle
+_MIN_NODES = 5
+_AXIS_TOL = 1e-9  # nodes within this angle from the axis belong to both sides
 
 
 @dataclass(frozen=True)
 class Rim:
-    """The surface's nodes from the bottom outwards, each side by itself, x counted outwards.
+    """Surface nodes of a cylinder, sorted outwards on each side of the axis.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class Rim:
     centre : ndarray of float, shape (2,), length
         Centre of the undeformed circle.
     sides : tuple of (ndarray of int, float)
-        Numbers of a side's nodes, and the sign of its x.
+        Indices of the nodes of each side, and the sign of their x.
     """
 
     R: float
@@ -35,67 +35,70 @@ class Rim:
 
     @classmethod
     def of(cls, undeformed: FloatArray, where: str, *, R: float | None, symmetry: str) -> "Rim":
-        """Find centre, radius and sides of nodes, shape (n_node, 2).
+        """Fit centre, radius and sides to undeformed nodes, shape (n_node, 2).
 
         Raises
         ------
         InputError
-            If they are few, are not on a circle, or not on the sides that the symmetry says.
+            If there are too few nodes, or they are not on a circle or not on the sides that
+            `symmetry` requires.
         """
         at = undeformed
-        if len(at) < _LEAST_NODES:
-            raise InputError(f"{where}: {len(at)} surface nodes; expected at least {_LEAST_NODES}")
+        if len(at) < _MIN_NODES:
+            raise InputError(f"{where}: {len(at)} surface nodes; expected at least {_MIN_NODES}")
         if not (np.abs(at) <= HUGE).all():
             raise InputError(f"{where}: surface nodes; expected coordinates within {HUGE:g}")
         matrix = np.column_stack([2 * at, np.ones(len(at))])
         (x, y, c), *_ = np.linalg.lstsq(matrix, (at**2).sum(axis=1), rcond=None)
         if symmetry == "half":
-            # The axis is where the mesh ends: nodes on it tell it better than a circle does.
+            # A half mesh ends at the axis; the node there is more accurate than the fitted circle.
             x = at[np.argmin(np.abs(at[:, 0] - x)), 0]
         centre = np.array([x, y])
         fitted = math.sqrt(max(c + x * x + y * y, 0.0))
         R = fitted if R is None else R
         off = np.abs(np.hypot(*(at - centre).T) - R)
-        if not off.max() <= _ROUND * R:
+        if not off.max() <= _MAX_OFF_CIRCLE * R:
             raise InputError(
                 f"{where}: surface nodes lie up to {off.max():.3g} off a circle of R = {R:.6g} "
                 f"about ({x:.4g}, {y:.4g}); expected the undeformed surface of a cylinder, within "
-                f"{_ROUND:g} R (the circle through them has R = {fitted:.6g})"
+                f"{_MAX_OFF_CIRCLE:g} R (the circle through them has R = {fitted:.6g})"
             )
         angle = np.arctan2(at[:, 0] - x, y - at[:, 1])
         return cls(float(R), centre, _sides(angle, where, symmetry))
 
     @classmethod
     def deformed(cls, x: FloatArray, where: str, *, R: float | None, symmetry: str) -> "Rim":
-        """Take the sides of nodes at x, shape (n_node,), about an axis at x = 0: R is given.
+        """Find the sides of nodes at x, shape (n_node,), about an axis at x = 0, for a given R.
 
         Raises
         ------
         InputError
-            If R is not given, or nodes are few.
+            If R is None, there are too few nodes, or they are not on the sides that `symmetry`
+            requires.
         """
         if R is None:
             raise InputError(f"{where}: no undeformed surface: expected --R, the body's radius")
         return cls(R, np.array([0.0, R]), _sides(x / R, where, symmetry))
 
     def check_reach(self, what: str, distance: float, where: str) -> None:
-        """Refuse what is so far from the axis as no body is.
+        """Check the distance of an object, named `what` in the message, from the axis.
 
         Raises
         ------
         InputError
+            If the distance is larger than `FARTHEST` times R.
         """
         if not distance <= FARTHEST * self.R:
             rule = f"R = {self.R:.6g}; expected within {FARTHEST:g} R"
             raise InputError(f"{where}: a {what} {distance:.3g} from the axis, {rule}")
 
     def _outwards(self, position: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Return each side's x, counted outwards from the axis, and y."""
+        """Return the distance from the axis and the height of the nodes of each side."""
         x, y = position[:, 0] - self.centre[0], position[:, 1]
         return [(sign * x[nodes], y[nodes]) for nodes, sign in self.sides]
 
     def gaps(self, position: FloatArray, corners: FloatArray, radius: float) -> FloatArray:
-        """Return the distance of the rim's nearer side from each corner, above sharp corners."""
+        """Return the smaller gap of both sides at each corner: vertical for sharp corners."""
         sides = []
         for x, y in self._outwards(position):
             if radius == 0:
@@ -107,7 +110,7 @@ class Rim:
         return value
 
     def overlap(self, position: FloatArray, corners: FloatArray, width: float) -> float:
-        """Return how deep the rim is inside ridges, on the mean of where it is: a penalty's."""
+        """Return the mean depth of rim nodes inside ridges, the overlap of penalty contact."""
         deep = []
         for x, y in self._outwards(position):
             on = (corners[:, :1] <= x) & (x <= corners[:, :1] + width)
@@ -118,10 +121,10 @@ class Rim:
 
 
 def _sides(along: FloatArray, where: str, symmetry: str) -> tuple[tuple[IntArray, float], ...]:
-    """Return the nodes of each side of the axis, from places along the rim, and its sign."""
+    """Return the nodes of each side, sorted outwards by angle, and the sign of their x."""
     outwards = {sign: np.argsort(sign * along, kind="stable") for sign in (1.0, -1.0)}
-    halves = [(nodes[sign * along[nodes] >= -_TINY], sign) for sign, nodes in outwards.items()]
-    sides = tuple(half for half in halves if len(half[0]) >= _LEAST_NODES)
+    halves = [(nodes[sign * along[nodes] >= -_AXIS_TOL], sign) for sign, nodes in outwards.items()]
+    sides = tuple(half for half in halves if len(half[0]) >= _MIN_NODES)
     if len(sides) != (1 if symmetry == "half" else 2):
         there = ("no side of the axis", "one side of the axis only", "both sides of the axis")
         use = ("finer meshes", "--symmetry half", "--symmetry full")
@@ -130,17 +133,17 @@ def _sides(along: FloatArray, where: str, symmetry: str) -> tuple[tuple[IntArray
 
 
 def _height(x: FloatArray, y: FloatArray, at: float) -> float:
-    """Return the lowest y of a curve through nodes where x = at; NaN where it does not get there.
+    """Return the lowest y at x = at of a curve through nodes; NaN if the curve does not reach it.
 
-    Through four nodes around, where x rises through them; straight between two else.
+    The interpolation is cubic through four nodes if their x rises, and linear otherwise.
     """
     crossing = np.flatnonzero((x[:-1] - at) * (x[1:] - at) <= 0)
     if not crossing.size:
         return math.nan
     heights = []
     for i in crossing:
-        some = slice(max(i - 1, 0), i + 3)
-        xs, ys = x[some], y[some]
+        near = slice(max(i - 1, 0), i + 3)
+        xs, ys = x[near], y[near]
         if len(xs) < 4 or not (np.diff(xs) > 0).all():
             xs, ys = x[i : i + 2], y[i : i + 2]
             if xs[0] == xs[1]:
@@ -151,7 +154,7 @@ def _height(x: FloatArray, y: FloatArray, at: float) -> float:
 
 
 def _distance(x: FloatArray, y: FloatArray, at: float, height: float) -> float:
-    """Return how far a point below is from a curve through nodes, straight between them."""
+    """Return the distance of a point from a polygon through nodes."""
     start, along = np.column_stack([x, y])[:-1], np.diff(np.column_stack([x, y]), axis=0)
     from_start = np.array([at, height]) - start
     length = np.maximum((along**2).sum(axis=1), 1e-300)

@@ -1,4 +1,4 @@
-"""Runs of other programs: the facts that their readers need, and the table of what they print."""
+"""Import of runs of finite element programs: collection of missing facts, and reading."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -36,16 +36,16 @@ def read_run(name: str, paths: Sequence[Path], facts: Given) -> Imported:
     Parameters
     ----------
     name : str
-        One of `ridgebayes.fea.read.FORMATS` but ``table``.
+        Format: one of `ridgebayes.fea.read.FORMATS` except ``table``.
     paths : sequence of Path
-        One file or several.
+        Files of the run.
     facts : Given
-        Facts that the files lack.
+        Facts that the files do not contain.
 
     Raises
     ------
     InputError
-        If a file cannot be understood, or a fact is missing.
+        If a file cannot be parsed, or a fact is missing.
     """
     facts, deck, messages = _completed(paths[0], facts, name)
     body = _body(facts)
@@ -57,7 +57,10 @@ def read_run(name: str, paths: Sequence[Path], facts: Given) -> Imported:
 
 
 def _completed(path: Path, facts: Given, name: str) -> tuple[Given, Deck, list[str]]:
-    """Return what is given and what the run's deck says; ask for all the rest at once."""
+    """Complete the facts with those of the deck, and ask for all missing facts in one error.
+
+    Return the facts, the deck, and messages.
+    """
     problems = FileError(str(path))
     more: dict[str, Any] = {}
     has_deck = name in _WITH_DECK
@@ -68,21 +71,21 @@ def _completed(path: Path, facts: Given, name: str) -> tuple[Given, Deck, list[s
     deck = Deck() if file is None else read_deck(file)
     if facts.nu is None and deck.nu is not None:
         more["nu"] = f"{deck.nu:.6g}"
-    # The unit modulus of export-deck is 1 but for printed digits.
+    # Decks of export-deck have E = 1 up to printed digits; the default of E is exactly 1.
     if facts.E is None and deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
         more["E"] = f"{deck.E:.10g}"
     sets, needed = _sets(deck) if has_deck else ({}, {})
     more |= sets
     if has_deck and file is None:
         needed["deck"] = "the run's input deck"
-    needed |= _facts_of(path, name, facts, deck, has_file=file is not None)
+    needed |= _required(path, name, facts, deck, has_file=file is not None)
     for key, what in needed.items():
         if getattr(facts, key) is None:
             value = {"texture": "?,?", "deck": "?.inp"}.get(key, "?")
             problems.need(f"--{key}: missing; expected {what}", **{key: value})
-    if name == "ansys" and facts.map and facts.symmetry is None:  # its nodes do not tell
+    if name == "ansys" and facts.map and facts.symmetry is None:  # no x to infer it
         problems.need("--symmetry: missing; expected half or full, the body", symmetry="?")
-    if name == "nodes" and facts.top is None:  # gaps are from the tops
+    if name == "nodes" and facts.top is None:  # gaps are heights above the tops
         facts = replace(facts, top=0.0)
     problems.raise_all()
     more = {key: value for key, value in more.items() if getattr(facts, key) is None}
@@ -94,8 +97,8 @@ def _completed(path: Path, facts: Given, name: str) -> tuple[Given, Deck, list[s
     return replace(facts, **more), deck, problems.messages
 
 
-def _facts_of(path: Path, name: str, facts: Given, deck: Deck, *, has_file: bool) -> dict[str, str]:
-    """Return what neither the files of a run nor its deck say of the body, by option."""
+def _required(path: Path, name: str, facts: Given, deck: Deck, *, has_file: bool) -> dict[str, str]:
+    """Return the facts that neither the run's files nor its deck give: option and description."""
     without_deck = name in ("febio", "ansys", "nodes")
     is_line = facts.time == "line" or (name == "abaqus-rpt" and not has_file)
     needed = {"texture": "A,B, ridge and groove width over R"}
@@ -111,7 +114,7 @@ def _facts_of(path: Path, name: str, facts: Given, deck: Deck, *, has_file: bool
 
 
 def _sets(deck: Deck) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the node sets of surface and load that a deck prints, and what to ask for others."""
+    """Return the surface and reaction sets if the deck prints one of each, and questions if not."""
     names, needed = {}, {}
     for key, kind, what in (
         ("surface", "U", "the body's surface"),

@@ -1,4 +1,4 @@
-"""Excel workbooks: values only, and nothing in them is run or followed."""
+"""Reader for Excel workbooks: values only; macros, formulas and links are not evaluated."""
 
 import io
 import re
@@ -19,37 +19,39 @@ from ridgebayes.fea.delimited import LOOKED_AT, Row, find_header, n_known
 from ridgebayes.fea.record import FileError, Given
 from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
 
-LARGEST_RATIO = 200  # of unpacked to packed, above a megabyte
-MOST_CELLS = 250_000  # of a worksheet, and rows: some seconds
+# Largest ratio of unpacked to packed size, for more than a megabyte: refuses zip bombs.
+LARGEST_RATIO = 200
+MOST_CELLS = 250_000  # largest number of cells or rows of a worksheet; openpyxl takes seconds
 _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
 _PARSED = (".xml", ".rels")
-# What Python takes for a part of a number, and Excel does not: "1_000", digits of other scripts.
-_ODD = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
+# Values that Python parses as numbers and Excel does not, like "1_000" or digits of other scripts.
+_NOT_EXCEL_NUMBER = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
 
 
-ALL = "all"  # sheets
-Grids = dict[str, list[list[str]]]  # text of cells, by sheet and row
+ALL = "all"  # option value for all sheets
+Grids = dict[str, list[list[str]]]  # text of cells by sheet, row and column
 
 
 def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError) -> TextTable:
-    """Read one worksheet of an Excel workbook, or all, as the text that their cells hold.
+    """Read one worksheet of an Excel workbook, or all worksheets, as a table of text.
 
     Parameters
     ----------
     path : pathlib.Path
-        Its name, for messages.
+        Path of the file, for messages.
     content : bytes
-        All of it.
+        Content of the file.
     facts : Given
-        Its sheet is a name or a number, or all; None takes the one with most words of the field.
+        The user's options. `sheet` is a name, a number or "all"; None uses the sheet with the most
+        recognised headers.
     problems : FileError
-        As `ridgebayes.fea.cells.TextTable`.
+        Collects messages, errors and questions.
 
     Raises
     ------
     InputError
-        If it is no workbook, unpacks to too much, has a document type, or it is not clear which
-        sheet is meant.
+        If the content is not a workbook, is too large when unpacked, has a document type, or has no
+        sheet of that name.
     """
     _check_archive(content, str(path))
     grids, typed = _grids(content, problems, facts.sheet)
@@ -59,7 +61,7 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
     letter = import_module("openpyxl.utils").get_column_letter
     if len(grids) == 1:
         problems.where = f"{path}, sheet {name!r}"
-        numbered = _even(cells)[facts.skip_rows :]
+        numbered = _padded(cells)[facts.skip_rows :]
         return TextTable(
             numbered, "\t", facts, problems, lambda line, i: f"cell {letter(i)}{line}", typed
         )
@@ -70,11 +72,11 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
         return f"sheet {sheet!r}, cell {letter(column)}{at}"
 
     facts = replace(facts, header_row=None, skip_rows=0)
-    return TextTable(_even(rows), "\t", facts, problems, spot, typed)
+    return TextTable(_padded(rows), "\t", facts, problems, spot, typed)
 
 
-def _even(rows: list[list[str]]) -> list[Row]:
-    """Return lines from 1, and their cells, as many as in the longest."""
+def _padded(rows: list[list[str]]) -> list[Row]:
+    """Return numbered rows, from 1, padded with empty cells to equal width."""
     width = max(map(len, rows))
     return [(i, [*cells, *[""] * (width - len(cells))]) for i, cells in enumerate(rows, start=1)]
 
@@ -82,10 +84,10 @@ def _even(rows: list[list[str]]) -> list[Row]:
 def _joined(
     path: Path, grids: Grids, facts: Given, problems: FileError
 ) -> tuple[list[list[str]], list[tuple[str, int]]]:
-    """Return the rows of all sheets with the header of the first, and their sheets and lines."""
+    """Join the sheets with the same header as the first; return rows with their sheet and line."""
     rows: list[list[str]] = []
     places: list[tuple[str, int]] = []
-    names: dict[bool, list[str]] = {True: [], False: []}  # whether sheets are read
+    names: dict[bool, list[str]] = {True: [], False: []}  # sheets that are read, and ignored
     for name, cells in grids.items():
         full = [
             row for row in enumerate(cells, start=1) if any(row[1]) and row[0] > facts.skip_rows
@@ -99,18 +101,18 @@ def _joined(
         for line, row in full[n_head:] if is_read else ():
             rows.append([*row, *[""] * (len(headers) - len(row)), name])
             places.append((name, line))
-    said = {True: "read one after the other", False: "ignored, with another header"}
-    for is_read, some in names.items():
-        if some:
-            shown = ", ".join(map(repr, some))
-            problems.messages.append(f"sheets {said[is_read]}: {shown}")
+    action = {True: "read one after the other", False: "ignored, with another header"}
+    for is_read, sheets in names.items():
+        if sheets:
+            shown = ", ".join(map(repr, sheets))
+            problems.messages.append(f"sheets {action[is_read]}: {shown}")
     problems.where = f"{path}, {len(names[True])} sheets"
     return rows, places
 
 
 def _check_archive(content: bytes, where: str) -> None:
-    """Refuse what would unpack to too much, and XML with a document type: before any parser."""
-    # zipfile lets out exceptions of many kinds on what is no archive.
+    """Refuse workbooks that unpack to too much data or have a document type, before parsing."""
+    # zipfile raises exceptions of many types for a damaged archive.
     unreadable = refusing(f"{where}: not a readable Excel file", most=200)
     with unreadable, zipfile.ZipFile(io.BytesIO(content)) as archive:
         members = archive.infolist()
@@ -139,35 +141,35 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise InputError(f"{where}: {name} has a document type; expected XML without DOCTYPE")
     if "worksheets/" in name:
-        # The reader passes over rows that are out of order.
+        # openpyxl skips rows that are out of order.
         numbers = [int(n) if n.isdigit() else -1 for n in _ROW.findall(text)]
         if any(n < 1 for n in numbers) or any(np.diff(numbers) <= 0):
             raise InputError(f"{where}: {name}: expected numbered rows in rising order")
-        if odd := _ODD.search(text):
+        if odd := _NOT_EXCEL_NUMBER.search(text):
             cell = odd.group().split(b">")[-1][:60].decode("utf-8", "replace")
             raise InputError(f"{where}: {name}: value {cell!r}: expected a number")
 
 
 def _grids(content: bytes, problems: FileError, sheet: str | None) -> tuple[Grids, set[str]]:
-    """Return the sheet that is asked for, or all of them, and the cells that are numbers."""
+    """Return the cells of the requested sheets, and the texts of numeric cells."""
     where = problems.where
     openpyxl = extra("openpyxl", "excel", f"{where}: Excel files need openpyxl")
     typed: set[str] = set()
-    # openpyxl lets out exceptions of many kinds on what is no workbook.
+    # openpyxl raises exceptions of many types for a damaged workbook.
     with refusing(f"{where}: not a readable Excel file", most=200), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of styles and extensions, which hold no values
+        warnings.simplefilter("ignore")  # about styles and extensions, which hold no values
         with _opened(openpyxl, content, data_only=False) as book:
             sheets = {page.title: page for page in book.worksheets}
             is_all = sheet == ALL and ALL not in sheets
-            wanted = list(sheets) if sheet is None or is_all else [_name_of(sheet, sheets, where)]
-            grids = {name: _rows(sheets[name], where, typed) for name in wanted}
+            names = list(sheets) if sheet is None or is_all else [_name_of(sheet, sheets, where)]
+            grids = {name: _rows(sheets[name], where, typed) for name in names}
         if any(cell.startswith("=") for rows in grids.values() for row in rows for cell in row):
             with _opened(openpyxl, content, data_only=True) as book:
                 for name, rows in grids.items():
-                    _store(rows, _rows(book[name], where, typed))
+                    _replace_formulas(rows, _rows(book[name], where, typed))
     full = {name: rows for name, rows in grids.items() if rows}
     if not full:
-        raise InputError(f"{where}: no sheet with cells{f' in {wanted[0]!r}' if sheet else ''}")
+        raise InputError(f"{where}: no sheet with cells{f' in {names[0]!r}' if sheet else ''}")
     if is_all:
         return full, typed
     words = {name: max(map(n_known, filter(any, rows[:LOOKED_AT]))) for name, rows in full.items()}
@@ -187,16 +189,16 @@ def _opened(openpyxl: Any, content: bytes, *, data_only: bool) -> Any:
 
 
 def _name_of(sheet: str, sheets: Iterable[str], where: str) -> str:
-    """Return the name of a sheet that is asked for by name or number."""
+    """Return the name of the sheet that the user gives by name or number."""
     numbers = {str(n): name for n, name in enumerate(sheets, start=1)}
     if sheet not in sheets and sheet not in numbers:
-        there = ", ".join(map(repr, sheets))
-        raise InputError(f"{where}: no sheet {sheet!r}; the sheets are {there}")
+        shown = ", ".join(map(repr, sheets))
+        raise InputError(f"{where}: no sheet {sheet!r}; the sheets are {shown}")
     return sheet if sheet in sheets else numbers[sheet]
 
 
-def _store(rows: list[list[str]], values: list[list[str]]) -> None:
-    """Put the values that the file stores of formulas in their places, where it does."""
+def _replace_formulas(rows: list[list[str]], values: list[list[str]]) -> None:
+    """Replace formulas by their stored values in place, if the file has them."""
     for row, stored in zip(rows, values, strict=False):
         for i, value in enumerate(stored):
             if value and i < len(row) and row[i].startswith("="):
@@ -204,7 +206,7 @@ def _store(rows: list[list[str]], values: list[list[str]]) -> None:
 
 
 def _rows(sheet: Any, where: str, typed: set[str]) -> list[list[str]]:
-    sheet.reset_dimensions()  # what a file says of them may be wrong, and would cut rows off
+    sheet.reset_dimensions()  # dimensions in the file may be wrong and truncate the sheet
     rows: list[list[str]] = []
     n_cell = 0
     for number, row in enumerate(sheet.iter_rows(), start=1):
@@ -222,6 +224,6 @@ def _rows(sheet: Any, where: str, typed: set[str]) -> list[list[str]]:
 
 
 def _text(value: Any, kind: str) -> str:
-    """Return a cell as text on one line; of a number the one that reads back as it."""
+    """Return the value of a cell as text on one line, with all digits of a number."""
     text = "" if value is None else " ".join(str(value).split())
     return f"={text.removeprefix('=')}" if kind == "f" else text

@@ -1,4 +1,4 @@
-"""From increments to transitions: at which load each corner was reached."""
+"""Transition loads of load-stepped runs: the load at which each corner was reached."""
 
 import math
 from decimal import Decimal
@@ -16,8 +16,8 @@ from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import row_codes
 
-MOST = 2000  # histories in a file: some milliseconds each
-_TOUCHING = 1e-12  # over R: rounding error of a body that lies on a corner
+MOST = 2000  # largest number of runs in a file, each of which takes some milliseconds
+_GAP_ROUNDING = 1e-12  # gap over R of a body that touches a corner, by rounding errors
 
 
 def transitions_of(
@@ -29,32 +29,32 @@ def transitions_of(
     gap_error: FloatArray | float = 0.0,
     digits: float = 0.0,
 ) -> tuple[pd.DataFrame, list[str]]:
-    """Find the load at which each of several corners was reached.
+    """Find the load at which each corner was reached in a run.
 
     Parameters
     ----------
     load : ndarray of float, shape (n_increment,), dimensionless
         p/E of each converged increment, in the order of the run.
     gap : ndarray of float, shape (n_increment, n_corner), over R
-        How far the body is from each corner: 0 or less where it touches. Infinite, with its sign,
-        where only that is known.
+        Distance of the body from each corner, 0 or less in contact. -inf or inf if only contact or
+        no contact is known, NaN if nothing is known.
     Q : ndarray of int, shape (n_corner,)
-        Ridges touched once that corner is.
+        Number of ridges in contact when the corner is reached.
     brackets : bool, optional
-        Whether to give the increment, ``p_over_E_lower < load <= p_over_E``, even where gaps are
-        smooth enough to tell the load within it.
+        Whether to return all loads as intervals, ``p_over_E_lower < load <= p_over_E``, even if the
+        gaps allow extrapolation to contact.
     gap_error : float or ndarray of float, shape (n_increment, n_corner), over R, optional
-        How far the gaps may be off, such as by a penalty's overlap or by printed digits.
+        Error of the gaps, such as the overlap of penalty contact or rounding of printed digits.
     digits : float, over R, optional
-        Worth of one printed digit of a gap: a gap of no more than this digit is closed.
+        Rounding of printed gaps: a gap up to this value counts as closed.
 
     Returns
     -------
     DataFrame
-        Columns ``Q``, ``p_over_E``, ``p_over_E_lower`` (NaN without a bracket) and
-        ``rel_se`` (0 with a bracket); a row for each corner that was reached.
+        One row per corner that was reached, with columns ``Q``, ``p_over_E``, ``p_over_E_lower``
+        (NaN if the load is extrapolated) and ``rel_se`` (0 for an interval).
     list of str
-        Messages about increments that were ignored or look odd.
+        Messages about ignored increments and doubtful transitions.
 
     Raises
     ------
@@ -63,13 +63,14 @@ def transitions_of(
 
     Notes
     -----
-    *Validity.* Increments whose load is not above all before them are ignored: repeats, cut-backs
-    and unloading. A gap is extrapolated from the two increments before contact, on the side where
-    a penalty has no say; the load has to lie within the increment, and to change by less than that
-    with one more increment, else the bracket stands.
+    *Validity.* Increments whose load does not exceed all previous loads (repeats, cut-backs and
+    unloading) are ignored. The gap is extrapolated linearly to 0 from the last two increments
+    before contact, since a penalty changes gaps in contact. The interval is returned instead if the
+    extrapolated load lies outside of it, if the last three gaps before contact do not decrease, or
+    if a parabola through them changes the load by more than the width of the interval.
 
-    *Accuracy.* `rel_se` is the change that one more increment makes, by a parabola, with the gap's
-    error beside it.
+    *Accuracy.* `rel_se` is the difference between the linear and the parabolic extrapolation,
+    combined with the gap's error.
 
     Examples
     --------
@@ -82,19 +83,19 @@ def transitions_of(
     """
     load, gap = np.asarray(load, dtype=float), np.asarray(gap, dtype=float)
     error = np.broadcast_to(np.asarray(gap_error, dtype=float), gap.shape)
-    touching = max(_TOUCHING, digits)
+    closed_gap = max(_GAP_ROUNDING, digits)
     order, messages = _rising(load)
     load, gap, error = load[order], gap[order], error[order]
     rows: list[dict[str, Any]] = []
-    ahead: list[int] = []
+    not_reached: list[int] = []
     for j in np.argsort(Q):
         is_known = ~np.isnan(gap[:, j])
-        touched = is_known & (gap[:, j] <= touching)
+        touched = is_known & (gap[:, j] <= closed_gap)
         if not touched.any():
-            ahead.append(int(Q[j]))
+            not_reached.append(int(Q[j]))
             continue
         first = int(np.argmax(touched))
-        lost = load[first:][gap[first:, j] > touching]
+        lost = load[first:][gap[first:, j] > closed_gap]
         if lost.size:
             at = some_of([f"{at:.5g}" for at in lost], SHOWN)
             messages.append(f"Q = {Q[j]}: contact is lost again at p/E = {at}")
@@ -110,15 +111,15 @@ def transitions_of(
                     f"Q = {Q[j]}: the gap before contact is not smooth enough: bracketed"
                 )
         if rows and upper <= rows[-1]["p_over_E"]:
-            # An increment reached two corners: it determines the load of the first alone.
+            # An increment in which two corners are reached gives the load of the first only.
             messages.append(
                 f"Q = {Q[j]} ignored: reached in the same increment as Q = {rows[-1]['Q']}"
             )
             continue
         rows.append({"Q": int(Q[j]), "p_over_E": upper, "p_over_E_lower": lower, "rel_se": rel_se})
-    if ahead:
-        to = f" to {ahead[-1]}" if len(ahead) > 1 else ""
-        messages.append(f"Q = {ahead[0]}{to}: not reached")
+    if not_reached:
+        to = f" to {not_reached[-1]}" if len(not_reached) > 1 else ""
+        messages.append(f"Q = {not_reached[0]}{to}: not reached")
     if not rows:
         top = f"the highest load is p/E = {load[-1]:.5g}" if load.size else "no increment is left"
         raise InputError(f"no corner is reached: {top}; {'; '.join(messages)}")
@@ -126,7 +127,7 @@ def transitions_of(
 
 
 def _rising(load: FloatArray) -> tuple[IntArray, list[str]]:
-    """Return the increments whose load is above all before; what the others are."""
+    """Return the increments whose load exceeds all previous loads, and messages about the rest."""
     finite = np.isfinite(load) & (load > 0)
     above = np.maximum.accumulate(np.where(finite, load, 0.0))
     before = np.concatenate([[0.0], above[:-1]])
@@ -135,7 +136,7 @@ def _rising(load: FloatArray) -> tuple[IntArray, list[str]]:
         "they repeat a load": finite & (load == before),
         "the load decreases or was cut back": finite & (load < before),
     }
-    counts = {why: int(some.sum()) for why, some in ignored.items()}
+    counts = {why: int(mask.sum()) for why, mask in ignored.items()}
     messages = [f"{n} increments ignored: {why}" for why, n in counts.items() if n]
     return np.flatnonzero(finite & (load > before)), messages
 
@@ -143,18 +144,18 @@ def _rising(load: FloatArray) -> tuple[IntArray, list[str]]:
 def _extrapolated(
     load: FloatArray, gap: FloatArray, error: FloatArray, before: IntArray, upper: float
 ) -> tuple[float, float] | None:
-    """Return the load of zero gap and its relative error, from the last increments before it."""
+    """Return the load of zero gap and its relative error; None if extrapolation is not reliable."""
     last = before[-3:]
     g, p = gap[last], load[last]
     if last.size < 3 or not np.isfinite(g).all() or not (np.diff(g) < 0).all():
         return None
     slope = (g[2] - g[1]) / (p[2] - p[1])
     straight = p[2] - g[2] / slope
-    # Inverse quadratic interpolation: the load as a parabola of the gap, at gap 0.
+    # Inverse quadratic extrapolation: the load as a parabola of the gap, at gap 0.
     curved = float(krogh_interpolate(g, p, 0.0))
     doubt = math.hypot(curved - straight, error[last[-1]] / abs(slope))
     is_inside = p[2] < straight <= upper * (1 + 1e-12) + doubt
-    # A load without a known error is left out.
+    # A NaN or infinite error is refused, too.
     if not (is_inside and abs(curved - straight) < upper - p[2] and math.isfinite(doubt)):
         return None
     zero = min(straight, upper)
@@ -162,7 +163,7 @@ def _extrapolated(
 
 
 def last_digit(values: FloatArray) -> float:
-    """Return the value of the last decimal digit of some numbers; 0 without decimals.
+    """Return the value of a unit in the last decimal digit of numbers; 0 without finite numbers.
 
     Examples
     --------
@@ -183,27 +184,27 @@ def transitions_of_runs(
     brackets: bool = False,
     digits: float = 0.0,
 ) -> tuple[pd.DataFrame, list[str]]:
-    """Find the transitions of increments of several runs.
+    """Find the transitions of several runs in one table of increments.
 
     Parameters
     ----------
     curve : DataFrame, n_row rows
-        Columns that are constant in a run, by contract name; one run each distinct row.
+        Columns that are constant in a run, by contract name. Equal rows belong to the same run.
     load : ndarray of float, shape (n_row,), dimensionless
-        p/E.
+        p/E of each increment.
     gap : ndarray of float, shape (n_row, n_corner)
-        As `transitions_of`.
+        As in `transitions_of`.
     Q : ndarray of int, shape (n_corner,)
-        Rising.
+        Q of each corner, rising.
     brackets, digits
-        As `transitions_of`.
+        As in `transitions_of`.
 
     Returns
     -------
     DataFrame
-        A row for each corner that was reached.
+        One row per run and corner that was reached.
     list of str
-        Remarks.
+        Messages about the runs.
 
     Raises
     ------
@@ -223,7 +224,7 @@ def transitions_of_runs(
         constants = curve.iloc[int(rows[0])]
         name = "" if n_run == 1 else f"{_label(constants)}: "
         try:
-            # Absurd numbers overflow where loads are extrapolated, and then are not used.
+            # Extrapolation of extreme numbers may overflow; its result is then not used.
             with np.errstate(all="ignore"):
                 _check_order(load[rows], gap[rows], Q, digits)
                 frame, odd = transitions_of(
@@ -243,19 +244,19 @@ def transitions_of_runs(
 
 
 def middle_loads(rows: pd.DataFrame) -> tuple[pd.DataFrame, int]:
-    """Return brackets as loads in their middle, with the error of a uniform one, and how many."""
+    """Replace intervals by their middle with the sd of a uniform distribution; count them."""
     lower, upper = (rows[name].to_numpy() for name in ("p_over_E_lower", "p_over_E"))
-    inside, middle = ~np.isnan(lower), (lower + upper) / 2
+    is_interval, middle = ~np.isnan(lower), (lower + upper) / 2
     sd = (upper - lower) / math.sqrt(12)
     return rows.assign(
-        p_over_E=np.where(inside, middle, upper),
-        rel_se=np.where(inside, sd / middle, rows["rel_se"]),
+        p_over_E=np.where(is_interval, middle, upper),
+        rel_se=np.where(is_interval, sd / middle, rows["rel_se"]),
         p_over_E_lower=np.nan,
-    ), int(inside.sum())
+    ), int(is_interval.sum())
 
 
 def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray, digits: float) -> None:
-    """Refuse outer corners that touch in an increment before inner ones: columns exchanged."""
+    """Refuse a run whose outer corners touch before inner corners: columns were exchanged."""
     touched = gap <= digits
     first = np.where(touched.any(axis=0), touched.argmax(axis=0), len(load))
     for i in np.flatnonzero(np.diff(first) < 0).tolist():

@@ -1,4 +1,4 @@
-"""Wide tables made long: one column of loads for each Q, or for each repeat."""
+"""Conversion of wide tables, with one column of loads per Q or per repeat, to long tables."""
 
 from collections.abc import Sequence
 
@@ -13,12 +13,13 @@ from ridgebayes.runtime.text import count
 def melted(
     cells: pd.DataFrame, uses: Sequence[Use], problems: FileError
 ) -> tuple[pd.DataFrame, list[Use]]:
-    """Return a row for each load, of a table with a column for each Q or each repeat.
+    """Convert a table with a column per Q or per repeat to a table with a row per load.
 
     Raises
     ------
     InputError
-        If there is a load beside them, no load, or the units of one quantity differ.
+        If the table also has a column of all loads or counts, has no load, or has columns of one
+        quantity in different units.
     """
     wide = [use for use in uses if use.label is not None]
     is_Q = wide[0].Q is not None
@@ -35,12 +36,12 @@ def melted(
     new = {key: np.array(labels, dtype=float if is_Q else object)[which]}
     long = [Use(key, key, "1" if is_Q else None, how="wide")]
     for key in dict.fromkeys(use.key for use in wide):
-        some = {use.label: use for use in wide if use.key == key}
-        units = {use.own_unit for use in some.values()}
+        by_label = {use.label: use for use in wide if use.key == key}
+        units = {use.own_unit for use in by_label.values()}
         if len(units) > 1:
             raise problems.error(f"{key} in {', '.join(sorted(units))}; expected one unit")
         empty = np.full(len(cells), np.nan)
-        columns = [cells[some[label].header] if label in some else empty for label in labels]
+        columns = [cells[by_label[i].header] if i in by_label else empty for i in labels]
         new[key] = np.column_stack(columns)[row, which]
         long.append(Use(key, key, units.pop() or "1", how="wide"))
     n_empty = len(cells) * len(labels) - row.size
@@ -55,7 +56,7 @@ def melted(
 
 
 def _broken(uses: Sequence[Use], wide: Sequence[Use]) -> str:
-    """Return the rule that columns for each Q break; empty if they break none."""
+    """Return an error message if the columns per Q break a rule; empty otherwise."""
     loads = [use for use in wide if use.key in LOADS]
     single = [use for use in uses if use.Q is None and use.key in (*LOADS, "Q")]
     counts = {use.Q for use in loads}

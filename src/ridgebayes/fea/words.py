@@ -1,4 +1,4 @@
-"""Words of `words.toml` in headers, numbers in them, and units: exact, everywhere or nowhere."""
+"""Recognition of headers by the words in `words.toml`, and of units and numbers."""
 
 import functools
 import math
@@ -23,16 +23,16 @@ DIMENSIONS: dict[str, Dimension] = {
     key: dimension for dimension, keys in _WORDS["dimensions"].items() for key in keys
 }
 _PLACES = [re.compile(pattern) for pattern in _UNITS["places"]]
-MOST_DISTINCT = 10_000  # numbers that are treated one by one
+MOST_DISTINCT = 10_000  # largest number of distinct values that Python code loops over
 NUMBER = re.compile(r"\s*[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\s*", re.A)
-# Exponents as Fortran prints them: with a D, or of three digits and without any letter.
+# Fortran prints exponents with a D, or with three digits and without a letter.
 FORTRAN = re.compile(r"\s*([+-]?(?:\d+\.\d*|\.\d+))(?:[dD]([+-]?\d+)|([+-]\d{3}))\s*", re.A)
 _POWER = re.compile(r"(?:1e|10\s?\^?)\s?(-?\d)")
 
 
 @functools.lru_cache(maxsize=1000)
 def unit_factor(unit: str, dimension: Dimension) -> Fraction | None:
-    """Return how many SI units a unit is; None if it is no unit of the dimension.
+    """Return the factor of a unit to SI; None if it is not a unit of the dimension.
 
     Examples
     --------
@@ -52,7 +52,7 @@ def unit_factor(unit: str, dimension: Dimension) -> Fraction | None:
 
 
 def split_header(header: str) -> tuple[str, str]:
-    """Return a header's words, and what stands in place of a unit.
+    """Split a header into its words and the text in place of a unit.
 
     Examples
     --------
@@ -61,10 +61,10 @@ def split_header(header: str) -> tuple[str, str]:
     >>> split_header("Load, total"), split_header("p_kPa")
     (('Load, total', ''), ('p', 'kPa'))
     """
-    for pattern in _PLACES if header not in NAMES else ():  # units take half a second to load
+    for pattern in _PLACES if header not in NAMES else ():  # avoids the slow import of units
         if match := pattern.fullmatch(header):
             words, unit = match.group(1).strip(), match.group(2).strip().replace("_per_", "/")
-            # "Load N/mm" is no load in N over mm, and "load_N_mm" none in mm.
+            # "Load N/mm" is not in mm, nor is "load_N_mm": the word before the unit is a unit.
             last = re.split(r"[\s_]+", words)[-1]
             is_sure = is_unit(unit) and last != "per" and not is_unit(last)
             if words and (pattern in _PLACES[:2] or is_sure):
@@ -80,7 +80,7 @@ def is_unit(text: str) -> bool:
 
 
 def number_and_unit(text: str) -> tuple[float, str]:
-    """Return the number at the beginning of a text, NaN if there is none, and what follows.
+    """Return the number at the beginning of a text (NaN if there is none), and the rest.
 
     Examples
     --------
@@ -92,23 +92,23 @@ def number_and_unit(text: str) -> tuple[float, str]:
 
 
 def column_unit(key: str, header: str, explicit: str | None, where: str) -> tuple[str, Fraction]:
-    """Return the unit of a column and its factor to SI; no unit and 1 if it has none.
+    """Return the unit of a column and its factor to SI; "" and 1 if it has no unit.
 
     Parameters
     ----------
     key : str
         Quantity in the column: one of `DIMENSIONS`, or a dimensionless quantity.
     header : str
-        The file's header.
+        Header in the file.
     explicit : str or None
-        The unit that the mapping gives; ``1`` for none.
+        Unit in the mapping; ``1`` for no unit, None to use the header's unit.
     where : str
-        Name that messages show.
+        File, for messages.
 
     Raises
     ------
     InputError
-        If the unit is not understood, is of another dimension, or differs from the header's.
+        If the unit is unknown, has another dimension, or differs from the header's unit.
     """
     words, unit = split_header(header)
     place, dimension = f"{where}, header {header!r}", DIMENSIONS.get(key)
@@ -127,7 +127,7 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
             raise InputError(f"{place}: unit {unit!r}: expected {key} is a plain number, or in %")
         return "", Fraction(1)
     if unit in _UNITS["none"]:
-        # "a_mm" without a unit would make metres of millimetres wherever R has one.
+        # A header such as "a mm" must not be read as a number without unit.
         last = re.split(r"[\s_/]+", words)[-1]
         if explicit is None and last != words and unit_factor(last, dimension) is not None:
             raise InputError(
@@ -147,8 +147,9 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
 def divided(over: FloatArray, *under: FloatArray) -> FloatArray:
     """Divide an array by others, each of shape (n_row,) or ().
 
-    Quotients err by some units of the last place; those of at most 14 digits are as a person would
-    write them, where there are not over 10,000 distinct ones.
+    Quotients have rounding errors of some units in the last place. Quotients within rounding of a
+    decimal with 14 digits are replaced by that decimal, unless there are over 10,000 distinct
+    quotients.
     """
     with np.errstate(all="ignore"):
         quotient = np.asarray(functools.reduce(np.divide, under, over))
@@ -160,17 +161,17 @@ def divided(over: FloatArray, *under: FloatArray) -> FloatArray:
     return np.where(near, short, distinct)[place].reshape(quotient.shape)
 
 
-def _any(words: Iterable[str]) -> str:
-    """Return a pattern of any of some, with words of what is counted."""
+def _any_of(words: Iterable[str]) -> str:
+    """Return a pattern of any of the words, with COUNTED replaced by the counted objects."""
     return rf"(?:{'|'.join(words)})".replace("COUNTED", rf"(?:{'|'.join(_WORDS['counted'])})")
 
 
-# A key, what its words look like, and what they must not hold. The first that fits is taken.
+# Key, pattern of its words, and pattern of words that exclude it. The first match wins.
 _PATTERNS = [
-    (key, re.compile(_any(words["words"])), re.compile(_any(words.get("but_not", [r"(?!)"]))))
+    (key, re.compile(_any_of(words["words"])), re.compile(_any_of(words.get("but_not", [r"(?!)"]))))
     for key, words in _WORDS["keys"].items()
 ]
-_TERMS = {term: _any(count["words"]) for term, count in _WORDS["counts"].items()}
+_TERMS = {term: _any_of(count["words"]) for term, count in _WORDS["counts"].items()}
 NOT_READ, DISGUISES, OPTIONS = (_WORDS[name] for name in ("not_read", "disguises", "options"))
 OF_NODES, ANSYS_CLOSED = _WORDS["nodes"], _WORDS["status"]["ansys_closed"]
 COUNTS = {term: count["said"] for term, count in _WORDS["counts"].items()}
@@ -178,17 +179,17 @@ STATUS_RULE = (
     "expected open or 0, closed or 1, or an empty cell; --closed-is says which codes are contact"
 )
 _LOWER, _FILLERS = (
-    re.compile(rf"\b{_any(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
+    re.compile(rf"\b{_any_of(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
 )
-NOTHING = re.compile(rf"\s*{_any(_WORDS['columns']['nothing'])}\s*", re.I)
+NOTHING = re.compile(rf"\s*{_any_of(_WORDS['columns']['nothing'])}\s*", re.I)
 _COUNTER, _ERRORS, _NO_CORNER = (
-    re.compile(_any(_WORDS["columns"][name])) for name in ("counter", "errors", "no_corner")
+    re.compile(_any_of(_WORDS["columns"][name])) for name in ("counter", "errors", "no_corner")
 )
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
 
 
 def plain(text: str) -> str:
-    """Return words in small letters without accents, of signs only ``/`` and ``*``.
+    """Return text in small letters without accents, and without signs except ``/``, ``*``, ``%``.
 
     Examples
     --------
@@ -202,7 +203,7 @@ def plain(text: str) -> str:
 
 
 def key_of(words: str) -> str:
-    """Return what a header's words mean, as a key of ``--map``; empty where that is not clear.
+    """Return the key of ``--map`` that a header's words mean; empty if they are not recognised.
 
     Examples
     --------
@@ -232,33 +233,33 @@ def _key_of(text: str) -> str:
 
 
 def count_term(words: str) -> str:
-    """Return which of `COUNTS` words speak of; empty where they do not say.
+    """Return the counted objects, a key of `COUNTS`, that words name; empty if they name none.
 
     Examples
     --------
     >>> count_term("Anzahl Stege"), count_term("contacts")
     ('ridges', '')
     """
-    return next((term for term, some in _TERMS.items() if re.search(some, plain(words))), "")
+    return next((term for term, regex in _TERMS.items() if re.search(regex, plain(words))), "")
 
 
 def corner_key(words: str) -> str:
-    """Return the quantity of a corner in increments: gap, pressure or status; else an empty text.
+    """Return the result at a corner that words name: "gap", "pressure", "status" or "".
 
     Examples
     --------
     >>> corner_key("STAT"), corner_key("Contact pressure"), corner_key("Note")
     ('status', 'pressure', '')
     """
-    some = _WORDS["corners"].items()
-    return next((key for key, words_of in some if plain(words) in words_of), "")
+    vocabulary = _WORDS["corners"].items()
+    return next((key for key, names in vocabulary if plain(words) in names), "")
 
 
 def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
-    """Return headers that name a count each: what their columns hold, the count and its term.
+    """Return key, count and counted objects of headers with one column per count.
 
-    Headers that differ in one whole number, two of them at least, all even where no word says
-    what is counted.
+    Such headers are at least two that differ in one whole number only. All numbers must be even if
+    no word names the counted objects.
 
     Examples
     --------
@@ -270,19 +271,19 @@ def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
         if len(numbers := re.findall(r"\d+", header)) == 1 and len(numbers[0]) <= 6:
             groups.setdefault(re.sub(r"\d+", "*", header), {})[header] = int(numbers[0])
     corners: dict[str, tuple[str, int, str]] = {}
-    for template, some in groups.items():
+    for template, counts in groups.items():
         words = plain(template.replace("*", " "))
         term, rest = count_term(words), " ".join(_FILLERS.sub(" ", words).split())
         key = key_of(rest) if rest else "load"
-        is_count = term or all(n % 2 == 0 for n in some.values())
+        is_count = term or all(n % 2 == 0 for n in counts.values())
         is_load = key.removesuffix("_lower") in ("load", "p", "line", "p_over_E")
-        if len(some) > 1 and is_count and is_load and not _NO_CORNER.search(words):
-            corners |= {header: (key, n, term) for header, n in some.items()}
+        if len(counts) > 1 and is_count and is_load and not _NO_CORNER.search(words):
+            corners |= {header: (key, n, term) for header, n in counts.items()}
     return corners
 
 
 def repeats_of(headers: Iterable[str]) -> dict[str, str]:
-    """Return which repeat each of some headers is, where they differ in one whole number alone.
+    """Return the number of each header if the headers differ in one number only; else nothing.
 
     Examples
     --------
@@ -297,31 +298,31 @@ def repeats_of(headers: Iterable[str]) -> dict[str, str]:
 
 
 def is_number_of_repeats(words: str) -> bool:
-    """Return whether a header beside a mean and its deviation says how many were measured."""
+    """Return whether a header beside a mean and its sd gives the number of measurements."""
     return plain(words) in _WORDS["columns"]["n_mean"]
 
 
 def is_counter(header: str) -> bool:
-    """Return whether a header counts rows, or is none."""
+    """Return whether a column counts rows or increments, or has no header."""
     return _COUNTER.search(header.lower()) is not None
 
 
 def is_error(header: str) -> bool:
-    """Return whether a header may be of an error of loads, but does not say of which kind."""
+    """Return whether a column may hold errors of loads, of a kind that the header does not tell."""
     return _ERRORS.search(header.lower()) is not None
 
 
 def touching(
     words: "pd.Series[str]", closed_is: Collection[int] = ()
 ) -> tuple[FloatArray, BoolArray]:
-    """Return gaps of which only the sign is known, and the cells that are no status.
+    """Return gaps of -inf (closed), inf (open) or NaN (empty), and a mask of invalid cells.
 
     Parameters
     ----------
     words : Series of str
-        Cells.
+        Cells of a status column.
     closed_is : collection of int, optional
-        Whole numbers that mean contact; all others mean none.
+        Codes that mean contact; all other whole numbers mean no contact.
 
     Examples
     --------
