@@ -308,9 +308,8 @@ class Form(ABC):
         pairs, p = np.maximum(np.floor(guess / 2 - 1), 0), np.asarray(p_over_E, dtype=float)
         a, b = aligned(*widths(a_over_R, b_over_R), p_over_E=p, nu=nu)
         rate = self.rate(self._theta(theta), a, b)
-        for _ in range(
-            2
-        ):  # the guess can be wrong by one pair; the second pass confirms the result
+        # The guess can be wrong by one pair; the second pass confirms the result.
+        for _ in range(2):
             up = self._load(2 * pairs + 4, a, b, rate, nu) <= p
             down = self._load(2 * pairs + 2, a, b, rate, nu) > p
             pairs = np.maximum(pairs + up - down, 0)
