@@ -1,9 +1,11 @@
 """Log evidences: the log of the integral of likelihood times prior.
 
-`pairs` weighs every form under every error model by importance sampling; `bridge` finds the
-evidence of a walk's draws, a second way for the selected error model; `prior_sensitivity` says how
-far evidences depend on the priors' scales. The densities are of the log loads, so evidences of one
-table compare across all forms. How each method works: docs/derivations/evidence.md.
+`pairs` computes the evidence of every form under every error model by importance sampling. As an
+independent check under the selected error model, `walk_pair` samples a posterior with emcee, and
+`bridge` computes the evidence from these draws. `prior_sensitivity` measures the effect of the
+priors' scales, `components` compares error models with and without a component, and `tables` has
+the tables of evidences and probabilities. Densities are those of log loads for all forms, so that
+evidences of one table are comparable. The methods are explained in docs/derivations/evidence.md.
 
 >>> from ridgebayes.evidence.pairs import weigh_pairs
 >>> from ridgebayes.model.forms import Modified
@@ -11,7 +13,7 @@ table compare across all forms. How each method works: docs/derivations/evidence
 >>> from ridgebayes.model.observations import Observations
 >>> from ridgebayes.table.datafiles import paper_sweep
 >>> weighed = weigh_pairs(Observations.from_table(paper_sweep()), [Modified()], [Noise()])
->>> found = weighed.evidence.iloc[0]  # 78.863 by quadrature
->>> bool(abs(found["log_evidence"] - 78.863) < 4 * found["log_evidence_se"])
+>>> row = weighed.evidence.iloc[0]  # 78.863 by quadrature
+>>> bool(abs(row["log_evidence"] - 78.863) < 4 * row["log_evidence_se"])
 True
 """

@@ -1,8 +1,9 @@
 """Evidence by bridge sampling between a posterior's draws and a normal proposal.
 
-The estimate compares posterior draws with draws of a normal of the same mean and covariance, in the
-coordinates of a chart. The normal is fitted to one half of the ensembles and bridged to the other,
-and then with the halves swapped: ensembles are independent, so no draw is used against itself.
+The estimate compares posterior draws with draws of a normal proposal with the same mean and
+covariance, in the coordinates of a chart. The proposal is fitted to one half of the ensembles and
+compared with the other half, and then with the halves swapped. Since ensembles are independent, no
+draw is compared with a proposal that was fitted to it.
 """
 
 import math
@@ -17,7 +18,7 @@ from ridgebayes.inference.emcee_sampling import Walked
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.target import Target
 
-# Relative error by rounding of a mean or covariance of up to 100,000 points.
+# Relative rounding error of a mean or covariance of up to 100,000 points.
 _RELATIVE_ROUNDING = 100 * np.finfo(float).eps
 
 
@@ -39,26 +40,26 @@ def bridge_evidence(
     walked : Walked
         Draws of an even number of independent ensembles.
     rng : numpy.random.Generator
-        For the proposal's draws.
+        Source of the proposal's draws.
     n_point : int, optional
-        Points of densities that are estimates.
+        Number of points for densities that are estimates.
     iterations_max : int, optional
-        Steps of the fixed-point iteration after which it counts as not converged.
+        Maximum number of steps of the fixed-point iteration.
     draws_max : int, optional
-        Draws used of each half; more would cost time that the error does not need.
+        Number of draws used from each half; more draws hardly reduce the error.
 
     Returns
     -------
     LogEvidence
-        Value and Monte Carlo standard error. The status is not ok where the draws do not move in
-        every direction, the iteration does not converge, or the two halves disagree by more than
+        Value and Monte Carlo standard error. The status is not ok if the draws do not vary in every
+        direction, if the iteration does not converge, or if the two halves disagree by more than
         five standard errors.
 
     Notes
     -----
-    *Accuracy.* The standard error adds the relative variances of numerator and denominator, the
-    posterior side divided by its effective sample size, and the covariance of the errors of the
-    two halves: the product of the errors of their draws enters both.
+    *Accuracy.* The standard error combines the relative variances of numerator and denominator (the
+    latter with the effective sample size of the posterior's draws) and the covariance of the two
+    halves' errors.
 
     References
     ----------
@@ -69,7 +70,7 @@ def bridge_evidence(
     half = n_ensemble // 2
     stride = max(math.ceil(half * n_step * n_walker / draws_max), 1)
     z = walked.coordinates[:, ::stride]
-    in_z = walked.chains.log_density[:, ::stride] + walked.log_jacobian[:, ::stride]
+    log_density_z = walked.chains.log_density[:, ::stride] + walked.log_jacobian[:, ::stride]
 
     def log_target(q: FloatArray) -> FloatArray:
         draws = target.evaluate(np.zeros(len(q), np.int64), q, rng, n_point)
@@ -87,7 +88,7 @@ def bridge_evidence(
             return LogEvidence("bridge", math.nan, math.nan, reason)
         candidates = proposal.rvs(rng, draws[..., 0].size)
         at_candidates = log_target(candidates)
-        at_draws = in_z[half:] if k else in_z[:half]
+        at_draws = log_density_z[half:] if k else log_density_z[:half]
         result = _bridge(
             at_draws - proposal.log_pdf(draws),
             at_draws - draws_proposal.log_pdf(draws),
@@ -101,23 +102,25 @@ def bridge_evidence(
             )
             return LogEvidence("bridge", math.nan, math.nan, reason)
         results.append(result)
-    (first, *of_first), (second, *of_second) = results
-    apart = abs(first - second) / math.sqrt(of_first[0] + of_second[0])
-    se = 0.5 * math.sqrt(of_first[0] + of_second[0] + of_first[1] + of_second[1])
-    status = "ok" if apart < 5 else f"halves of the ensembles disagree by {apart:.1f} se"
-    return LogEvidence("bridge", 0.5 * (first + second), se, status)
+    values, variances, covariances = zip(*results, strict=True)
+    distance = abs(values[0] - values[1]) / math.sqrt(sum(variances))
+    se = 0.5 * math.sqrt(sum(variances + covariances))
+    status = "ok" if distance < 5 else f"halves of the ensembles disagree by {distance:.1f} se"
+    return LogEvidence("bridge", 0.5 * sum(values), se, status)
 
 
 @dataclass(frozen=True, eq=False)
 class _Normal:
+    """A multivariate normal distribution, by its mean and the Cholesky factor of its covariance."""
+
     mean: FloatArray
     root: FloatArray
 
     @classmethod
     def fitted(cls, points: FloatArray) -> "_Normal | None":
-        """Return the normal of the points' mean and covariance, None where that is singular."""
+        """Return the normal with the points' mean and covariance, or None if it is singular."""
         covariance = np.atleast_2d(np.cov(points.T)).astype(float)
-        # By rounding, the variance of equal points is zero on some machines only.
+        # Because of rounding, the variance of equal points is exactly zero on some machines only.
         rounding = _RELATIVE_ROUNDING * max(1.0, np.abs(points).max())
         spread = np.linalg.eigvalsh(covariance)
         if not spread[0] > max(rounding**2, _RELATIVE_ROUNDING * spread[-1]):
@@ -140,44 +143,53 @@ def _bridge(
     proposal_ratio: FloatArray,
     iterations_max: int,
 ) -> tuple[float, float, float] | None:
-    """Return log evidence, its variance, and its covariance with that of the other half.
+    """Return the log evidence, its variance, and its covariance with the other half's.
 
     Parameters
     ----------
     posterior_ratio, other_ratio : ndarray of float, shape (n_ensemble, n_step, n_walker)
-        log(target / proposal) at draws of the posterior, with the proposal fitted to the other half
-        and with that fitted to these draws.
+        log(target / proposal) at draws of the posterior, for the proposal fitted to the other half
+        and for the proposal fitted to these draws.
     proposal_ratio : ndarray of float, shape (n,)
-        The same at draws of the proposal.
+        log(target / proposal) at draws of the proposal.
     iterations_max : int
-        Steps of the fixed-point iteration.
+        Maximum number of steps of the fixed-point iteration.
+
+    Returns
+    -------
+    tuple of float, or None
+        None if the iteration does not converge.
     """
     n_effective = _effective(posterior_ratio)
     log_odds = math.log(n_effective / proposal_ratio.size)  # log s1/s2
     log_z = float(np.median(posterior_ratio))
     for _ in range(iterations_max):
-        # Numerator: mean over the proposal of l / (s1 l + s2 r); denominator: mean over the
-        # posterior of 1 / (s1 l + s2 r). Both as logistic functions, which cannot overflow.
+        # With l = exp(ratio) and r the evidence, the numerator is the mean over the proposal of
+        # l / (s1 l + s2 r), the denominator the mean over the posterior of 1 / (s1 l + s2 r). Both
+        # are written as logistic functions, which cannot overflow.
         numerator = expit(proposal_ratio - log_z + log_odds)
         denominator = expit(log_z - posterior_ratio - log_odds)
         if not (numerator.any() and denominator.any()):
             return None  # posterior and proposal share no draw
         new = log_z - log_odds + math.log(numerator.mean()) - math.log(denominator.mean())
-        settled, log_z = abs(new - log_z) < 1e-10, new
-        if settled:
+        converged, log_z = abs(new - log_z) < 1e-10, new
+        if converged:
             break
     else:
         return None
     scale, n_denominator = denominator.mean() ** 2, _effective(denominator)
     variance = numerator.var() / numerator.mean() ** 2 / numerator.size
     variance += denominator.var() / scale / n_denominator
-    # A proposal has the error e of its draws: f = f0 + s e. The other half averages s, with the
-    # error of its own draws. The product of both errors enters both halves, and its variance is
-    # half that of the difference between proposals.
-    apart = denominator - expit(log_z - other_ratio - log_odds)
-    return log_z, float(variance), float(0.5 * apart.var() / scale / n_denominator)
+    # The error of a proposal comes from the half to which it is fitted, and is averaged over draws
+    # of the other half, which have an error too. The product of both errors enters the estimates of
+    # both halves. Its variance is half the variance of the difference between the two proposals.
+    difference = denominator - expit(log_z - other_ratio - log_odds)
+    return log_z, float(variance), float(0.5 * difference.var() / scale / n_denominator)
 
 
 def _effective(x: FloatArray) -> float:
-    """Return the effective sample size, at most the number: short chains seem to have more."""
+    """Return the effective sample size, limited to the number of draws.
+
+    Estimates from short chains can exceed this number.
+    """
     return min(float(effective_sample_size(x)), float(x.size))

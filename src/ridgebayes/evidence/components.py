@@ -1,8 +1,7 @@
-"""Which components of the error model the rows support: inclusion Bayes factors.
+"""Inclusion Bayes factors: the support of the rows for components of the error model.
 
-The evidences are those of every form under every error model. The mean evidence of the error
-models with a component, over the mean evidence of the error models without it, is the Bayes factor
-of the component with everything else summed out.
+The Bayes factor of a component is the mean evidence of the error models with it over the mean
+evidence of the error models without it, both summed over forms.
 """
 
 import math
@@ -15,7 +14,7 @@ from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.model.noise import SERIES, SMOOTH, Noise
 
 COMPONENT_COLUMNS = ["component", "ln_bf", "ln_bf_se", "probability", "reading"]
-_COMPONENTS = {  # by name: what an error model has of it among its factors and its tail
+_COMPONENTS = {  # names of components, and the factor or tail of an error model with each component
     "texture": "texture",
     "step": "step",
     "smooth": SMOOTH,
@@ -39,14 +38,15 @@ def component_table(evidence: pd.DataFrame) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Columns component (``texture``, ``step``, ``smooth``, ``series``, ``student``), ln_bf,
-        ln_bf_se, probability (posterior, of all error models with it), reading. Components that all
-        or none of the error models have are left out, so that one error model gives no row.
+        ln_bf_se, probability (posterior probability of all error models with the component),
+        reading. Components of all or of none of the error models are omitted, so that a single
+        error model gives no row.
 
     Notes
     -----
-    *Validity.* A form without an evidence under an error model counts there as evidence zero.
-    Components compete: a smooth offset does much of what step offsets do, so that either may be
-    disfavoured because of the other.
+    *Validity.* A form without an evidence under an error model counts as evidence zero. Components
+    compete: a smooth offset explains most of the errors that step offsets explain, so that the
+    Bayes factor of one can be low because of the other.
 
     References
     ----------
@@ -61,13 +61,13 @@ def component_table(evidence: pd.DataFrame) -> pd.DataFrame:
     [['step', 'positive for it'], ['student', 'positive against it']]
     """
     used, rows = used_evidence(evidence), []
-    parts = {name: _parts(name) for name in used["noise"].unique()}
+    parts = {name: _factors_and_tail(name) for name in used["noise"].unique()}
     for component, part in _COMPONENTS.items():
         has = used["noise"].map(lambda name, part=part: part in parts[name])
         if not has.any() or has.all():
             continue
-        (one, se), (other, other_se) = (_log_mean(used[here]) for here in (has, ~has))
-        ln_bf, error = one - other, math.hypot(se, other_se)
+        (included, se), (excluded, excluded_se) = (_log_mean(used[mask]) for mask in (has, ~has))
+        ln_bf, error = included - excluded, math.hypot(se, excluded_se)
         share, word = min(used.loc[has, "model_probability"].sum(), 1.0), strength(ln_bf, error)
         side = "" if word == "undecided" else " for it" if ln_bf > 0 else " against it"
         rows.append((component, ln_bf, error, share, word + side))
@@ -75,7 +75,7 @@ def component_table(evidence: pd.DataFrame) -> pd.DataFrame:
 
 
 def strength(ln_bf: float, ln_bf_se: float) -> str:
-    """Return a Bayes factor's size as one word, on the scale of Kass and Raftery.
+    """Return a word for the size of a Bayes factor, on the scale of Kass and Raftery.
 
     Parameters
     ----------
@@ -85,7 +85,8 @@ def strength(ln_bf: float, ln_bf_se: float) -> str:
     Returns
     -------
     str
-        ``undecided`` where abs(ln BF) is under 1 or under two standard errors.
+        ``undecided`` if abs(ln BF) is under 1 or under two standard errors, else ``positive``,
+        ``strong`` or ``very strong``.
 
     References
     ----------
@@ -102,14 +103,14 @@ def strength(ln_bf: float, ln_bf_se: float) -> str:
     return "positive" if size < 3 else "strong" if size < 5 else "very strong"
 
 
-def _parts(noise: str) -> set[str]:
+def _factors_and_tail(noise: str) -> set[str]:
     """Return the factors of an error model, and its tail."""
     error_model = Noise.named(noise)
     return {*error_model.factors, error_model.tail}
 
 
 def _log_mean(used: pd.DataFrame) -> tuple[float, float]:
-    """Return the log of the mean over error models of the evidence of all forms, and its error."""
+    """Return the log of the error models' mean evidence, summed over forms, and its error."""
     total = float(logsumexp(used["log_evidence"]))
     share = np.exp(used["log_evidence"] - total)
     se = float(np.sqrt(((share * used["log_evidence_se"].fillna(0)) ** 2).sum()))

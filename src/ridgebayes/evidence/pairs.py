@@ -1,8 +1,8 @@
-"""Every form under every error model, weighed alike, and draws of the pairs that carry weight.
+"""Evidences of all pairs of form and error model, and posteriors of the pairs with weight.
 
-The error model is unknown, so predictions and model probabilities are averaged over all of them.
-One error model is selected for the fits that are shown: the simplest whose evidence, forms summed
-out, is within 1.1 of the highest.
+The error model is unknown, so that predictions and model probabilities are averaged over all error
+models. Reports show the fits under one selected error model: the simplest whose ln evidence,
+averaged over forms, is within 1.1 of the highest.
 """
 
 import itertools
@@ -43,18 +43,18 @@ from ridgebayes.model.prior_files import ResolvedPriors, priors_of
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import stream
 
-MIN_FORM_PROBABILITY = 1e-4  # forms below it are not walked, and need not converge
-MAX_LN_EVIDENCE_GAP = 12.0  # below the best: evidences further down decide nothing
-# Effective draws of a posterior with weight: with 400 in each of four sets R-hat of a parameter is
-# above 1.01 by chance once in 50,000. A poor proposal makes at most 20 draws for each.
+MIN_FORM_PROBABILITY = 1e-4  # less probable forms are not walked, and need not converge
+MAX_LN_EVIDENCE_GAP = 12.0  # an evidence further below the best need not be precise
+# Effective draws of a posterior with weight. With 400 in each of four sets, R-hat of a parameter is
+# above 1.01 by chance once in 50,000. At most 20 draws are made for each effective draw.
 _MIN_EFFECTIVE_DRAWS, _MIN_EFFECTIVE_SHARE = 1_600, 0.05
-_MAX_DOUBLINGS = 2  # of draws and points
+_MAX_DOUBLINGS = 2  # maximum number of repetitions with twice the draws and points
 _Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """A form under an error model, with everything that a worker process needs.
+    """A form and an error model, with all inputs that a worker process needs.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Pair:
     priors : mapping of str to Distribution
         Replacements for default priors.
     seed : int
-        Seed; a pair's draws depend on it and on the pair's names.
+        Seed; the draws of a pair depend on it and on the names of form and error model.
     effort : Effort
         Numbers of draws.
     """
@@ -86,17 +86,17 @@ class Pair:
 
     @property
     def name(self) -> str:
-        """Name for messages."""
+        """Name in messages."""
         return f"evidence of {self.form.name}, {self.noise.name}"
 
     @property
     def cost(self) -> float:
-        """How long it takes next to other pairs; estimates take longer than exact densities."""
+        """Run time relative to other pairs; estimates take longer than exact densities."""
         return len(self.noise.parameter_names) * (1.0 if self.noise.tail == "normal" else 4.0)
 
     @property
     def own_seed(self) -> int:
-        """Seed of this pair alone."""
+        """Seed for this pair only."""
         return int(stream(self.seed, *self.key).integers(2**63))
 
     def target(self) -> ModelTarget:
@@ -112,9 +112,9 @@ class Weighed:
     Parameters
     ----------
     evidence : LogEvidence
-        Log evidence; NaN with the reason in its status where the posterior could not be drawn from.
+        Log evidence; if sampling failed, NaN with the reason in its status.
     drawn : Drawn, optional
-        Draws of its posterior.
+        Draws of the posterior; None if sampling failed.
     """
 
     evidence: LogEvidence
@@ -122,7 +122,7 @@ class Weighed:
 
 
 def weigh(pair: Pair) -> Weighed:
-    """Return a pair's evidence and draws; the reason where there are none."""
+    """Compute a pair's evidence and draws; if sampling fails, the status states the reason."""
     try:
         drawn = importance_sample(pair.target(), pair.effort, pair.own_seed)
     except ComputationError as error:
@@ -132,16 +132,16 @@ def weigh(pair: Pair) -> Weighed:
 
 @dataclass(frozen=True, eq=False)
 class WeighedPairs:
-    """Forms under error models, weighed against each other.
+    """Evidences and draws of all pairs of form and error model.
 
     Parameters
     ----------
     pairs : dict of (str, str) to Pair
-        By names of form and error model.
+        Pairs by names of form and error model.
     weighed : dict of (str, str) to Weighed
-        The same, with their evidences.
+        Evidences and draws of the pairs.
     prior_odds : mapping of str to float, optional
-        Prior odds of forms; forms that are not named have 1.
+        Prior odds of forms; 1 for forms that are not given.
     """
 
     pairs: dict[tuple[str, str], Pair] = field(repr=False)
@@ -150,15 +150,15 @@ class WeighedPairs:
 
     @cached_property
     def evidence(self) -> pd.DataFrame:
-        """Columns of `evidence.csv`, a row for each pair."""
+        """Table with the columns of `evidence.csv` and a row for each pair."""
         evidences = {key: [pair.evidence] for key, pair in self.weighed.items()}
         return evidence_table(evidences, self.prior_odds)
 
     def selected(self) -> Noise:
         """Return the selected error model.
 
-        Where no evidence can be used, that of the highest evidence with draws: its fit says what it
-        lacks.
+        If no evidence is usable, the error model with the highest evidence among pairs with draws
+        is selected; the fit's status states the reason.
 
         Raises
         ------
@@ -171,12 +171,12 @@ class WeighedPairs:
         return selected_error_model(self.evidence)
 
     def form_share(self, form: str) -> float:
-        """Return a form's posterior probability, error models summed out."""
+        """Return a form's posterior probability, summed over error models."""
         used = used_evidence(self.evidence)
         return float(used.loc[used["form"] == form, "model_probability"].sum())
 
     def weights(self, form: str) -> dict[str, float]:
-        """Return the weights of the error models that a form's predictions are averaged over."""
+        """Return the weights of error models in a form's averaged predictions."""
         return error_model_weights(self.evidence, form)
 
     def posteriors(
@@ -186,7 +186,7 @@ class WeighedPairs:
         n_kept: int,
         executor: Executor | None = None,
     ) -> dict[str, dict[str, Posterior]]:
-        """Return posteriors of pairs that carry weight or are selected, by form and error model.
+        """Return posteriors of pairs with weight or the selected error model, by form and noise.
 
         Parameters
         ----------
@@ -195,10 +195,11 @@ class WeighedPairs:
         selected : str
             Selected error model.
         n_kept : int
-            Draws of a form's posteriors together, shared out by their weights. More are drawn where
-            the evidence took fewer, unless the form is negligible.
+            Total number of draws for a form, divided among error models in proportion to their
+            weights. If the evidence took fewer draws, more are made, unless the form's probability
+            is at most 1e-4.
         executor : concurrent.futures.Executor, optional
-            Where they are drawn.
+            Runs the pairs; one after the other in this process if not given.
         """
         tasks = []
         for form in forms:
@@ -209,17 +210,17 @@ class WeighedPairs:
                 drawn = self.weighed[form, noise].drawn
                 if drawn is None:
                     continue
-                tasks.append(_Completion(self.pairs[form, noise], drawn, round(weight * n_kept)))
+                tasks.append(_PosteriorTask(self.pairs[form, noise], drawn, round(weight * n_kept)))
         by_form: dict[str, dict[str, Posterior]] = {form: {} for form in forms}
-        for task, posterior in zip(tasks, in_parallel(_completed, tasks, executor), strict=True):
+        for task, posterior in zip(tasks, in_parallel(_posterior, tasks, executor), strict=True):
             form, noise = task.pair.key
             by_form[form][noise] = posterior
         return by_form
 
 
 @dataclass(frozen=True, eq=False)
-class _Completion:
-    """A pair whose posterior is wanted, and the number of draws."""
+class _PosteriorTask:
+    """A pair, its draws, and the required number of draws of its posterior."""
 
     pair: Pair
     drawn: Drawn
@@ -234,8 +235,8 @@ class _Completion:
         return self.n_draw * self.pair.cost
 
 
-def _completed(task: _Completion) -> Posterior:
-    """Return a posterior, with more draws where there are too few."""
+def _posterior(task: _PosteriorTask) -> Posterior:
+    """Return a pair's posterior, with additional draws if there are too few."""
     target, drawn, seed = task.pair.target(), task.drawn, task.pair.own_seed
     n = task.n_draw if target.is_exact else task.n_draw // EXACT_DRAW_FACTOR
     if task.n_draw:
@@ -255,7 +256,7 @@ def weigh_pairs(
     progress: ProgressCallback | None = None,
     accuracy: Preset = STANDARD,
 ) -> WeighedPairs:
-    """Weigh every form under every error model, with the same effort.
+    """Compute the evidence of every form under every error model, with equal effort.
 
     Parameters
     ----------
@@ -268,28 +269,29 @@ def weigh_pairs(
     priors : mapping of str to mapping of str to Distribution, optional
         Replacements for default priors, as `model.prior_files.resolve_priors` returns them.
     seed : int, optional
-        Each pair draws from a stream of its own.
+        Seed of the pairs' random streams.
     executor : concurrent.futures.Executor, optional
         Runs the pairs; one after the other in this process if not given.
     progress : callable, optional
-        Called with a line of text now and then.
+        Called with a line of text at each pass.
     accuracy : Preset, optional
-        How many draws importance sampling takes.
+        Preset with the numbers of draws of importance sampling.
 
     Returns
     -------
     WeighedPairs
-        A pair without a usable evidence says why in its status.
+        Evidences and draws; the status of a pair without a usable evidence states the reason.
 
     Raises
     ------
     ComputationError
-        If workers die, so that an evidence cannot be found; it is named.
+        If worker processes die; the message names the evidence that is missing.
 
     Notes
     -----
-    A pair whose weights fail a check is drawn again with twice the draws and points, at most twice.
-    Pairs more than 12 in ln evidence below the best keep the first pass, and are marked so.
+    If the weights of a pair fail a check, the pair is sampled again with twice the draws and
+    points, at most twice. Pairs with a ln evidence of more than 12 below the best keep the result
+    of the first pass; their status begins with "first pass".
     """
     pairs = {
         pair.key: pair
@@ -300,7 +302,7 @@ def weigh_pairs(
         progress(f"{len(pairs)} evidences")
     weighed = dict(zip(pairs, in_parallel(weigh, list(pairs.values()), executor), strict=True))
     for _ in range(_MAX_DOUBLINGS):
-        again = [key for key in pairs if not weighed[key].evidence.ok and _counts(weighed, key)]
+        again = [key for key in pairs if not weighed[key].evidence.ok and _matters(weighed, key)]
         if not again:
             break
         if progress is not None:
@@ -310,29 +312,29 @@ def weigh_pairs(
         results = in_parallel(weigh, [pairs[key] for key in again], executor)
         weighed |= dict(zip(again, results, strict=True))
     for key, result in weighed.items():
-        if result.drawn is not None and not result.evidence.ok and not _counts(weighed, key):
+        if result.drawn is not None and not result.evidence.ok and not _matters(weighed, key):
             weighed[key] = replace(result, evidence=result.evidence.kept())
     return WeighedPairs(pairs, weighed)
 
 
-def _counts(weighed: Mapping[tuple[str, str], Weighed], key: tuple[str, str]) -> bool:
-    """Return whether a pair's evidence is near enough to the best for its error to matter."""
+def _matters(weighed: Mapping[tuple[str, str], Weighed], key: tuple[str, str]) -> bool:
+    """Return whether a pair's evidence is so close to the best that its error matters."""
     values = [result.evidence.value for result in weighed.values()]
     best = max((value for value in values if math.isfinite(value)), default=math.nan)
     return bool(weighed[key].evidence.value > best - MAX_LN_EVIDENCE_GAP)
 
 
 class Task(Protocol):
-    """Task of a worker."""
+    """A task of a worker process."""
 
     @property
     def name(self) -> str:
-        """Name for messages."""
+        """Name in messages."""
         ...
 
     @property
     def cost(self) -> float:
-        """How long it takes, next to others."""
+        """Run time relative to other tasks."""
         ...
 
 
@@ -342,9 +344,10 @@ _Task = TypeVar("_Task", bound=Task)
 def in_parallel(
     function: Callable[[_Task], _Result], tasks: Sequence[_Task], executor: Executor | None
 ) -> list[_Result]:
-    """Return results in the order of the tasks; tasks of many parameters start first.
+    """Run tasks and return their results in the order of the tasks.
 
-    A long task that starts last keeps one worker busy while the others have nothing to do.
+    Tasks with the highest cost start first, because a long task that starts last would keep one
+    worker busy while the others are idle.
     """
     order = sorted(range(len(tasks)), key=lambda i: tasks[i].cost, reverse=True)
     started = [tasks[i] for i in order]

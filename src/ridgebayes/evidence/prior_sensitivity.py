@@ -1,8 +1,8 @@
-"""How far evidences depend on the priors' scales, and on the nugget of a smooth offset.
+"""Sensitivity of evidences to the scales of priors, and to the nugget of a smooth offset.
 
-Draws of every pair are weighed by new over old prior. Pairs whose weights do not serve are weighed
-again under the new prior: first the widest and the narrowest, whose draws often serve for the
-priors between.
+The draws of every pair are reweighted by the ratio of new to old prior. Pairs with unreliable
+weights are sampled again under the new prior, the widest and the narrowest prior first, because
+these draws can often be reweighted for the priors in between.
 """
 
 import math
@@ -28,34 +28,34 @@ from ridgebayes.runtime.randomness import stream
 
 SENSITIVITY_COLUMNS = ["prior", "factor", "form", "log_evidence"]
 NUGGET = "nugget"
-COEFFICIENTS = ("c", "c2")  # their priors hold what mechanics says, and are narrowed less
-_FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
-# Pairs further below their form's best in ln evidence hold less than 5 % of its evidence, the
-# largest standard error that is accepted. Weights that miss a new mode are mostly too low by less
-# than 3.
+COEFFICIENTS = ("c", "c2")  # their priors come from contact mechanics, and are narrowed less
+_SCALE_FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
+# A pair further below the best pair of its form in ln evidence has less than 5 % of the form's
+# evidence, the largest accepted standard error. Evidences from weights that miss a new mode are
+# too low, mostly by less than 3 in ln evidence.
 _MAX_LN_EVIDENCE_GAP, _MAX_LN_MISSED = 3.0, 3.0
-_N_LIKELIHOOD_DRAW = 256  # draws whose likelihoods are computed again
+_N_LIKELIHOOD_DRAW = 256  # draws at which the likelihood is computed under changed priors
 
-_Key = tuple[str, str]
-_Change = tuple[str, float]
-_Place = tuple[_Key, _Change]
+_Key = tuple[str, str]  # names of form and error model
+_Change = tuple[str, float]  # name of a prior, and factor of its scale
+_PairChange = tuple[_Key, _Change]
 
 
 def prior_of(parameter: str) -> str:
-    """Return the name under which a parameter's prior is scaled: c and c1 alike, all K together."""
+    """Return the name of the prior that includes a parameter: c includes c1, K includes all K."""
     return {"c1": "c"}.get(parameter, parameter.partition("[")[0])
 
 
 def scale_factors(prior: str) -> tuple[float, ...]:
-    """Return the multiples of a prior's scale that are looked at."""
+    """Return the factors by which a prior's scale is multiplied."""
     if prior == NUGGET:
-        return _FACTORS[::2]
-    return _FACTORS[1:] if prior in COEFFICIENTS else _FACTORS
+        return _SCALE_FACTORS[::2]
+    return _SCALE_FACTORS[1:] if prior in COEFFICIENTS else _SCALE_FACTORS
 
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """A pair and changes of its priors, and the draws that are weighed for them."""
+    """A pair, changes of its priors, and draws under its default priors."""
 
     pair: Pair
     changes: Sequence[_Change]
@@ -71,7 +71,7 @@ class _Task:
 
 
 def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None) -> pd.DataFrame:
-    """Return log evidences as each prior's scale is multiplied, error models summed out.
+    """Return log evidences of forms, averaged over error models, with each prior's scale changed.
 
     Parameters
     ----------
@@ -85,22 +85,22 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     pandas.DataFrame
         Columns prior (c, which is also c1; c2, K, sigma, tau_..., length_..., df; nugget), factor,
         form, log_evidence. One prior is changed at a time, in all pairs that have it. A pair is
-        weighed again where the Pareto k of its weights is above 0.5 and it may hold more than e^-3
-        of its form's evidence.
+        sampled again if the Pareto k of its weights is above 0.5 and its ln evidence may be less
+        than 3 below that of the form's best pair.
     """
     used = used_evidence(weighed.evidence)
     keys = zip(used["form"], used["noise"], strict=True)
     evidence: dict[_Key, float] = dict(zip(keys, used["log_evidence"], strict=True))
     pairs = {key: weighed.pairs[key] for key in evidence}
-    looks = [_Task(pair, _changes(pair), weighed.weighed[key].drawn) for key, pair in pairs.items()]
-    values: dict[_Place, float] = {}
-    pareto_ks: dict[_Place, float] = {}
-    for look, answer in zip(looks, in_parallel(_reweighted, looks, executor), strict=True):
-        key = look.pair.key
-        for change, (difference, k) in answer.items():
+    tasks = [_Task(pair, _changes(pair), weighed.weighed[key].drawn) for key, pair in pairs.items()]
+    values: dict[_PairChange, float] = {}
+    pareto_ks: dict[_PairChange, float] = {}
+    for task, result in zip(tasks, in_parallel(_reweighted, tasks, executor), strict=True):
+        key = task.pair.key
+        for change, (difference, k) in result.items():
             values[key, change], pareto_ks[key, change] = evidence[key] + difference, k
     sides: dict[tuple[_Key, str, bool], list[_Change]] = {}
-    for key, change in _open_places(evidence, values, pareto_ks):
+    for key, change in _unreliable_changes(evidence, values, pareto_ks):
         sides.setdefault((key, change[0], change[1] > 1), []).append(change)
     again = [_Task(pairs[key], changes, None) for (key, *_), changes in sides.items()]
     for task, redrawn in zip(again, in_parallel(_redrawn, again, executor), strict=True):
@@ -108,8 +108,8 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     return _table(evidence, values)
 
 
-def _table(evidence: Mapping[_Key, float], values: Mapping[_Place, float]) -> pd.DataFrame:
-    """Return log evidences of forms, error models summed out with equal prior odds."""
+def _table(evidence: Mapping[_Key, float], values: Mapping[_PairChange, float]) -> pd.DataFrame:
+    """Return log evidences of forms, averaged over error models with equal prior odds."""
     log_n = math.log(len({noise for _, noise in evidence}))
     rows = []
     for change in dict.fromkeys(change for _, change in values):
@@ -121,31 +121,33 @@ def _table(evidence: Mapping[_Key, float], values: Mapping[_Place, float]) -> pd
     return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
 
 
-def _open_places(
+def _unreliable_changes(
     evidence: Mapping[_Key, float],
-    values: Mapping[_Place, float],
-    pareto_ks: Mapping[_Place, float],
-) -> list[_Place]:
-    """Return the pairs and changes that weights cannot answer, and that may matter."""
-    places = []
+    values: Mapping[_PairChange, float],
+    pareto_ks: Mapping[_PairChange, float],
+) -> list[_PairChange]:
+    """Return pairs and changes with unreliable weights whose evidences may matter."""
+    unreliable = []
     for change in dict.fromkeys(change for _, change in values):
         best: dict[str, float] = {}
         for key in evidence:
             value = values.get((key, change), evidence[key])
             best[key[0]] = max(best.get(key[0], -math.inf), value)
         for key in evidence:
-            # Weights that do not reach a new mode are too low: the old evidence may still hold.
+            # `most` is an upper estimate: weights that miss a mode are too low, and the prior may
+            # have no effect on this pair.
             if pareto_ks.get((key, change), -math.inf) > MAX_FINITE_VARIANCE_K:
                 most = max(values[key, change] + _MAX_LN_MISSED, evidence[key])
                 if most > best[key[0]] - _MAX_LN_EVIDENCE_GAP:
-                    places.append((key, change))
-    return places
+                    unreliable.append((key, change))
+    return unreliable
 
 
 def _redrawn(task: _Task) -> dict[_Change, float]:
-    """Return log evidences under changed priors, the furthest first; none where draws fail.
+    """Return log evidences under changed priors; changes whose sampling fails are omitted.
 
-    The draws under the furthest prior often serve for the priors between it and the default.
+    The furthest prior is sampled first; its draws can often be reweighted for the priors between it
+    and the default.
     """
     values: dict[_Change, float] = {}
     furthest: tuple[Pair, Drawn, float] | None = None
@@ -167,51 +169,55 @@ def _redrawn(task: _Task) -> dict[_Change, float]:
 
 
 def _reweighted(task: _Task) -> dict[_Change, tuple[float, float]]:
-    """Return changes of ln evidence, each with the Pareto k of its weights."""
+    """Return changes of ln evidence by reweighting, each with the Pareto k of its weights."""
     pair, drawn = task.pair, task.drawn
     if drawn is None:
         return {}
     model = Model(pair.data, pair.form, pair.noise, pair.priors)
     u = drawn.u.reshape(-1, drawn.u.shape[-1])
     theta, names = model.outer_theta(u), _scaled_priors(model)
-    # Log K and smooth offsets are integrated out: no draws of them can be weighed.
-    some = u[:: max(len(u) // _N_LIKELIHOOD_DRAW, 1)]
+    # Log K and smooth offsets are integrated out, so that their priors enter the likelihood, which
+    # is computed again at some draws.
+    thinned = u[:: max(len(u) // _N_LIKELIHOOD_DRAW, 1)]
     likelihood: FloatArray | None = None
-    answers: dict[_Change, tuple[float, float]] = {}
+    results: dict[_Change, tuple[float, float]] = {}
     for prior, factor in task.changes:
         if factor == 1:
-            answers[prior, factor] = 0.0, -math.inf
+            results[prior, factor] = 0.0, -math.inf
             continue
         if prior in (SLOPES, NUGGET):
             if likelihood is None:
-                likelihood = _likelihood(pair, pair, some)
-            ratio = _likelihood(_changed(pair, (prior, factor)), pair, some) - likelihood
+                likelihood = _likelihood(pair, pair, thinned)
+            ratio = _likelihood(_changed(pair, (prior, factor)), pair, thinned) - likelihood
         else:
             ratio = _log_ratio(model, theta, names[prior], factor)
-        answers[prior, factor] = (
+        results[prior, factor] = (
             (float(log_mean(ratio)), pareto_k(ratio)) if ratio.any() else (0.0, -math.inf)
         )
-    return answers
+    return results
 
 
 def _likelihood(changed: Pair, pair: Pair, u: FloatArray) -> FloatArray:
-    """Return log densities of draws (n, n_outer) under a changed pair, by the same points."""
+    """Return log densities of draws (n, n_outer) under a changed pair.
+
+    The random points are the same for all changes of a pair.
+    """
     rng = stream(pair.own_seed, "changed likelihood")
     return changed.target().integral.estimated(u, rng, QUICK.effort.n_point).log_density
 
 
 def _log_ratio(model: Model, theta: FloatArray, names: list[str], factor: float) -> FloatArray:
-    """Return log of new over old prior density of draws (n, n_outer), shape (n,)."""
+    """Return the log ratio of new to old prior density at draws (n, n_outer), shape (n,)."""
     ratio = np.zeros(len(theta))
     for name in names:
         x, old = theta[:, model.outer_names.index(name)], model.priors[name]
-        with np.errstate(invalid="ignore"):  # draws beyond both priors
+        with np.errstate(invalid="ignore"):  # inf - inf for draws outside both priors' supports
             ratio += old.stretched(factor).log_pdf(x) - old.log_pdf(x)
     return np.where(np.isnan(ratio), -np.inf, ratio)
 
 
 def _changes(pair: Pair) -> list[_Change]:
-    """Return the changes of a pair's priors that are looked at."""
+    """Return the changes of a pair's priors to be evaluated."""
     model = Model(pair.data, pair.form, pair.noise, pair.priors)
     priors = [*_scaled_priors(model)] + [NUGGET] * (SMOOTH in pair.noise.factors)
     return [(prior, factor) for prior in priors for factor in scale_factors(prior)]
@@ -219,18 +225,18 @@ def _changes(pair: Pair) -> list[_Change]:
 
 def _scaled_priors(model: Model) -> dict[str, list[str]]:
     """Return the parameters of each prior that has a scale."""
-    owned: dict[str, list[str]] = {}
+    parameters: dict[str, list[str]] = {}
     for name in model.parameter_names:
-        owned.setdefault(prior_of(name), []).append(name)
+        parameters.setdefault(prior_of(name), []).append(name)
     return {
         prior: names
-        for prior, names in owned.items()
+        for prior, names in parameters.items()
         if all(model.priors[name].scale_name for name in names)
     }
 
 
 def _changed(pair: Pair, change: _Change) -> Pair:
-    """Return a pair under another prior, to be weighed with little effort."""
+    """Return a pair with a changed prior, and with the effort of the quick preset."""
     prior, factor = change
     pair = replace(pair, effort=QUICK.effort)
     if prior == NUGGET:

@@ -1,4 +1,4 @@
-"""Evidences of pairs of form and error model as a table, and what follows from them."""
+"""Tables of evidences of forms and error models, with probabilities and the selected model."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,8 +11,8 @@ from ridgebayes.errors import ComputationError
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.noise import Noise
 
-MIN_PAIR_WEIGHT = 0.01  # predictions leave out pairs of form and error model below it
-MAX_SELECTED_GAP = 1.1  # in ln evidence: the simplest error model so close to the best is selected
+MIN_PAIR_WEIGHT = 0.01  # predictions omit error models with a smaller weight for their form
+MAX_SELECTED_GAP = 1.1  # ln evidence; the simplest error model this close to the best is selected
 
 EVIDENCE_COLUMNS = [
     "form",
@@ -36,16 +36,16 @@ def evidence_table(
     Parameters
     ----------
     estimates : mapping of (str, str) to sequence of LogEvidence
-        By names of form and error model. The first whose status is ok is the one that Bayes factors
-        and probabilities use.
+        Evidences by names of form and error model. Bayes factors and probabilities use the first
+        evidence with status "ok" (or "first pass").
     prior_odds : mapping of str to float, optional
-        Prior odds of forms; forms that are not named have 1. Each form's error models share its own
-        alike.
+        Prior odds of forms; 1 for forms that are not given. A form's error models have equal prior
+        probabilities.
 
     Returns
     -------
     pandas.DataFrame
-        Columns of `evidence.csv`. Probabilities are of pairs, each with a sum of 1.
+        Columns of `evidence.csv`. Prior and model probabilities are those of pairs, with sum 1.
     """
     used = {key: next((e for e in methods if e.ok), None) for key, methods in estimates.items()}
     odds = {key: (prior_odds or {}).get(key[0], 1.0) for key in estimates}
@@ -63,24 +63,24 @@ def evidence_table(
 
 
 def used_evidence(evidence: pd.DataFrame) -> pd.DataFrame:
-    """Return the evidence that is used of each form under each error model."""
+    """Return the rows with the used evidence of each form under each error model."""
     return evidence[evidence["used"]].drop_duplicates(["form", "noise"])
 
 
 def error_model_weights(evidence: pd.DataFrame, form: str) -> dict[str, float]:
-    """Return the weights of the error models that a form's predictions are averaged over.
+    """Return the weights of error models in a form's averaged predictions.
 
     Parameters
     ----------
     evidence : pandas.DataFrame
         `evidence.csv` of a run.
     form : str
-        Name.
+        Name of the form.
 
     Returns
     -------
     dict of str to float
-        Posterior probabilities given the form, of those above one per cent; they sum to 1.
+        Posterior probabilities given the form, of error models above one per cent, normalised.
     """
     used = used_evidence(evidence)
     log_evidence = used[used["form"] == form].set_index("noise")["log_evidence"]
@@ -102,8 +102,9 @@ def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Columns noise, log_mean_evidence, probability (at equal prior of error models and of forms),
-        n_form. A form without an evidence under an error model counts there as evidence zero.
+        Columns noise, log_mean_evidence, probability (with equal prior probabilities of error
+        models and of forms), n_form. A form without an evidence under an error model counts as
+        evidence zero.
 
     Examples
     --------
@@ -125,7 +126,7 @@ def mean_evidence(evidence: pd.DataFrame) -> pd.DataFrame:
 
 
 def selected_error_model(evidence: pd.DataFrame) -> Noise:
-    """Return the simplest error model whose mean evidence is as good as the highest.
+    """Return the simplest error model with a mean evidence close to the highest.
 
     Parameters
     ----------
@@ -135,12 +136,13 @@ def selected_error_model(evidence: pd.DataFrame) -> Noise:
     Returns
     -------
     Noise
-        Fewest parameters within `MAX_SELECTED_GAP` of the best; the highest evidence among several.
+        Error model with the fewest parameters within `MAX_SELECTED_GAP` of the best; among several,
+        the error model with the highest evidence.
 
     Raises
     ------
     ComputationError
-        If no form has an evidence under any.
+        If no form has a usable evidence under any error model.
     """
     if used_evidence(evidence).empty:
         why = "; ".join(dict.fromkeys(evidence["status"]))

@@ -1,4 +1,4 @@
-"""Walk a pair's posterior: an independent check of its evidence."""
+"""Sampling of a pair's posterior with emcee, as an independent check of its evidence."""
 
 from dataclasses import replace
 
@@ -20,25 +20,26 @@ def walk_pair(
     progress: ProgressCallback | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> tuple[Walked, LogEvidence]:
-    """Walk a pair's posterior by emcee, and bridge the walk to its evidence.
+    """Sample a pair's posterior with emcee, and estimate its evidence by bridge sampling.
 
     Parameters
     ----------
     pair : Pair
         Form and error model.
     drawn : Drawn
-        Draws by importance sampling, whose proposal the walk moves by.
+        Draws from importance sampling, whose proposal the walk uses.
     settings : SampleSettings, optional
-        Lengths and thresholds; with 512 walkers where these cost little and are not set.
+        Lengths and thresholds. If `n_walker` is None and evaluations are cheap, 512 walkers are
+        used.
     progress, checkpoint : optional
-        As for `calibrate`.
+        As for `ridgebayes.inference.emcee_sampling.walk`.
 
     Returns
     -------
     walked : Walked
         Draws of the outer parameters.
     evidence : LogEvidence
-        By bridge sampling.
+        Log evidence by bridge sampling.
     """
     target, settings = pair.target(), settings or SampleSettings()
     model, seed = target.model, pair.own_seed

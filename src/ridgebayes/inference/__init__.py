@@ -1,13 +1,15 @@
 """Draws from a posterior: the integral over offsets, samplers, diagnostics, files.
 
-`latent` integrates offsets and log K out of a model: exactly for normal rows (`precision`), by
-`points` around `working_rows` for others. `target` is the posterior that samplers see, in `charts`.
-`importance` draws from it, by `modes` and the mixture of `proposal`; `emcee_sampling` walks it, the
-second way (`chains` has settings and results of a walk, `checkpoint` keeps it on disk). A
-`Posterior` (`posterior`) holds draws, `diagnostics` judges them, `arviz_groups` names them as arviz
-does, `netcdf` writes them, `mixture` makes few numbers of them, a prior for other programs.
-`log_evidence` has the record of an evidence, `presets` the accuracies to choose from. The room
-knows `model` and `runtime`. How it works: docs/derivations/sampling.md.
+`latent` integrates offsets and log K out of a model: in closed form for normal rows (`precision`),
+and with random `points` around `working_rows` for other rows. `target` defines the posterior that
+is sampled, in the coordinates of `charts`. `importance` draws from it with a mixture (`proposal`)
+that is fitted from its `modes`. `emcee_sampling` is a second, independent sampler: `chains` has its
+settings and results, `checkpoint` saves it to disk.
+
+A `Posterior` (`posterior`) holds draws. `diagnostics` tests their convergence, `arviz_groups`
+labels them for arviz, `netcdf` writes and reads files, and `mixture` approximates them by a
+Gaussian mixture that other programs can use as a prior. `log_evidence` defines the record of an
+evidence, `presets` the accuracies. The derivations are in docs/derivations/sampling.md.
 
 >>> from ridgebayes.inference.importance import Effort, importance_sample
 >>> from ridgebayes.inference.posterior import posterior_of

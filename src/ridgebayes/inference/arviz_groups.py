@@ -1,4 +1,4 @@
-"""A fit as labelled datasets, named and attributed as arviz has it."""
+"""Labelled datasets of a fit, with the names and attributes that arviz expects."""
 
 import os
 from collections.abc import Mapping
@@ -20,8 +20,9 @@ from ridgebayes.runtime.randomness import stream
 if TYPE_CHECKING:
     import xarray as xr
 
-N_PREDICTIVE = 500  # draws of the prior, and of what prior and posterior predict
-# Numbers in predictions of all rows, and in the factors of smooth offsets.
+N_PREDICTIVE = 500  # draws of the prior and of the two predictive distributions
+# Limits of memory: numbers in the predictions of all rows (32 MB), and in the Cholesky factors of
+# smooth offsets (1.6 GB).
 MAX_PREDICTIVE_SIZE, _MAX_FACTOR_SIZE = 4_000_000, 200_000_000
 
 SAMPLE = ("chain", "draw")
@@ -29,7 +30,7 @@ Variables = dict[str, tuple[tuple[str, ...], np.ndarray]]
 
 
 def all_groups(fit: Posterior) -> dict[str, "xr.Dataset"]:
-    """Return a fit as the datasets that arviz knows.
+    """Return a fit as xarray datasets for arviz.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ def all_groups(fit: Posterior) -> dict[str, "xr.Dataset"]:
     Returns
     -------
     dict of str to xarray.Dataset
-        Datasets of `labelled_groups`, each with the attributes of arviz.
+        Datasets of `labelled_groups`, each with the attributes that arviz expects.
     """
     return datasets(labelled_groups(fit), attributes(fit))
 
@@ -47,32 +48,33 @@ def all_groups(fit: Posterior) -> dict[str, "xr.Dataset"]:
 def datasets(
     groups: Mapping[str, Variables], attrs: Mapping[str, str] | None = None
 ) -> dict[str, "xr.Dataset"]:
-    """Return groups of variables as datasets; one that is named as its dimension labels it."""
+    """Return groups of variables as datasets; a variable named like its dimension labels it."""
     import xarray as xr  # loads slowly
 
     return {name: xr.Dataset(group, attrs=attrs) for name, group in groups.items()}
 
 
 def labelled_groups(fit: Posterior, *, complete: bool = True) -> dict[str, Variables]:
-    """Return the thinned posterior as groups of variables named as arviz names them.
+    """Return the thinned posterior as groups of variables with arviz's names.
 
     Parameters
     ----------
     fit : Posterior
         Posterior.
     complete : bool, optional
-        Whether to add what is only for arviz.
+        Whether to add the groups that only arviz uses.
 
     Returns
     -------
     dict of str to dict of str to tuple
-        Dimensions and values of each variable: posterior (dimensions chain, draw; K has texture),
-        sample_stats, observed_data, constant_data and, unless there are very many rows,
-        log_likelihood. A chain is an ensemble; its draws run step by step, walkers side by side.
-        Complete ones have log_prior (of each parameter, that of K over all textures), prior and,
-        unless there are very many rows, prior_predictive and posterior_predictive: 500 draws of
-        log loads of the rows, with new draws of the shared offsets. They are left out where hardly
-        any prior draw has a load.
+        Dimensions and values of each variable. The groups are posterior (dimensions chain and
+        draw; K also has texture), sample_stats, observed_data, constant_data and, unless there are
+        very many rows, log_likelihood. A chain is an ensemble; its draws are ordered by step, then
+        by walker. With `complete` the groups also include log_prior (per parameter; the log priors
+        of K are summed over textures), prior and, unless there are very many rows,
+        prior_predictive and posterior_predictive: at most 500 draws of the rows' log loads, with
+        new draws of the shared offsets. These groups are omitted if hardly any prior draw gives a
+        load.
     """
     groups = _variables(fit)
     if complete:
@@ -106,19 +108,20 @@ def _variables(fit: Posterior) -> dict[str, Variables]:
         rows = rows.reshape(*log_density.shape, len(data))
         groups["log_likelihood"] = {"log_load": ((*SAMPLE, "row"), rows)}
         if fit.model.offsets.n_level:
-            # Rows are scored given the others: their sum is not the likelihood, which this is.
+            # Each row's density is conditional on other rows or on offsets, so that the sum over
+            # rows is not the joint log-likelihood, which is stored here.
             joint = fit.log_likelihood_of_rows.reshape(log_density.shape)
             groups["sample_stats"]["log_likelihood_joint"] = (SAMPLE, joint)
     return groups
 
 
 def sample_stats(chains: Chains) -> Variables:
-    """Return the group sample_stats of chains, as variables."""
+    """Return the variables of the group sample_stats."""
     n_ensemble, n_step, n_walker, n_coordinate = chains.u.shape
     flat = (n_ensemble, n_step * n_walker)
     return {
         "lp": (SAMPLE, chains.log_density.reshape(flat)),
-        # Kept beside the parameters so that a fit read back is the same to the last bit.
+        # The normal scores are stored too, so that a fit read back is bitwise identical.
         "u": ((*SAMPLE, "coordinate"), chains.u.reshape(*flat, n_coordinate)),
         "acceptance_rate": (("chain",), chains.acceptance),
         "tau": (("quantity",), chains.tau),
@@ -126,7 +129,7 @@ def sample_stats(chains: Chains) -> Variables:
 
 
 def _parameters(model: Model, theta: FloatArray) -> Variables:
-    """Return draws of shape (chain, draw, n_parameter) by name."""
+    """Return draws of shape (chain, draw, n_parameter) as one variable per parameter."""
     names = model.parameter_names
     if not isinstance(model.form, PowerLaw):
         return {name: (SAMPLE, theta[..., i]) for i, name in enumerate(names)}
@@ -148,7 +151,7 @@ def _log_prior(fit: Posterior) -> Variables:
 
 
 def _predictive(fit: Posterior) -> dict[str, Variables]:
-    """Return prior, prior_predictive and posterior_predictive, as far as they take little."""
+    """Return prior, prior_predictive and posterior_predictive, unless they would be too large."""
     model, rng = fit.model, stream(fit.seed, "predictive")
     if N_PREDICTIVE * model.offsets.n_smooth**2 > _MAX_FACTOR_SIZE:
         return {}
@@ -169,7 +172,7 @@ def _predictive(fit: Posterior) -> dict[str, Variables]:
 
 
 def _labelled(fit: Posterior, group: Variables) -> Variables:
-    """Add labels of rows, textures, chains and draws."""
+    """Return a group with label variables for its rows, textures, chains and draws."""
     sizes = {
         name: n
         for dims, cells in group.values()
@@ -182,19 +185,22 @@ def _labelled(fit: Posterior, group: Variables) -> Variables:
 
 
 def attributes(fit: Posterior) -> dict[str, str]:
-    """Return arviz's attributes of the origin of data, with the same date in every run."""
-    since = os.environ.get("SOURCE_DATE_EPOCH", "0")
+    """Return the attributes of arviz that state the origin of the data.
+
+    The creation date is SOURCE_DATE_EPOCH, or 1970, so that equal runs write equal files.
+    """
+    seconds = os.environ.get("SOURCE_DATE_EPOCH", "0")
     try:
-        created = datetime.fromtimestamp(int(since), UTC)
+        created = datetime.fromtimestamp(int(seconds), UTC)
     except (ValueError, OverflowError, OSError):
         rule = "expected whole seconds since 1970"
-        raise InputError(f"SOURCE_DATE_EPOCH: {rule}, got {since!r}") from None
-    walked = fit.sampler == "emcee"
+        raise InputError(f"SOURCE_DATE_EPOCH: {rule}, got {seconds!r}") from None
+    is_emcee = fit.sampler == "emcee"
     return {
         "created_at": created.isoformat(),
         "creation_library": "ridgebayes",
         "creation_library_version": __version__,
         "creation_library_language": "Python",
-        "inference_library": "emcee" if walked else "ridgebayes",
-        "inference_library_version": version("emcee") if walked else __version__,
+        "inference_library": "emcee" if is_emcee else "ridgebayes",
+        "inference_library_version": version("emcee") if is_emcee else __version__,
     }

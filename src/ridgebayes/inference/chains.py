@@ -1,4 +1,4 @@
-"""Settings of a sampler, and the draws that it returns."""
+"""Settings of the ensemble sampler, and its draws."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -9,41 +9,42 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 
 ProgressCallback = Callable[[str], None]  # takes a line of text
-N_WALKER = 64  # fewer take as long a step, and autocorrelation times settle later
+N_WALKER = 64  # a step with fewer walkers is no faster, and autocorrelation times converge later
 N_KEPT = 10_240  # draws in files and predictions: whole steps, evenly thinned
-N_WALKER_CHEAP = 512  # walkers where a density of many hardly costs more than one
+N_WALKER_CHEAP = 512  # walkers where evaluating many densities costs little more than one
 
 
 @dataclass(frozen=True)
 class SampleSettings:
-    """How long and with how many walkers to sample.
+    """Number of walkers, number of steps and stopping rule of a walk.
 
     Parameters
     ----------
     n_ensemble : int
         Independently started ensembles; at least four, so that they can disagree.
     n_walker : int or None
-        Walkers of each; raised to four per coordinate where that is more. None takes 512 where
-        rows are independent with normal errors, else 64.
+        Walkers per ensemble; raised to four per coordinate if that is more. None means 512 if rows
+        are independent with normal errors, else 64.
     n_burn : int
-        Steps thrown away.
+        Steps discarded at the start.
     n_step_max : int
-        Steps after which an ensemble stops as not converged; fewer where its draws would take more
+        Steps after which an ensemble stops as not converged; fewer if its draws would take more
         than half a GiB.
     n_tau : float
-        Steps must pass this many autocorrelation times.
+        Minimum number of steps, in autocorrelation times.
     tau_change : float
         Largest relative change of each autocorrelation time since the last check; not required of
         chains longer than five times `n_tau`.
     time_limit : float or None
-        Seconds of wall time after which a walk ends with the steps that it has. The clock is read
-        after blocks of steps: the first is 100 steps, each later one 5 to 50 % of those before.
+        Seconds of wall time after which a walk stops and returns the steps it has taken. The clock
+        is read after blocks of steps: the first block has 100 steps, each later block adds 5 to
+        50 % to the steps taken so far.
 
     Raises
     ------
     InputError
-        If there are fewer than four ensembles, an odd number of walkers or fewer than four, a
-        length under 1, or a threshold or time that is not finite and above 0.
+        If there are fewer than four ensembles, fewer than four walkers or an odd number, a number
+        of steps under 1, or a threshold or time limit that is not finite and above 0.
 
     Examples
     --------
@@ -57,7 +58,7 @@ class SampleSettings:
     n_step_max: int = 20_000
     n_tau: float = 50.0
     tau_change: float = 0.01
-    # Not in the text that a checkpoint is tied to: a walk may go on under another limit.
+    # Not in `repr`, which a checkpoint compares: a walk may be resumed under another time limit.
     time_limit: float | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -83,7 +84,7 @@ class Chains:
     u : ndarray of float, shape (n_ensemble, n_step, n_walker, n_coordinate)
         Unconstrained coordinates.
     log_density : ndarray of float, shape (n_ensemble, n_step, n_walker)
-        Log posterior density in those coordinates, not normalised.
+        Log posterior density in these coordinates, not normalised.
     acceptance : ndarray of float, shape (n_ensemble,)
         Accepted fraction.
     tau : ndarray of float, shape (n_coordinate + 1,), steps
@@ -100,16 +101,16 @@ class Chains:
 
     @property
     def n_step(self) -> int:
-        """Steps kept of each ensemble."""
+        """Number of steps of each ensemble."""
         return int(self.u.shape[1])
 
     def kept_steps(self, n: int) -> IntArray:
-        """Return the steps that at most about `n` draws have, evenly."""
+        """Return the indices of evenly spaced steps that hold about `n` draws at most."""
         n_ensemble, n_step, n_walker, _ = self.u.shape
         n_keep = max(n // (n_ensemble * n_walker), 1)
         return np.unique(np.linspace(0, n_step - 1, min(n_keep, n_step)).astype(np.int64))
 
     def thinned(self, n: int) -> "Chains":
-        """Return at most about `n` draws, whole steps at a time, evenly."""
+        """Return the chains with evenly spaced steps only, about `n` draws at most."""
         steps = self.kept_steps(n)
         return replace(self, u=self.u[:, steps], log_density=self.log_density[:, steps])

@@ -6,9 +6,9 @@ coefficients are normal with precision and mean
 
 .. math:: A = I + J' S^{-1} J = R R', \qquad \hat u = -A^{-1} J' S^{-1} (r - J u^*).
 
-A *chart* measures them as ``z = R'(u - u_hat)``: the smaller the errors, the better coefficients
-are known, and z does not shrink with them. A posterior with several modes in the coefficients has
-a chart about each.
+A *chart* replaces the coefficients' scores u by ``z = R'(u - u_hat)``. The posterior of u narrows
+as sigma decreases; that of z does not, which makes it easy to sample. A posterior with several
+modes in the coefficients has a chart about each.
 """
 
 import math
@@ -24,19 +24,22 @@ from ridgebayes.inference.latent import LatentIntegral, Prepared
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.noise import SMOOTH
 
-_MAX_ROUNDING = 1e-13  # relative error of log loads
+_MAX_ROUNDING = 1e-13  # relative rounding error of log loads
 _LEAST_SQUARES_TOLERANCES = dict.fromkeys(("ftol", "xtol", "gtol"), np.finfo(float).eps)
 _MIN_RESIDUAL_SCALE = 1e-9  # log loads with smaller residuals agree to rounding
 _SD_PER_MEDIAN_DEVIATION = 1.4826  # of a normal distribution
-_N_CANDIDATE = 24  # subsets of rows: each of two equal groups is hit by k + 1 rows in nine of ten
-_MIN_GROUP_SHARE = 0.3  # of the rows; smaller groups are outliers
-_MIN_GROUP_DISTANCE = 4.0  # between fits, in the largest residual of the group
+# Random subsets of k + 1 rows: enough that nine times in ten each of two equal groups contains a
+# whole subset.
+_N_CANDIDATE = 24
+_MIN_GROUP_SHARE = 0.3  # share of the rows; smaller groups are treated as outliers
+_MIN_GROUP_DISTANCE = 4.0  # distance of two fits, in units of the group's largest residual
 _MAX_GROUPS = 2
-_START_DISTANCE, _MIN_DISTANCE = 2.0, 0.1  # prior sds, of starts from the centre and of two minima
+# In prior sds: distance of starts from the centre, and smallest distance of two minima.
+_START_DISTANCE, _MIN_DISTANCE = 2.0, 0.1
 
 
 class Conditional(NamedTuple):
-    """The normal approximation of the coefficients given error model parameters, of many draws.
+    """Normal approximation of the coefficients given the error model's parameters, for many draws.
 
     Parameters
     ----------
@@ -56,33 +59,35 @@ class Conditional(NamedTuple):
         return value
 
     def to_scores(self, q: FloatArray) -> FloatArray:
-        """Return normal scores (n_draw, n_outer) of coordinates."""
+        """Convert coordinates to normal scores, shape (n_draw, n_outer)."""
         k = self.centre.shape[1]
         step = solve_lower(self.factor, q[:, :k, None], transposed=True)[..., 0]
         return np.concatenate([self.centre + step, q[:, k:]], axis=1)
 
     def from_scores(self, u: FloatArray) -> FloatArray:
-        """Return coordinates (n_draw, n_outer) of normal scores."""
+        """Convert normal scores to coordinates, shape (n_draw, n_outer)."""
         k = self.centre.shape[1]
         z = np.einsum("dji,dj->di", self.factor, u[:, :k] - self.centre)
         return np.concatenate([z, u[:, k:]], axis=1)
 
 
-_N_START, _MAX_START_SD = 256, 6.0  # starts, and prior sds, where the centre has no rate
+# Number of random starts, and their largest spread in prior sds, if the form has no rates at the
+# priors' centre.
+_N_START, _MAX_START_SD = 256, 6.0
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Coordinates about a reference.
+    """Coordinates about a reference point.
 
     Parameters
     ----------
     integral : LatentIntegral
         Integral of the model.
     reference : ndarray of float, shape (n_outer_coefficient,)
-        u*.
+        Reference u*.
     columns : ndarray of float, shape (n_row, n_outer_coefficient + 1)
-        J, and last r.
+        The columns of J, then r.
     """
 
     integral: LatentIntegral
@@ -91,12 +96,12 @@ class Chart:
 
     @classmethod
     def about(cls, integral: LatentIntegral, reference: FloatArray) -> "Chart":
-        """Linearise the rows about coefficients."""
+        """Linearise the rows about a reference and return its chart."""
         jacobian, residual = _linearised(integral, reference)
         return cls(integral, reference, np.column_stack([jacobian, residual]))
 
     def conditional(self, prepared: Prepared) -> Conditional:
-        """Return u_hat and R for each draw of the error model's parameters."""
+        """Return u_hat and R at each draw of the error model's parameters."""
         k = len(self.reference)
         if not k:
             return Conditional(
@@ -111,7 +116,7 @@ class Chart:
 
 
 def _linearised(integral: LatentIntegral, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives of the rows' errors by the coefficients' scores, and residuals."""
+    """Return the Jacobian of the rows' errors in the coefficients' scores, and the residuals."""
     model = integral.model
     whole = np.concatenate([u, np.zeros(model.n_outer - len(u))])
     log_rates = model.outer_log_rates(model.outer_theta(whole))
@@ -119,23 +124,24 @@ def _linearised(integral: LatentIntegral, u: FloatArray) -> tuple[FloatArray, Fl
 
 
 def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]:
-    """Return a chart about the rows' least squares, and one about each group of rows that differs.
+    """Return charts about the least-squares fits, and about groups of rows that fit differently.
 
-    Groups are looked for where errors are Student's: one group's rows are the other's outliers.
-    Normal errors have one mode in the coefficients, and offsets of steps take up much of what
-    rows differ by.
+    Groups are searched for under Student errors only, where the rows of one group can be outliers
+    of the other's fit, so that each group gives a mode. Under normal errors the posterior has one
+    mode per least-squares fit. Step and smooth offsets absorb most of the difference between
+    groups.
 
     Parameters
     ----------
     integral : LatentIntegral
         Integral of the model.
     rng : numpy.random.Generator
-        Picks the subsets of rows that candidates are fitted to.
+        Source of the random subsets of rows to which candidates are fitted.
 
     Raises
     ------
     InputError
-        If the gradient of a form of one's own is not that of its rates.
+        If the gradient of a user's form is not the derivative of its rates.
     ComputationError
         If the form reproduces all rows to rounding, so that sigma has no lower bound.
     """
@@ -152,9 +158,10 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
 
 
 def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
-    """Return scores of coefficients that have rates: the priors' centre, or what is nearest to it.
+    """Return the scores of coefficients at which the form has rates.
 
-    The nearest of 256 draws up to six prior sds out.
+    The priors' centre is returned if possible, else the nearest of 256 random points, whose spread
+    grows to six prior sds.
     """
     model, k = integral.model, integral.model.n_outer_coefficient
     wide = np.linspace(1, _MAX_START_SD, _N_START)[:, None]
@@ -169,7 +176,7 @@ def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
 
 
 def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray]:
-    """Return further least squares, from starts two prior sds away, that fit about as well."""
+    """Return further least-squares fits that are about as good, from starts two prior sds away."""
     best = float(np.sqrt(np.mean(_linearised(integral, base)[1] ** 2)))
     minima: list[FloatArray] = []
 
@@ -187,10 +194,10 @@ def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray
 
 
 def _refuse_perfect_rows(integral: LatentIntegral, base: FloatArray) -> None:
-    """Raise ComputationError where more rows than coefficients agree with the form to rounding."""
+    """Raise ComputationError if the form fits more rows than it has coefficients to rounding."""
     model, rows = integral.model, integral.rows
     if model.noise.factors or not rows.exact.all() or rows.rel_se.any():
-        return  # something else keeps sigma from 0
+        return  # offsets, intervals or known errors keep sigma from 0
     whole = np.concatenate([base, np.zeros(model.n_outer - len(base))])
     log_rates = model.outer_log_rates(model.outer_theta(whole))
     residual = rows.errors(log_rates)
@@ -213,18 +220,18 @@ def _least_squares(
     scale: float = 0.1,
     n_pass: int = 3,
 ) -> FloatArray:
-    """Return the coefficients' scores of the penalised least squares of some rows.
+    """Return the scores that minimise the penalised sum of squared residuals of some rows.
 
-    The penalty is the prior at the scale of the residuals themselves: with a wider one the
-    reference of nearly exact rows is far off in their own units.
+    The penalty is the prior, scaled by the residuals' own size. A larger scale would pull the
+    reference of nearly exact rows away by many of their standard errors.
     """
-    every = slice(None) if rows is None else rows
+    selected = slice(None) if rows is None else rows
 
     def residual(u: FloatArray) -> FloatArray:
-        return np.append(_linearised(integral, u)[1][every], scale * u)
+        return np.append(_linearised(integral, u)[1][selected], scale * u)
 
     def jacobian(u: FloatArray) -> FloatArray:
-        return np.vstack([_linearised(integral, u)[0][every], scale * np.eye(len(u))])
+        return np.vstack([_linearised(integral, u)[0][selected], scale * np.eye(len(u))])
 
     u = start
     for _ in range(n_pass):
@@ -233,17 +240,17 @@ def _least_squares(
                 u = optimize.least_squares(
                     residual, u, jacobian, x_scale="jac", max_nfev=50, **_LEAST_SQUARES_TOLERANCES
                 ).x
-            except ValueError:  # a reference without positive rates: the start serves as well
+            except ValueError:  # the start has no positive rates: use it as the reference
                 return u
-            left = _linearised(integral, u)[1][every]
-        scale = max(math.sqrt(float(np.mean(left**2))), _MIN_RESIDUAL_SCALE)
+            remaining = _linearised(integral, u)[1][selected]
+        scale = max(math.sqrt(float(np.mean(remaining**2))), _MIN_RESIDUAL_SCALE)
     return u
 
 
 def _groups(
     integral: LatentIntegral, base: FloatArray, rng: np.random.Generator
 ) -> list[FloatArray]:
-    """Return references of groups of rows that lie closer to a form than to the least squares."""
+    """Return references fitted to groups of rows, each group with a closer fit than all rows."""
     k, n = len(base), len(integral.rows.upper)
     n_near = max(math.ceil(_MIN_GROUP_SHARE * n), k + 1)
     jacobian, residual = _linearised(integral, base)
@@ -252,7 +259,7 @@ def _groups(
     candidates: list[tuple[float, FloatArray, IntArray]] = []
     for _ in range(_N_CANDIDATE):
         rows = rng.choice(n, k + 1, replace=False)
-        for _ in range(4):  # the nearest rows and their own fit, until these settle
+        for _ in range(4):  # alternate between a fit and the rows nearest to it until both settle
             step = np.linalg.lstsq(jacobian[rows], -residual[rows], rcond=None)[0]
             rows = np.argsort(np.abs(residual + jacobian @ step), kind="stable")[:n_near]
         size = float(np.abs(residual + jacobian @ step)[rows].max())

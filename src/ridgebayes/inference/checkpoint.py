@@ -1,8 +1,8 @@
-"""Chains on disk while they grow, so that a killed run goes on where it was.
+"""Checkpoints of a walk, so that an interrupted run can be resumed.
 
-A checkpoint holds all that a walk needs to go on bit for bit: its steps, and the state of each
-ensemble's random stream. Files are NumPy's ``.npz``, whose members have checksums, and are written
-whole or not at all.
+A checkpoint holds the steps of a walk and the state of each ensemble's random stream; a resumed
+walk is bitwise identical to an uninterrupted walk. Files are NumPy's ``.npz``, whose members have
+checksums, and are written atomically.
 """
 
 import io
@@ -22,24 +22,24 @@ from ridgebayes.runtime.text import one_line_message
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """Steps of several ensembles; the first one is where burn-in ended.
+    """Steps of several ensembles; the first step is the end of burn-in.
 
     Parameters
     ----------
     u : ndarray of float, shape (n_ensemble, 1 + n_step, n_walker, d)
-        Walkers' places, normal scores.
+        Positions of the walkers, in normal scores.
     log_density : ndarray of float, shape (n_ensemble, 1 + n_step, n_walker)
-        Log density there.
+        Log density at these positions.
     extras : ndarray of float, shape (n_ensemble, 1 + n_step, n_walker, n_extra)
         Extras of each step, see `ridgebayes.inference.emcee_sampling`.
     accepted : ndarray of float, shape (n_ensemble,)
-        Accepted moves of all walkers so far.
+        Number of accepted moves of all walkers.
     tau : ndarray of float, shape (d + 1,)
         Autocorrelation times at the last check.
     random_keys : ndarray of uint32, shape (n_ensemble, 624)
         Key of each ensemble's `numpy.random.RandomState`.
     random_places : ndarray of float, shape (n_ensemble, 3)
-        Place in the key, whether a normal number is in store, and that number.
+        Position in the key, whether a normal number is cached, and the cached number.
     """
 
     u: FloatArray
@@ -57,7 +57,7 @@ class Walk:
 
 
 def packed(states: list[Any]) -> dict[str, Any]:
-    """Return the two arrays that hold states of random streams, as `RandomState.get_state` does."""
+    """Pack states of random streams, from `RandomState.get_state`, into two arrays."""
     return {
         "random_keys": np.stack([state[1] for state in states]),
         "random_places": np.array([state[2:] for state in states], float),
@@ -76,32 +76,34 @@ def unpacked(walk: Walk) -> list[Any]:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A file that a walk is kept in, tied to what is sampled.
+    """A file that stores a walk and identifies the sampled density.
 
     Parameters
     ----------
     path : Path
         File.
     fingerprint : mapping of str to str
-        Values that must be equal for the walk to go on, such as the table's digest and the form.
+        Values that must be equal for the walk to be resumed, such as the table's digest and the
+        form.
     """
 
     path: Path
     fingerprint: Mapping[str, str]
 
     def save(self, walk: Walk) -> None:
-        """Write a walk in place of the one before it."""
+        """Write a walk; an existing file is overwritten."""
         content = io.BytesIO()
         np.savez(content, fingerprint=np.array(json.dumps(dict(self.fingerprint))), **vars(walk))
         write_bytes(content.getvalue(), self.path)
 
     def load(self) -> Walk | None:
-        """Return the walk kept, or None if there is none.
+        """Return the stored walk, or None if the file does not exist.
 
         Raises
         ------
         InputError
-            If the file is damaged, or what is sampled has changed; the message names what.
+            If the file is damaged, or if the fingerprint differs; the message names the values that
+            changed.
         """
         if not self.path.is_file():
             return None
@@ -109,7 +111,7 @@ class Checkpoint:
             with np.load(io.BytesIO(self.path.read_bytes())) as file:
                 before = json.loads(file["fingerprint"].item())
                 walk = Walk(**{entry.name: file[entry.name] for entry in fields(Walk)})
-        # Damage turns up as errors of many kinds.
+        # zipfile and NumPy raise exceptions of many types for a damaged file.
         except Exception as error:
             raise InputError(
                 f"{self.path}: not a readable chain file ({one_line_message(error)}); remove it "

@@ -1,10 +1,10 @@
 """Convergence diagnostics of ensembles, leave-one-out scores, and the arviz view of a fit.
 
-Walkers of one ensemble move by each other's positions and are never separate chains: their
-autocorrelation functions are averaged and one time is read off for the whole ensemble.
+The walkers of an ensemble depend on each other and do not count as separate chains: their
+autocorrelation functions are averaged, which gives one autocorrelation time per ensemble.
 
-arviz has two incompatible lines: 0.x (Python 3.11) hands around `InferenceData`, 1.x (Python 3.12
-and later) xarray's `DataTree`.
+arviz has two incompatible release lines: 0.x (Python 3.11) uses `InferenceData`, 1.x (Python 3.12
+and later) uses xarray's `DataTree`.
 """
 
 import math
@@ -38,19 +38,19 @@ SUMMARY_COLUMNS = [
 ]
 MAX_R_HAT = 1.01
 MIN_ESS = 400.0
-_MAX_R_HAT_DRAWS = 25_600  # of each ensemble: more show no more
+_MAX_R_HAT_DRAWS = 25_600  # draws per ensemble; more draws do not change R-hat noticeably
 _WINDOW_PER_TAU = 5.0  # Sokal (1997)
-_MAX_DIRECT_LAGS = 64  # cost less than one Fourier transform
-MAX_REFITTED_ROWS = 20  # each takes a posterior of its own
+_MAX_DIRECT_LAGS = 64  # computing more lags directly costs more than one Fourier transform
+MAX_REFITTED_ROWS = 20  # each refitted row needs a posterior without it
 
 
 def arviz_object(groups: Mapping[str, "xr.Dataset"]) -> Any:
-    """Return arviz's own container of named datasets, whichever line is installed.
+    """Return named datasets in the container of the installed arviz.
 
     Parameters
     ----------
     groups : mapping of str to xarray.Dataset
-        Such as posterior, log_likelihood, observed_data.
+        Groups, for example posterior, log_likelihood and observed_data.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def arviz_object(groups: Mapping[str, "xr.Dataset"]) -> Any:
         InferenceData on the 0.x line, DataTree on the 1.x line.
     """
     arviz = import_arviz()
-    if arviz.__version__.startswith("0."):  # 1.x has an InferenceData too: a DataTree
+    if arviz.__version__.startswith("0."):  # in 1.x InferenceData is another name of DataTree
         return arviz.InferenceData(**groups)
     from xarray import DataTree  # loads slowly
 
@@ -66,7 +66,7 @@ def arviz_object(groups: Mapping[str, "xr.Dataset"]) -> Any:
 
 
 def summarise(draws: FloatArray, names: tuple[str, ...], *, prob: float = 0.9) -> pd.DataFrame:
-    """Summarise the draws of several ensembles, one row per parameter, nothing rounded.
+    """Summarise the draws of several ensembles, one row per parameter, without rounding.
 
     Parameters
     ----------
@@ -123,8 +123,8 @@ def rank_r_hat(draws: FloatArray) -> FloatArray:
     Parameters
     ----------
     draws : ndarray of float, shape (n_ensemble, n_step, n_walker, n_parameter)
-        Parameters; each ensemble is one chain, its walkers laid side by side within each step. Of
-        long chains every n-th step is taken, to 25,600 draws of each.
+        Parameters. Each ensemble is one chain, ordered by step, then by walker. Long chains are
+        thinned to at most about 25,600 draws each.
 
     Returns
     -------
@@ -141,14 +141,14 @@ def rank_r_hat(draws: FloatArray) -> FloatArray:
 
 
 def _rank_normalised(x: FloatArray) -> FloatArray:
-    from scipy.stats import rankdata  # a third of a second that not every command spends
+    from scipy.stats import rankdata  # imported here because it takes a third of a second
 
     ranks = rankdata(x, axis=None).reshape(x.shape)
     return np.asarray(ndtri((ranks - 0.375) / (x.size + 0.25)))
 
 
 def failed_diagnostics(summary: pd.DataFrame) -> tuple[str, ...]:
-    """Return what a summary lacks of convergence, as sentences; empty if nothing.
+    """Return the convergence rules that a summary does not meet, as texts.
 
     Parameters
     ----------
@@ -158,17 +158,17 @@ def failed_diagnostics(summary: pd.DataFrame) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        One entry per parameter and rule broken: R-hat under 1.01, bulk and tail effective sample
-        size of at least 400.
+        One text per parameter and unmet rule; empty if all are met. The rules are R-hat under 1.01,
+        and bulk and tail effective sample sizes of at least 400.
     """
-    missing = []
+    failed = []
     for row in summary.to_dict("records"):
         if not row["r_hat"] < MAX_R_HAT:
-            missing.append(f"{row['parameter']}: R-hat {row['r_hat']:.4g}, not under {MAX_R_HAT}")
+            failed.append(f"{row['parameter']}: R-hat {row['r_hat']:.4g}, not under {MAX_R_HAT}")
         for name in ("ess_bulk", "ess_tail"):
             if not row[name] >= MIN_ESS:
-                missing.append(f"{row['parameter']}: {name} {row[name]:.0f}, under {MIN_ESS:.0f}")
-    return tuple(missing)
+                failed.append(f"{row['parameter']}: {name} {row[name]:.0f}, under {MIN_ESS:.0f}")
+    return tuple(failed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,8 +182,8 @@ class Loo:
     pointwise : ndarray of float, shape (n_obs,)
         Each row's log predictive density.
     pareto_k : ndarray of float, shape (n_obs,)
-        Shape of each row's importance weights, 0 of rows scored without them; above 0.7 the row's
-        value is not to be trusted.
+        Pareto shape of each row's importance weights; 0 for rows that were refitted. The value of a
+        row with a shape above 0.7 is not reliable.
     """
 
     elpd: float
@@ -194,12 +194,12 @@ class Loo:
 
     @property
     def n_bad_k(self) -> int:
-        """Rows whose Pareto k is above 0.7."""
+        """Number of rows whose Pareto k is above 0.7."""
         return int(np.sum(~(self.pareto_k <= MAX_PARETO_K)))
 
     @property
     def status(self) -> str:
-        """``ok``, or why the sum is not to be quoted: some of its rows are not trusted."""
+        """``ok``, or the number of rows whose values are not reliable."""
         if not self.n_bad_k:
             return "ok"
         return f"{self.n_bad_k} of {len(self.pareto_k)} rows have a Pareto k above {MAX_PARETO_K}"
@@ -217,14 +217,14 @@ def leave_one_out(
     reff : float
         Effective over actual number of draws.
     refitted : callable, optional
-        Returns the log predictive density of a row, by its number, from a posterior without it;
-        NaN if there is none. Asked of the rows whose Pareto k is above 0.7, if these are at most
-        20.
+        Takes a row number; returns the row's log predictive density under a posterior fitted
+        without it, or NaN if the fit fails. Called for rows whose Pareto k is above 0.7, if there
+        are at most 20.
 
     Returns
     -------
     Loo
-        Score with its standard error, by row.
+        Score of each row, and their sum with its standard error.
 
     References
     ----------
@@ -258,12 +258,12 @@ def stacking_weights(pointwise: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray of float, shape (n_model,)
-        Non-negative, sum 1.
+        Non-negative weights with sum 1.
 
     Notes
     -----
-    *Accuracy.* The problem is convex; the fixed-point iteration (expectation maximisation of
-    mixture weights) raises the score at each of its 2,000 steps.
+    *Accuracy.* The problem is convex. Expectation maximisation of the mixture weights takes 2,000
+    steps, none of which lowers the score.
 
     References
     ----------
@@ -283,7 +283,7 @@ def stacking_weights(pointwise: FloatArray) -> FloatArray:
 
 
 def values_text(summary: pd.DataFrame) -> str:
-    """Return mean and standard deviation of each parameter in one line."""
+    """Return one line of text with the mean and standard deviation of each parameter."""
     rows = summary.itertuples()
     return ", ".join(f"{row.parameter} = {row.mean:.4g} ± {row.sd:.2g}" for row in rows)
 
@@ -301,7 +301,7 @@ def autocorrelation_time(x: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray of float, shape (...), steps
-        At least 1/n_step; 1 for independent steps. NaN where the values do not vary.
+        At least 1/n_step; about 1 for independent steps; NaN if the values do not vary.
 
     References
     ----------
@@ -321,7 +321,10 @@ def autocorrelation_time(x: FloatArray) -> FloatArray:
 
 
 def _sokal(x: FloatArray) -> float:
-    """Return tau of centred values (n_step, n_walker): lag by lag while lags are few."""
+    """Return tau of centred values, shape (n_step, n_walker).
+
+    Lags are computed one by one while there are few, else all at once by a Fourier transform.
+    """
     n_step, square = len(x), float(np.vdot(x, x))
     if square == 0:
         return np.nan

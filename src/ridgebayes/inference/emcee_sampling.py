@@ -1,11 +1,10 @@
-"""Walks by emcee: independent ensembles, and the rule that stops them.
+"""Sampling with emcee: independent ensembles and their stopping rule.
 
-A walk is the second, independent way to a posterior: nothing but the fitted proposal of its main
-move is taken from importance sampling. Where densities are unbiased estimates, each walker keeps
-the estimate of its place, so that the walk's draws are those of the exact posterior
-(Andrieu & Roberts 2009, doi:10.1214/07-AOS574).
+A walk checks importance sampling independently: only the proposal of its main move is shared.
+Where densities are unbiased estimates, each walker keeps the estimate at its position, so that the
+walk samples the exact posterior (Andrieu & Roberts 2009, doi:10.1214/07-AOS574).
 
-This is the only module that imports emcee, when something is sampled.
+Only this module imports emcee, and only when a walk starts.
 """
 
 import math
@@ -26,11 +25,11 @@ from ridgebayes.inference.proposal import Mixture
 from ridgebayes.inference.target import Evaluated, Target
 from ridgebayes.runtime.randomness import stream
 
-# A walk five times longer than asked is long enough for a tau five times larger, so that tau need
-# not settle to a per cent: one of ten parameters rarely does.
+# A walk five times longer than `n_tau` requires would be long enough even if tau were five times
+# larger, so tau need not be stable to `tau_change`. With ten parameters, one of them rarely is.
 _LONG_WALK_FACTOR = 5
-_MAX_KEPT_NUMBERS = 2**26  # numbers: half a GiB
-_PROPOSAL_SHARE = 0.9  # of the moves
+_MAX_STORED_NUMBERS = 2**26  # half a GiB
+_PROPOSAL_SHARE = 0.9  # share of moves that draw from the proposal
 _N_FIRST_STEP = 100  # steps before the first check
 
 
@@ -41,13 +40,13 @@ class Walked:
     Parameters
     ----------
     chains : Chains
-        Draws of the outer parameters' normal scores, with what the stopping rule lacked.
+        Draws of the outer parameters' normal scores, with the unmet stopping rules.
     coordinates : ndarray of float, shape (n_ensemble, n_step, n_walker, d)
-        The same in the first chart.
+        The same draws in coordinates of the first chart.
     log_jacobian : ndarray of float, shape (n_ensemble, n_step, n_walker)
-        log |du/dq| there.
+        log |du/dq| of the first chart.
     scores : ndarray of float, shape (n_ensemble, n_step, n_walker, n_level)
-        Scores of the offsets, where densities are estimates.
+        Scores of the offsets if densities are estimates, else empty.
     """
 
     chains: Chains
@@ -57,17 +56,18 @@ class Walked:
 
 
 class _Density:
-    """Density of a target in emcee's form; returns the extras of a walk beside each value.
+    """Log density of a target, as a callable for emcee that also returns the extras of a walk.
 
-    The extras are the log density of the proposal, log |du/dq| and the coordinates of the first
-    chart, and the scores of the offsets.
+    The extras are the proposal's log density, log |du/dq| of the first chart, the coordinates in
+    that chart, and the scores of the offsets.
     """
 
     def __init__(self, target: Target, proposal: Mixture, n_point: int) -> None:
         self.target, self.proposal, self.n_point = target, proposal, n_point
 
     def __call__(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        # Points that depend on the places alone: a walk that is resumed takes the same steps.
+        # The random points depend on the positions only, so that a resumed walk takes the same
+        # steps.
         rng = np.random.default_rng(zlib.crc32(np.ascontiguousarray(u).tobytes()))
         return self.values(self.target.evaluate(None, u, rng, self.n_point))
 
@@ -81,7 +81,7 @@ class _Density:
 
 
 def _independence(density: _Density) -> Any:
-    """Return a move to draws of the proposal, whatever the walkers' places."""
+    """Return a move that draws from the proposal, independently of the walkers' positions."""
     import emcee
 
     class Independence(emcee.moves.Move):  # type: ignore[misc]
@@ -99,15 +99,15 @@ def _independence(density: _Density) -> Any:
 
 
 def _ensemble(density: _Density, n_walker: int) -> Any:
-    """Return emcee's ensemble.
+    """Return an emcee sampler.
 
-    Nearly all steps are moves to draws of the fitted proposal; differential evolution carries
-    walkers where its fit is wrong.
+    Nine of ten moves draw from the fitted proposal. Differential evolution moves the walkers in
+    regions where the proposal fits badly.
     """
     import emcee  # loads scipy.stats
 
     def compute_log_prob(u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what emcee's own does, which takes densities one walker at a time, in Python."""
+        """Replace emcee's method, which loops over walkers in Python."""
         return density(u)
 
     moves = [
@@ -117,7 +117,7 @@ def _ensemble(density: _Density, n_walker: int) -> Any:
     d = len(density.target.names)
     ensemble = emcee.EnsembleSampler(n_walker, d, density, vectorize=True, moves=moves)
     ensemble.compute_log_prob = compute_log_prob
-    ensemble.log_prob_fn = density  # emcee's own wrapper prints a traceback on Ctrl-C
+    ensemble.log_prob_fn = density  # emcee's wrapper prints a traceback on Ctrl-C
     return ensemble
 
 
@@ -138,22 +138,22 @@ def walk(
     target : Target
         Posterior density.
     proposal : Mixture
-        Proposal fitted to it, which walkers start from and move by.
+        Proposal fitted to the target, for starting points and moves.
     seed : int
-        Each ensemble gets a stream of its own from it.
+        Seed of the ensembles' random streams.
     settings : SampleSettings, optional
         Lengths and thresholds.
     n_point : int, optional
-        Points of estimates.
+        Number of points for densities that are estimates.
     progress : callable, optional
-        Called with a line of text now and then.
+        Called with a line of text at each check.
     checkpoint : Checkpoint, optional
-        Where the walk is kept as it grows, and picked up from if it is there already.
+        File in which the walk is saved at each check. An existing file is resumed.
 
     Returns
     -------
     Walked
-        All draws after burn-in; `chains.convergence_failures` tells what the stopping rule lacked.
+        All draws after burn-in; `chains.convergence_failures` lists the unmet stopping rules.
 
     Raises
     ------
@@ -174,9 +174,9 @@ def walk(
     now = checkpoint.load() if checkpoint is not None else None
     if now is None:
         now = _burnt_in(density, samplers, seed, settings.n_burn)
-    # The whole walk is kept: one that mixes badly has to end before it fills the memory.
-    n_kept = settings.n_ensemble * n_walker * (d + 1 + now.extras.shape[-1])
-    n_step_max = min(settings.n_step_max, max(_MAX_KEPT_NUMBERS // n_kept, _N_FIRST_STEP))
+    # All steps stay in memory: a walk that mixes badly must stop before it fills it.
+    n_per_step = settings.n_ensemble * n_walker * (d + 1 + now.extras.shape[-1])
+    n_step_max = min(settings.n_step_max, max(_MAX_STORED_NUMBERS // n_per_step, _N_FIRST_STEP))
     while True:
         before, tau = now.tau, _mean_tau(now.u[:, 1:], now.log_density[:, 1:])
         unmet = _unmet_rules(now.n_step, tau, before, (*target.names, "log posterior"), settings)
@@ -187,11 +187,11 @@ def walk(
         if now.n_step and time.monotonic() > began + limit:
             unmet = [f"time limit of {limit:g} s: stopped after {now.n_step} steps; {unmet[0]}"]
             break
-        # A function of the walk alone, so that one that is resumed takes the same steps. Each check
-        # costs as much as many steps: a walk far too short takes half as many again.
+        # The next length depends on the walk only, so that a resumed walk takes the same steps. A
+        # check costs as much as many steps, so that a walk that is much too short grows by half.
         needed = float(np.nan_to_num(settings.n_tau * tau.max(), posinf=0.0))
         goal = max(int(1.05 * now.n_step) + 20, _N_FIRST_STEP, int(min(needed, 1.5 * now.n_step)))
-        now = _walked_on(now, samplers, min(goal, n_step_max) - now.n_step, tau)
+        now = _extended(now, samplers, min(goal, n_step_max) - now.n_step, tau)
         if checkpoint is not None:
             checkpoint.save(now)
     acceptance = now.accepted / (now.n_step * n_walker)
@@ -209,7 +209,7 @@ def _burnt_in(density: _Density, samplers: Sequence[Any], seed: int, n_burn: int
         rng = stream(seed, f"ensemble {i}")
         u = _start(density, rng, sampler.nwalkers)
         random_state = np.random.RandomState(rng.integers(2**32)).get_state()
-        # emcee takes the state of a RandomState; such an object it would silently ignore.
+        # emcee silently ignores a RandomState object; it expects the object's state.
         ends.append(sampler.run_mcmc(emcee.State(u, random_state=random_state), n_burn))
     return Walk(
         u=np.stack([end.coords for end in ends])[:, None],
@@ -221,20 +221,20 @@ def _burnt_in(density: _Density, samplers: Sequence[Any], seed: int, n_burn: int
     )
 
 
-def _walked_on(now: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray) -> Walk:
-    """Let every ensemble take `n_step` more steps from where it is."""
+def _extended(now: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray) -> Walk:
+    """Return the walk with `n_step` more steps of every ensemble."""
     import emcee
 
     ends = []
     for i, (sampler, random_state) in enumerate(zip(samplers, unpacked(now), strict=True)):
         sampler.reset()
-        here = emcee.State(
+        last = emcee.State(
             now.u[i, -1],
             log_prob=now.log_density[i, -1],
             blobs=now.extras[i, -1],
             random_state=random_state,
         )
-        ends.append(sampler.run_mcmc(here, n_step))
+        ends.append(sampler.run_mcmc(last, n_step))
     parts = {
         "u": np.stack([sampler.get_chain() for sampler in samplers]),
         "log_density": np.stack([sampler.get_log_prob() for sampler in samplers]),
@@ -250,7 +250,7 @@ def _walked_on(now: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray)
 
 
 def _start(density: _Density, rng: np.random.Generator, n_walker: int) -> FloatArray:
-    """Return different points of positive density, drawn from the proposal."""
+    """Return distinct points of positive density, drawn from the proposal."""
     for _ in range(5):
         charts, q = density.proposal.draw(rng, 2 * n_walker)
         draws = density.target.evaluate(charts, q, rng, density.n_point)
@@ -263,7 +263,7 @@ def _start(density: _Density, rng: np.random.Generator, n_walker: int) -> FloatA
 
 
 def _mean_tau(u: FloatArray, log_density: FloatArray) -> FloatArray:
-    """Return autocorrelation times averaged over the ensembles, the log density's last."""
+    """Return autocorrelation times of coordinates and log density, averaged over the ensembles."""
     if not log_density.shape[1]:
         return np.full(u.shape[-1] + 1, np.inf)
     everything = np.concatenate([u, log_density[..., None]], axis=-1)
@@ -278,6 +278,7 @@ def _unmet_rules(
     names: tuple[str, ...],
     settings: SampleSettings,
 ) -> list[str]:
+    """Return the unmet stopping rules; `before` has the autocorrelation times of the last check."""
     unmet, ample = [], _LONG_WALK_FACTOR * settings.n_tau
     for name, now, last in zip(names, tau, before, strict=True):
         if not n_step > settings.n_tau * now:

@@ -1,9 +1,9 @@
-"""Posteriors and evidences by adaptive importance sampling: the one sampler of all models.
+"""Posteriors and evidences by adaptive importance sampling, for all models.
 
-Modes are searched for from many starts. A mixture of Student t in charts is fitted, round by round,
-to all draws so far, weighed by density over the mixture of all proposals so far. Then four sets of
-draws are made from the last proposal, independently of each other. Only these count: given the
-proposal their mean weight is unbiased.
+The sampler searches for modes from many starts. It fits a mixture of Student t distributions in
+charts over several rounds; each round uses all draws so far, weighted by the density over the
+mixture of all proposals so far. Four independent sets of draws from the final proposal then give
+posterior and evidence: given the proposal, their mean weight is unbiased.
 
 References
 ----------
@@ -29,22 +29,22 @@ from ridgebayes.inference.proposal import Mixture, log_mean, log_sum
 from ridgebayes.inference.target import Evaluated, Target, joined
 from ridgebayes.runtime.randomness import stream
 
-N_REPEAT = 4
-BLOCK = 32  # draws: files keep whole blocks of them
-MAX_SE = 0.05  # of a ln evidence: a Bayes factor to 7 %
-MAX_HALF_GAP = 0.1  # of ln evidences by all and by half of the points
-# Largest weight of bounded weights, over the largest one of a tail of shape 0.7: 300 of 300 heavy
-# tails had a larger one.
+N_REPEAT = 4  # independent sets of draws
+BLOCK = 32  # draws per block; thinning keeps whole blocks
+MAX_SE = 0.05  # standard error of a ln evidence, so that two of them give a Bayes factor to 7 %
+MAX_HALF_GAP = 0.1  # difference of ln evidences from all points and from half of the points
+# Largest weight, relative to the largest weight expected of a tail with Pareto k 0.7, up to which
+# weights count as bounded. In 300 of 300 simulated heavy tails the largest weight was larger.
 _MAX_BOUNDED_SHARE = 0.1
-# Share of the prior in the proposals keeps weights bounded where no component lies; the first
-# proposal is rough.
+# The share of the prior in a proposal keeps weights bounded far from all components. The first
+# proposal gets a larger share because it is rough.
 _PRIOR_SHARE, _PRIOR_SHARE_FIRST = 0.05, 0.3
 _MAX_LOG_MASS_GAP = 8.0  # modes with less than e^-8 of the heaviest mode's mass get no component
-_MIN_EFFECTIVE_PER_PARAMETER = 20  # effective draws, for a covariance with errors of a fifth
-_MAX_COMPONENTS = 6  # components of the first proposal, shared out among the modes
-_GOOD_SHARE = 0.4  # effective share of a round's draws from which adaptation ends
+_MIN_EFFECTIVE_PER_PARAMETER = 20  # effective draws for a covariance to about 20 %
+_MAX_COMPONENTS = 6  # components of the first proposal, divided among the modes
+_GOOD_SHARE = 0.4  # adaptation ends after a round with a larger share of effective draws
 EXACT_DRAW_FACTOR = 4  # exact densities get more draws: each costs a tenth of an estimate
-_START_SD = 2.5  # prior sds: two of 64 starts lie beyond five
+_START_SD = 2.5  # prior sds: about 5 % of the starts are beyond five in a coordinate
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,12 @@ class Effort:
     Parameters
     ----------
     n_round, n_per_round : int
-        Rounds of adaptation at most, and draws of each.
+        Maximum number of rounds of adaptation, and draws per round.
     n_draw : int
-        Draws of each of the four sets, a multiple of 32; four times as many where densities are
-        exact.
+        Draws per set, a multiple of 32. There are four sets; if densities are exact, each set has
+        four times as many draws.
     n_point : int
-        Points for the offsets of rows that are not normal, for each draw; a multiple of eight.
+        Points per draw for the offsets of rows that are not normal, a multiple of eight.
     """
 
     n_round: int = 4
@@ -69,7 +69,7 @@ class Effort:
 
     @property
     def doubled(self) -> "Effort":
-        """Twice the draws and points."""
+        """The effort with twice the draws and points."""
         n_per_round, n_draw, n_point = self.n_per_round, self.n_draw, self.n_point
         return replace(self, n_per_round=2 * n_per_round, n_draw=2 * n_draw, n_point=2 * n_point)
 
@@ -83,13 +83,13 @@ class Drawn:
     u : ndarray of float, shape (n_repeat, n_draw, d)
         Normal scores of the outer parameters, of equal weight.
     log_density : ndarray of float, shape (n_repeat, n_draw)
-        Their log posterior density, not normalised.
+        Log posterior density of the draws, not normalised.
     scores : ndarray of float, shape (n_repeat, n_draw, n_level)
-        Scores of the offsets, where rows are not normal; else none.
+        Scores of the offsets if rows are not normal, else empty.
     evidence : LogEvidence
-        By the same draws.
+        Evidence from the same draws.
     share : float
-        Share of the draws that count.
+        Effective share of the draws, see `effective_share`.
     proposal : Mixture
         Proposal of the draws.
     """
@@ -103,7 +103,7 @@ class Drawn:
 
     @property
     def chains(self) -> Chains:
-        """The draws as chains: a set is one, and a block of draws a step."""
+        """The draws as chains: each set is an ensemble, each block of draws a step."""
         n_repeat, n, d = self.u.shape
         shape = (n_repeat, n // BLOCK, BLOCK)
         failures = () if self.evidence.ok else (self.evidence.status,)
@@ -138,7 +138,10 @@ def importance_sample(target: Target, effort: Effort, seed: int) -> Drawn:
 
 
 def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) -> Drawn:
-    """Return draws by the same proposal, with at least about n of them; the evidence stays."""
+    """Return at least about n draws, from the same proposal if more are needed.
+
+    The evidence stays that of `drawn`.
+    """
     if drawn.u.shape[0] * drawn.u.shape[1] >= n:
         return drawn
     factor = EXACT_DRAW_FACTOR if target.is_exact else 1
@@ -148,7 +151,7 @@ def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) ->
 
 
 def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> Drawn:
-    """Draw from a posterior by a proposal that is fitted to it already.
+    """Draw from a posterior with a proposal that has been fitted to it.
 
     Parameters
     ----------
@@ -168,8 +171,8 @@ def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> D
         rng = stream(seed, f"set {i}")
         draws = target.evaluate(*proposal.draw(rng, n_draw), rng, effort.n_point)
         log_weight, half = log_weights(draws, [proposal])
-        chosen = _resampled(log_weight, stream(seed, f"resampling {i}"))
-        sets.append((draws.u[chosen], draws.log_density[chosen], draws.scores[chosen]))
+        index = _resample(log_weight, stream(seed, f"resampling {i}"))
+        sets.append((draws.u[index], draws.log_density[index], draws.scores[index]))
         weights.append(log_weight)
         halves.append(half)
     u, log_density, scores = map(np.stack, zip(*sets, strict=True))
@@ -181,7 +184,7 @@ def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> D
 def _evidence(
     target: Target, weights: Sequence[FloatArray], halves: Sequence[FloatArray]
 ) -> LogEvidence:
-    """Return the log evidence; its status says what is wrong with the weights."""
+    """Return the log evidence, whose status lists the failed checks of the weights."""
     together = np.concatenate(weights)
     value = float(log_mean(together))
     if not math.isfinite(value):
@@ -192,12 +195,12 @@ def _evidence(
     relative = np.exp(together - value)
     within = float(relative.std()) / math.sqrt(len(relative))
     between = np.exp([log_mean(log_weight) - value for log_weight in weights])
-    # The larger of two errors: by the weights, and by the scatter of the four sets.
+    # The larger of two estimates: from the variance of the weights, and from the sets' scatter.
     se = max(within, float(between.std(ddof=1)) / math.sqrt(len(weights)))
     gap = abs(float(log_mean(np.concatenate(halves))) - value)
     k, failed = pareto_k(together), []
-    # A tail of shape k puts about n^(k - 1) of the sum into its largest weight. Bounded weights may
-    # have any shape above a threshold, and a largest one that is far smaller.
+    # The largest weight of a tail with shape k has about n^(k - 1) of the sum. Bounded weights can
+    # have a large fitted k too, but their largest weight has a far smaller share.
     is_bounded = relative.max() / relative.sum() < _MAX_BOUNDED_SHARE * len(relative) ** (
         MAX_PARETO_K - 1
     )
@@ -212,14 +215,14 @@ def _evidence(
 
 
 def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture:
-    """Return a proposal fitted to a target, round by round, until one serves well."""
-    shape = _split(_modes(target, rng), rng)
+    """Fit a proposal to a target in rounds, until a round has a good effective share."""
+    shape = _split(_mode_mixture(target, rng), rng)
     prior = Mixture.prior(len(target.names))
     proposals = [shape.beside(prior, _PRIOR_SHARE_FIRST)]
     parts: list[Evaluated] = []
-    n, few = effort.n_per_round, max(effort.n_point // 2, 4)  # rougher estimates fit as well
+    n, n_point = effort.n_per_round, max(effort.n_point // 2, 4)  # fits need no precise densities
     for _ in range(effort.n_round):
-        parts.append(target.evaluate(*proposals[-1].draw(rng, n), rng, few))
+        parts.append(target.evaluate(*proposals[-1].draw(rng, n), rng, n_point))
         last, _ = log_weights(parts[-1], proposals[-1:])
         draws = joined(parts)
         log_weight, _ = log_weights(draws, proposals)
@@ -232,13 +235,13 @@ def adapted(target: Target, effort: Effort, rng: np.random.Generator) -> Mixture
     return proposals[-1]
 
 
-def _modes(target: Target, rng: np.random.Generator) -> Mixture:
+def _mode_mixture(target: Target, rng: np.random.Generator) -> Mixture:
     """Return a mixture of the normal approximations at the modes."""
     k, d = target.n_centred, len(target.names)
     components = []
     for chart in range(target.n_chart):
         starts = _START_SD * rng.standard_normal((N_START, d))
-        starts[:, :k] = 0.0  # the centre of the coefficients given all other parameters
+        starts[:, :k] = 0.0  # the coefficients' centre given the error model's parameters
         starts[: N_START // 4, :k] = rng.standard_normal((N_START // 4, k))
         modes = find_modes(partial(target.approximate, chart), starts)
         components += [(chart, mode) for mode in modes]
@@ -250,7 +253,7 @@ def _modes(target: Target, rng: np.random.Generator) -> Mixture:
     kept = [
         (chart, mode) for chart, mode in components if mode.log_mass > heaviest - _MAX_LOG_MASS_GAP
     ]
-    # Tempered, since Laplace's masses are rough.
+    # The square roots of the masses are used, because Laplace's masses are rough.
     mass = np.exp([0.5 * (mode.log_mass - heaviest) for _, mode in kept])
     return Mixture(
         mass / mass.sum(),
@@ -261,7 +264,7 @@ def _modes(target: Target, rng: np.random.Generator) -> Mixture:
 
 
 def _split(start: Mixture, rng: np.random.Generator) -> Mixture:
-    """Return several components beside each mode, for shapes that are not normal."""
+    """Return a mixture with several shifted components per mode, for shapes that are not normal."""
     d = start.centres.shape[1]
     copies = max(_MAX_COMPONENTS // len(start.weights), 1)
     moved = rng.standard_normal((copies, *start.centres.shape))
@@ -275,9 +278,9 @@ def _split(start: Mixture, rng: np.random.Generator) -> Mixture:
 
 
 def log_weights(draws: Evaluated, proposals: Sequence[Mixture]) -> tuple[FloatArray, FloatArray]:
-    """Return log weights, by all points and by half of them.
+    """Return log weights from all points, and from half of the points.
 
-    Weights are of density over the mixture of the proposals, which made equal numbers of draws.
+    A weight is the density over the mixture of the proposals, each with the same number of draws.
     """
     with np.errstate(all="ignore"):
         terms = [
@@ -292,7 +295,7 @@ def log_weights(draws: Evaluated, proposals: Sequence[Mixture]) -> tuple[FloatAr
 
 
 def effective_share(log_weight: FloatArray) -> float:
-    """Return the share of the draws that count: 1 where weights are all equal."""
+    """Return the effective sample size over the number of draws; 1 if all weights are equal."""
     top = log_weight.max()
     if not np.isfinite(top):
         return 0.0
@@ -301,9 +304,9 @@ def effective_share(log_weight: FloatArray) -> float:
 
 
 def _tempered(log_weight: FloatArray, d: int) -> FloatArray:
-    """Return normalised weights, raised to a power up to 1 that leaves 20 d effective draws.
+    """Return normalised weights raised to the largest power up to 1 with 20 d effective draws.
 
-    Few draws of large weight would make the next proposal narrower than the posterior.
+    A proposal fitted to a few large weights would be narrower than the posterior.
     """
     usable = np.isfinite(log_weight)
     n_effective = min(_MIN_EFFECTIVE_PER_PARAMETER * d, 0.5 * usable.sum())
@@ -323,12 +326,12 @@ def _tempered(log_weight: FloatArray, d: int) -> FloatArray:
     return weights(low)
 
 
-def _resampled(log_weight: FloatArray, rng: np.random.Generator) -> IntArray:
-    """Return as many indices by weight, evenly along the ladder of weights, in random order."""
+def _resample(log_weight: FloatArray, rng: np.random.Generator) -> IntArray:
+    """Return indices of draws of equal weight, by systematic resampling, in random order."""
     n = len(log_weight)
     top = log_weight.max()
     if not np.isfinite(top):
         return np.arange(n)
-    ladder = np.cumsum(np.exp(log_weight - top))
-    index = np.searchsorted(ladder, (np.arange(n) + rng.random()) / n * ladder[-1])
+    cumulative = np.cumsum(np.exp(log_weight - top))
+    index = np.searchsorted(cumulative, (np.arange(n) + rng.random()) / n * cumulative[-1])
     return rng.permutation(np.minimum(index, n - 1))

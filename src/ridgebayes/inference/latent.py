@@ -1,13 +1,14 @@
 r"""The integral over the scores of shared offsets and of log K, for many draws at once.
 
-With rows of weights W and residuals r the scores of normal rows are normal given the outer
-parameters, with precision ``M = I + L' Z' W Z L`` and mean ``M^-1 L' Z' W r``, and
+Given the outer parameters and normal rows with weights W and residuals r, the scores are normal
+with precision ``M = I + L' Z' W Z L`` and mean ``M^-1 L' Z' W r``, and
 
 .. math:: r' \Sigma^{-1} r = \sum W (r - Z L \hat s)^2 + \hat s'\hat s, \qquad
           \log|\Sigma| = \log|M| - \sum \log W,
 
-in which no large numbers cancel. Where smooth offsets have a level for each row, S itself is
-factorised. Other rows have no closed form, see `ridgebayes.inference.points`.
+where Sigma is the covariance of the rows. No large numbers cancel in these sums. If smooth offsets
+have at least as many levels as there are groups of rows, Sigma itself is factorised. Rows that are
+not normal have no closed form, see `ridgebayes.inference.points`.
 """
 
 import math
@@ -24,7 +25,7 @@ from ridgebayes.model.model import Model
 from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import RowGroups
 
-_BATCH_SIZE = 2**18  # numbers in the largest array, 2 MB: a core's cache
+_BATCH_SIZE = 2**18  # numbers in the largest array: 2 MB fit in a core's cache
 
 
 class LatentIntegral:
@@ -42,7 +43,7 @@ class LatentIntegral:
         self.n_level = model.offsets.n_level
         self._points = PointIntegral(self.rows, self.design, self.tail)
         self._groups: RowGroups | None = None
-        self._by_rows = False
+        self._factorises_rows = False
         if model.is_normal:
             first = self.design.first
             levels = self.design.rest if first is None else np.vstack([first, self.design.rest])
@@ -53,16 +54,16 @@ class LatentIntegral:
                 self.design.rest[:, groups.row],
                 self.design.n_rest,
             )
-            # A smooth offset's L is a factor of its own; S needs only the covariance.
-            self._by_rows = model.offsets.n_smooth >= len(groups.n)
+            # With a level per group, factorising Sigma is cheaper: M also needs the factor L.
+            self._factorises_rows = model.offsets.n_smooth >= len(groups.n)
 
     @property
     def is_exact(self) -> bool:
-        """Whether the log density is no estimate: normal rows, or rows that share nothing."""
+        """Whether the log density is exact: rows are normal, or share no offsets."""
         return self.model.is_normal or not self.n_level
 
-    def _numbers(self, n_point: int) -> int:
-        """Return the size of the largest array that one draw needs."""
+    def _numbers_per_draw(self, n_point: int) -> int:
+        """Return the size of the largest array of one draw."""
         n_first, n_rest, n = self.design.n_first, self.design.n_rest, self.design.n
         if self._groups is not None:
             n, n_point = len(self._groups.n), 1
@@ -73,13 +74,13 @@ class LatentIntegral:
         return max(most, 1)
 
     def n_at_once(self, n_point: int) -> int:
-        """Return how many draws fit in a batch whose arrays stay in a processor's cache."""
-        return max(_BATCH_SIZE // self._numbers(n_point), 1)
+        """Return the number of draws whose arrays fit in a processor's cache together."""
+        return max(_BATCH_SIZE // self._numbers_per_draw(n_point), 1)
 
     def prepared(self, eta: FloatArray) -> "Prepared":
-        """Return what depends on error model parameters (n_draw, n_noise) alone."""
+        """Return the factors that depend only on error model parameters (n_draw, n_noise)."""
         with np.errstate(all="ignore"):
-            if self._by_rows:
+            if self._factorises_rows:
                 return Prepared(eta, None, None, self._row_factor(eta))
             root = self.model.offsets.root(eta)
             precision = None if self._groups is None else self._precision(eta, root)
@@ -90,7 +91,7 @@ class LatentIntegral:
         return Precision.of(self._group_design, root, self._group_weight(eta))
 
     def _row_factor(self, eta: FloatArray) -> FloatArray:
-        """Return the Cholesky factor of S, of the means of groups."""
+        """Return the Cholesky factor of the covariance of the groups' means."""
         covariance = self.model.offsets.covariance(self._group_design, eta)
         n = covariance.shape[-1]
         covariance.reshape(len(eta), n * n)[:, :: n + 1] += 1 / self._group_weight(eta)
@@ -103,7 +104,7 @@ class LatentIntegral:
         n_point: int,
         prepared: "Prepared | None" = None,
     ) -> Estimate:
-        """Return the log density of outer parameters, and a draw of the scores.
+        """Return the log density of outer parameters, and a draw of the scores for each.
 
         Parameters
         ----------
@@ -112,9 +113,9 @@ class LatentIntegral:
         rng : numpy.random.Generator
             Source of the points.
         n_point : int
-            Points for each draw, a multiple of four; normal rows need none.
+            Points per draw, a multiple of four; normal rows need none.
         prepared : Prepared, optional
-            Where it is known for these draws.
+            Factors of these draws; computed if not given.
         """
         n = self.n_at_once(n_point)
         if prepared is not None or len(u) <= n:
@@ -126,17 +127,17 @@ class LatentIntegral:
         self, u: FloatArray, rng: np.random.Generator, n_point: int, prepared: "Prepared | None"
     ) -> Estimate:
         with np.errstate(all="ignore"):
-            log_rates, eta, possible = self._parts(u)
-            nothing = np.empty((len(u), 0))
+            log_rates, eta, possible = self._rates_and_noise(u)
+            no_scores = np.empty((len(u), 0))
             if self.n_level or self._groups is not None:
                 prepared = self.prepared(eta) if prepared is None else prepared
             if self._groups is not None and prepared is not None:
                 value = self._log_likelihood(log_rates, prepared)
-                estimate = Estimate(value, value, nothing)
+                estimate = Estimate(value, value, no_scores)
             elif not self.n_level:
                 error, scale, df = self._errors(log_rates, eta)
                 value = self.rows.log_density(error, scale, self.tail, df).sum(axis=-1)
-                estimate = Estimate(value, value, nothing)
+                estimate = Estimate(value, value, no_scores)
             elif prepared is not None:
                 batch = self._batch(log_rates, prepared)
                 estimate = self._points.estimated(batch, rng, n_point)
@@ -147,40 +148,40 @@ class LatentIntegral:
         return Estimate(value, from_half, estimate.scores)
 
     def approximate(self, u: FloatArray, prepared: "Prepared") -> FloatArray:
-        """Return the log density of draws, by Laplace's approximation where it is not exact.
+        """Return the log density of draws, by Laplace's approximation if it is not exact.
 
-        A smooth function without noise, for the search of modes.
+        The search for modes needs this smooth function, since estimates are noisy.
         """
         if self.is_exact:
             return self._estimated(u, np.random.default_rng(0), 4, prepared).log_density
         with np.errstate(all="ignore"):
-            log_rates, _, possible = self._parts(u)
+            log_rates, _, possible = self._rates_and_noise(u)
             batch = self._batch(log_rates, prepared)
             normal = self._points.approximation(batch)
-            left = batch.error - normal.offset
-            value = self.rows.log_density(left, batch.scale, self.tail, batch.df).sum(axis=-1)
+            error = batch.error - normal.offset
+            value = self.rows.log_density(error, batch.scale, self.tail, batch.df).sum(axis=-1)
             value -= 0.5 * ((normal.first**2).sum(axis=-1) + (normal.rest**2).sum(axis=-1))
             value += self.model.log_outer_prior(u) - normal.precision.log_volume
         return np.where(possible & np.isfinite(value), value, -np.inf)
 
     def draw(self, u: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the scores given outer parameters and normal rows, shape (n_draw, n_level)."""
-        n, parts = max(_BATCH_SIZE // self._numbers(1), 1), []
+        n, parts = max(_BATCH_SIZE // self._numbers_per_draw(1), 1), []
         for i in range(0, len(u), n):
-            log_rates, eta, _ = self._parts(u[i : i + n])
+            log_rates, eta, _ = self._rates_and_noise(u[i : i + n])
             with np.errstate(all="ignore"):
                 root = self.model.offsets.root(eta)
                 precision = self._precision(eta, root)
                 first, rest = self._mean(self._residual(log_rates), eta, root, precision)
             normal = rng.standard_normal((len(eta), self.n_level))
             n_first = self.design.n_first
-            more = precision.back(normal[:, :n_first, None], normal[:, n_first:, None])
-            scores = (first + more[0][..., 0], rest + more[1][..., 0])
+            deviation = precision.back(normal[:, :n_first, None], normal[:, n_first:, None])
+            scores = (first + deviation[0][..., 0], rest + deviation[1][..., 0])
             parts.append(np.concatenate(scores, axis=1))
         return np.concatenate(parts)
 
-    def _parts(self, u: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Return log rates, error model parameters, and which draws have positive rates."""
+    def _rates_and_noise(self, u: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return log rates, error model parameters, and a mask of draws with positive rates."""
         theta = self.model.outer_theta(u)
         log_rates = self.model.outer_log_rates(theta)
         possible = np.asarray(np.isfinite(log_rates).all(axis=-1))
@@ -196,8 +197,8 @@ class LatentIntegral:
 
     def _batch(self, log_rates: FloatArray, prepared: "Prepared") -> Batch:
         error, scale, df = self._errors(log_rates, prepared.eta)
-        far = self.model.offsets.prior_variance(prepared.eta)
-        return Batch(error, scale, df, prepared.scores_root, far)
+        prior_variance = self.model.offsets.prior_variance(prepared.eta)
+        return Batch(error, scale, df, prepared.scores_root, prior_variance)
 
     def _group_weight(self, eta: FloatArray) -> FloatArray:
         """Return the precision of each group's mean, shape (n_draw, n_group)."""
@@ -236,8 +237,8 @@ class LatentIntegral:
             square += half**2 + np.log(weight) + 2 * np.log(pivots)
         elif root is not None and precision is not None and self.n_level:
             first, rest = self._mean(residual, eta, root, precision)
-            left = residual - self._group_design.spread(*root.times(first, rest))
-            square += weight * left**2
+            remaining = residual - self._group_design.spread(*root.times(first, rest))
+            square += weight * remaining**2
             of_scores = (first**2).sum(axis=-1) + (rest**2).sum(axis=-1)
             value: FloatArray = square.sum(axis=-1) + of_scores + 2 * precision.log_volume
             return -0.5 * value
@@ -246,20 +247,20 @@ class LatentIntegral:
         return np.asarray(-0.5 * square.sum(axis=-1))
 
     def products(self, columns: FloatArray, prepared: "Prepared") -> FloatArray:
-        """Return X' S^-1 X of columns of the rows, S the covariance of rows taken as normal.
+        """Return X' S^-1 X by Woodbury's identity, S the covariance of rows treated as normal.
 
         Parameters
         ----------
         columns : ndarray of float, shape (n_row, m)
-            X. The last column is the residuals of the rows' middles, by which Student rows are
-            weighed: outliers count little.
+            X. The last column has the residuals of the rows' middles, which give the weights of
+            Student rows, so that outliers have little weight.
         prepared : Prepared
-            Factors of the error model parameters.
+            Factors at the error model parameters.
 
         Returns
         -------
         ndarray of float, shape (n_draw, m, m)
-            By Woodbury's identity.
+            Products for each draw.
         """
         with np.errstate(all="ignore"):
             if self._groups is not None:
@@ -294,15 +295,15 @@ class LatentIntegral:
         return middle + 2 * log_rates[..., self.rows.texture]
 
     def _working_weights(self, residual: FloatArray, eta: FloatArray) -> FloatArray:
-        """Return weights of predictors as if rows were normal; those of lower ends are 0.
+        """Return weights of predictors as if rows were normal; lower ends of counts have weight 0.
 
-        Rows far beyond all that offsets and errors explain are outliers, and count little.
+        Rows with residuals far larger than offsets and errors explain get small weights.
         """
         n = len(self.rows.upper)
         df = eta[:, -1:] if self.tail.parameter_names else None
         variance = self.rows.scale(eta[:, 0]) ** 2 + self.rows.centre[1]
-        far = variance + self.model.offsets.prior_variance(eta)[:, :n]
-        weight = self.tail.weight(residual / np.sqrt(far), df) / variance
+        total = variance + self.model.offsets.prior_variance(eta)[:, :n]
+        weight = self.tail.weight(residual / np.sqrt(total), df) / variance
         return np.concatenate([weight, np.zeros((len(eta), self.design.n - n))], axis=-1)
 
     def rows_given_others(self, u: FloatArray) -> FloatArray:
@@ -316,8 +317,8 @@ class LatentIntegral:
         Returns
         -------
         ndarray of float, shape (n_draw, n_row)
-            Exact for normal rows, from the diagonal of the inverse covariance; of rows that share
-            nothing their own log density.
+            Exact for normal rows, from the diagonal of the inverse covariance. Rows that share no
+            offsets have their unconditional log density.
         """
         n = max(_BATCH_SIZE // (self.design.n * max(self.design.n_rest, 1)), 1)
         parts = [self._given_others(u[i : i + n]) for i in range(0, len(u), n)]
@@ -331,21 +332,21 @@ class LatentIntegral:
         theta : ndarray of float, shape (n_draw, n_parameter)
             All parameters, K included.
         scores : ndarray of float, shape (n_draw, n_level)
-            Scores of the error model's own offsets.
+            Scores of the error model's offsets, without log K.
         """
-        eta, own_offsets = theta[:, self.model.n_coefficient :], self.model.offsets.own()
+        eta, offsets = theta[:, self.model.n_coefficient :], self.model.offsets.own()
         with np.errstate(all="ignore"):
             offset: FloatArray | float = 0.0
-            if own_offsets.n_level:
-                first, rest = scores[:, : own_offsets.n_first], scores[:, own_offsets.n_first :]
-                offset = own_offsets.design.spread(*own_offsets.root(eta).times(first, rest))
+            if offsets.n_level:
+                first, rest = scores[:, : offsets.n_first], scores[:, offsets.n_first :]
+                offset = offsets.design.spread(*offsets.root(eta).times(first, rest))
             error = self.rows.errors(self.model.log_rates(theta), offset)
             df = eta[:, -1:] if self.tail.parameter_names else None
             return self.rows.log_density(error, self.rows.scale(eta[:, 0]), self.tail, df)
 
     def _given_others(self, u: FloatArray) -> FloatArray:
         with np.errstate(all="ignore"):
-            log_rates, eta, possible = self._parts(u)
+            log_rates, eta, possible = self._rates_and_noise(u)
             error, scale, df = self._errors(log_rates, eta)
             if not self.n_level:
                 value = self.rows.log_density(error, scale, self.tail, df)
@@ -353,26 +354,26 @@ class LatentIntegral:
             weight, design, root = scale**-2.0, self.design, self.model.offsets.root(eta)
             precision = Precision.of(design, root, weight)
             mean = precision.solve(*root.transposed_times(*design.gather(weight * error)))
-            left = weight * (error - design.spread(*root.times(*mean)))
+            pull = weight * (error - design.spread(*root.times(*mean)))
             variance = precision.predictor_variance(design)
             diagonal = weight - weight**2 * variance
-            value = 0.5 * (np.log(diagonal) - LOG_2PI - left**2 / diagonal)
+            value = 0.5 * (np.log(diagonal) - LOG_2PI - pull**2 / diagonal)
         return np.where(possible[:, None], value, -np.inf)
 
 
 class Prepared(NamedTuple):
-    """Factors that depend on error model parameters alone, for many draws.
+    """Factors that depend only on the error model's parameters, for many draws.
 
     Parameters
     ----------
     eta : ndarray of float, shape (n_draw, n_noise)
         Error model parameters.
     root : Root or None
-        L, where it is needed.
+        L; None if `row_factor` is used.
     precision : Precision or None
-        M of normal rows.
+        M of normal rows, unless `row_factor` is used.
     row_factor : ndarray of float, shape (n_draw, n_group, n_group), or None
-        Lower Cholesky factor of S, where it stands instead of L and M.
+        Lower Cholesky factor of the rows' covariance, if it is used instead of L and M.
     """
 
     eta: FloatArray
@@ -382,6 +383,6 @@ class Prepared(NamedTuple):
 
     @property
     def scores_root(self) -> Root:
-        """L of rows that are integrated over scores."""
+        """L, for models that integrate over scores."""
         assert self.root is not None
         return self.root

@@ -1,12 +1,12 @@
-"""Rows left out: the posterior given the rest, and the density of the rows left out given it.
+"""Posteriors without some rows, and the predictive density of the rows left out.
 
-A draw given all rows is weighed by one over the density of the rows left out given the others.
-Where the rest constrains the posterior far less than all rows do, these draws miss much of it:
-scores are too high, and the weights' tail hardly shows it. In this case the engine draws from the
-posterior given the rest, and the score is the difference of the two log evidences. The mean density
-over the new draws is no substitute: the first steps of the embedded sweep, left out of Hybrid with
-independent errors, score -14.7 by evidences, and -57 with a standard error of 1 by four thousand
-draws.
+Draws given all rows are weighted by one over the density of the rows left out given the rest. If
+the rest constrains the posterior far less than all rows do, the draws miss much of the posterior
+given the rest: scores are too high, and the Pareto k of the weights hardly shows it. In this case
+new draws are made given the rest, and the score is the difference of the two log evidences. The
+mean density over the new draws would be unreliable: for the first steps of the embedded sweep, left
+out of Hybrid with independent errors, the score is -14.7 by evidences, but -57 with a standard
+error of 1 by the mean over four thousand draws.
 """
 
 import math
@@ -34,30 +34,30 @@ from ridgebayes.model.default_priors import SLOPES
 from ridgebayes.model.model import Model
 from ridgebayes.runtime.randomness import stream
 
-_MAX_ESTIMATED_DRAWS = 512  # that are weighed
-_MIN_EFFECTIVE_SHARE = 0.35  # scores of tiny tables are too high where fewer draws count
+_MAX_WEIGHTED_DRAWS = 512  # four times as many if densities are exact
+_MIN_EFFECTIVE_SHARE = 0.35  # with a smaller share scores of tiny tables are too high
 _MIN_EFFECTIVE_DRAWS = 100  # for a log score to about 0.1
-_N_KEPT = 1_024  # draws given the rest
+_MAX_RETURNED_DRAWS = 1_024  # about, given the rest
 
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """The posterior given the rows that stay, and the score of those left out.
+    """The posterior given the remaining rows, and the score of the rows left out.
 
     Parameters
     ----------
     model : Model
-        Posterior of the rows that stay.
+        Model of the remaining rows.
     u : ndarray of float, shape (n_draw, n_outer)
-        Draws of equal weight: normal scores of its outer parameters.
+        Draws of equal weight: normal scores of the outer parameters.
     scores : ndarray of float, shape (n_draw, n_level) or (n_draw, 0)
-        Scores of its offsets, where rows are not normal.
+        Scores of the offsets if rows are not normal, else empty.
     log_score, log_score_se : float
-        Joint log density of the rows left out given the others, and its Monte Carlo error.
+        Joint log density of the rows left out given the rest, and its Monte Carlo error.
     method : str
         ``weights`` or ``evidences``.
     status : str
-        ``ok``, or what draws or score lack.
+        ``ok``, or the reason why draws or score are not reliable.
     """
 
     model: Model
@@ -69,7 +69,7 @@ class LeftOut:
     status: str
 
     def posterior(self, seed: int) -> Posterior:
-        """Return the draws with log K and offsets, for predictions; without a summary."""
+        """Return a posterior for predictions: with log K and offsets, but without a summary."""
         u = completed(self.model, self.u, self.scores, stream(seed, "offsets"))[None, :, None]
         ones = np.ones(u.shape[-1] + 1)
         chains = Chains(u, np.zeros(u.shape[:-1]), ones[:1], ones, ())
@@ -84,18 +84,18 @@ class AllRows:
     Parameters
     ----------
     model : Model
-        Posterior of all rows.
+        Model of all rows.
     evidence : LogEvidence
-        Its log evidence.
+        Log evidence of all rows.
     u : ndarray of float, shape (n_draw, n_outer)
-        Some of its draws; none where it could not be drawn from.
+        Thinned draws; empty if sampling failed.
     log_density : ndarray of float, shape (n_draw,)
-        Their log posterior density; for estimates the value that the draw came with, so that
-        weights are unbiased.
+        Log posterior density of the draws. Estimates are the values with which the draws were
+        accepted, so that weights are unbiased.
     status : str
-        ``ok``, or what the draws lack.
+        ``ok``, or the reason why the draws are not reliable.
     effort : Effort, optional
-        Effort for a posterior of fewer rows.
+        Numbers of draws for a posterior of fewer rows.
     """
 
     model: Model
@@ -107,7 +107,7 @@ class AllRows:
 
     @classmethod
     def of(cls, posterior: Posterior, effort: Effort, seed: int) -> "AllRows":
-        """Take a posterior's draws; one from a file has to be weighed again."""
+        """Thin a posterior's draws; if it has no evidence (read from a file), compute it."""
         model, evidence = posterior.model, posterior.evidence
         if evidence is None:
             evidence = cls.drawn(model, effort, seed).evidence
@@ -119,20 +119,20 @@ class AllRows:
 
     @classmethod
     def drawn(cls, model: Model, effort: Effort, seed: int) -> "AllRows":
-        """Draw from a model's posterior; the reason is the status where that fails."""
+        """Draw from a model's posterior; if sampling fails, the status states the reason."""
         try:
-            drawn = _drawn(model, effort, seed)
+            drawn = _sample(model, effort, seed)
         except ComputationError as error:
-            none = LogEvidence("importance", math.nan, math.nan, str(error))
-            nothing = np.empty((0, model.n_outer))
-            return cls(model, none, nothing, np.empty(0), str(error), effort)
+            failed = LogEvidence("importance", math.nan, math.nan, str(error))
+            no_draws = np.empty((0, model.n_outer))
+            return cls(model, failed, no_draws, np.empty(0), str(error), effort)
         log_density = drawn.log_density.ravel()
         stride, status = _stride(model, len(log_density)), drawn.evidence.status
         u = drawn.u.reshape(-1, model.n_outer)[::stride]
         return cls(model, drawn.evidence, u, log_density[::stride], status, effort)
 
     def without(self, left: BoolArray, seed: int) -> LeftOut:
-        """Return the posterior without some rows, and their score.
+        """Return the posterior without some rows, and the score of these rows.
 
         Parameters
         ----------
@@ -144,23 +144,24 @@ class AllRows:
         Raises
         ------
         ComputationError
-            If no row stays, or no draw given the rest has a positive density.
+            If no row remains, or no draw given the rest has a positive density.
 
         Notes
         -----
-        *Accuracy.* By weights if their Pareto k is at most 0.5 and 35 % of the draws count: errors
-        are then a few hundredths, as the standard error says. By evidences their own, of which
-        that of all rows is common to all that is left out.
+        *Accuracy.* Weights are used if their Pareto k is at most 0.5 and the effective share is at
+        least 35 %; errors are then a few hundredths, in line with the standard error. Otherwise
+        the errors are those of the two evidences; the error of the evidence of all rows is common
+        to all scores.
         """
         if left.all():
             raise ComputationError("no row is left to fit")
         rest = rest_of(self.model, left)
         if len(self.u) and rest.outer_names == self.model.outer_names:
-            weighed = self._weighed(rest, seed)
-            if weighed is not None:
-                return weighed
-        drawn = _drawn(rest, self.effort, seed)
-        stride = max(drawn.log_density.size // _N_KEPT, 1)
+            reweighted = self._reweighted(rest, seed)
+            if reweighted is not None:
+                return reweighted
+        drawn = _sample(rest, self.effort, seed)
+        stride = max(drawn.log_density.size // _MAX_RETURNED_DRAWS, 1)
         u, scores = (
             x.reshape(drawn.log_density.size, x.shape[-1])[::stride]
             for x in (drawn.u, drawn.scores)
@@ -173,28 +174,28 @@ class AllRows:
             rest, u, scores, value, math.hypot(se, self.evidence.se), "evidences", status
         )
 
-    def _weighed(self, rest: Model, seed: int) -> LeftOut | None:
-        """Return the same from weighed draws; None where too few of them count."""
+    def _reweighted(self, rest: Model, seed: int) -> LeftOut | None:
+        """Return the result from weighted draws; None if the weights are too unequal."""
         rng = stream(seed, "weights")
         estimate = LatentIntegral(rest).estimated(self.u, rng, self.effort.n_point)
-        joint = self.log_density - estimate.log_density  # equal priors: the density of what is left
+        joint = self.log_density - estimate.log_density  # of rows left out: priors cancel
         log_weight, shape = pareto_smoothed(-joint)
-        least = max(_MIN_EFFECTIVE_SHARE, _MIN_EFFECTIVE_DRAWS / len(joint))
-        if not (shape <= MAX_FINITE_VARIANCE_K and effective_share(log_weight) >= least):
+        min_share = max(_MIN_EFFECTIVE_SHARE, _MIN_EFFECTIVE_DRAWS / len(joint))
+        if not (shape <= MAX_FINITE_VARIANCE_K and effective_share(log_weight) >= min_share):
             return None
         weight, top = np.exp(log_weight), joint.max()
         density = np.exp(joint - top)
         mean = float(weight @ density)
         se = float(np.sqrt((weight**2) @ (density - mean) ** 2)) / mean
-        ladder, n = np.cumsum(weight), min(_N_KEPT, len(weight))
-        index = np.searchsorted(ladder, (np.arange(n) + 0.5) / n * ladder[-1])
+        cumulative, n = np.cumsum(weight), min(_MAX_RETURNED_DRAWS, len(weight))
+        index = np.searchsorted(cumulative, (np.arange(n) + 0.5) / n * cumulative[-1])
         value = float(top) + math.log(mean)
         draws = self.u[index], estimate.scores[index]
         return LeftOut(rest, *draws, value, se, "weights", self.status)
 
 
 def rest_of(model: Model, left: BoolArray) -> Model:
-    """Return the model without some rows, under the priors of the parameters that it keeps."""
+    """Return the model without some rows, with the priors of the parameters that remain."""
     rows = model.data.take(~left)
     form = model.form.bind(rows.textures, rows.labels)
     names = {*form.parameter_names, *model.noise.parameter_names, SLOPES}
@@ -204,11 +205,11 @@ def rest_of(model: Model, left: BoolArray) -> Model:
 
 def _stride(model: Model, n: int) -> int:
     factor = EXACT_DRAW_FACTOR if LatentIntegral(model).is_exact else 1
-    return -(-n // (_MAX_ESTIMATED_DRAWS * factor))
+    return -(-n // (_MAX_WEIGHTED_DRAWS * factor))
 
 
-def _drawn(model: Model, effort: Effort, seed: int) -> Drawn:
-    """Draw from a posterior; again with twice the draws and points where weights fail a check."""
+def _sample(model: Model, effort: Effort, seed: int) -> Drawn:
+    """Draw from a posterior; repeat with twice the draws and points if weights fail a check."""
     target = ModelTarget(model, seed)
     drawn = importance_sample(target, effort, seed)
     return drawn if drawn.evidence.ok else importance_sample(target, effort.doubled, seed)

@@ -1,8 +1,10 @@
-"""A log evidence with its error, as every method returns it."""
+"""The record of a log evidence, common to all methods."""
 
 from dataclasses import dataclass, replace
 
-KEPT = "first pass: "  # begins the status of an evidence that decides nothing, and is not refined
+# Prefix of the status of an evidence that is too imprecise but far below the best, so that it is
+# used without refinement.
+FIRST_PASS_PREFIX = "first pass: "
 
 
 @dataclass(frozen=True)
@@ -14,12 +16,12 @@ class LogEvidence:
     method : str
         ``importance`` or ``bridge``.
     value : float
-        Natural log; NaN where the method failed.
+        Natural log; NaN if the method failed.
     se : float
-        Standard error; NaN where the method failed.
+        Standard error; NaN if the method failed.
     status : str
-        ``ok``; ``first pass: ...`` where the error is larger than asked for and decides nothing,
-        since the evidence is far below the best; else what failed.
+        ``ok``; ``first pass: ...`` if a check failed but the evidence is so far below the best that
+        this does not matter; else the reason of the failure.
     """
 
     method: str
@@ -30,8 +32,8 @@ class LogEvidence:
     @property
     def ok(self) -> bool:
         """Whether the value can be used."""
-        return self.status == "ok" or self.status.startswith(KEPT)
+        return self.status == "ok" or self.status.startswith(FIRST_PASS_PREFIX)
 
     def kept(self) -> "LogEvidence":
-        """Return the same as one that decides nothing."""
-        return replace(self, status=KEPT + self.status)
+        """Return the evidence with a status that accepts it without refinement."""
+        return replace(self, status=FIRST_PASS_PREFIX + self.status)

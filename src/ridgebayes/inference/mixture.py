@@ -1,11 +1,11 @@
-"""A posterior as a Gaussian mixture: a few numbers that other programs can take as a prior.
+"""A posterior as a Gaussian mixture: a small file that other programs can use as a prior.
 
-The mixture is of normal scores z of the parameters under simple distributions, the *transforms*: a
-parameter is the value below which its transform has a standard normal's probability. A transform is
-the parameter's prior where that has a closed form in every program, else a log-normal or a normal
-of the draws, cut off where the prior is. Fitted by expectation maximisation, which keeps the draws'
-mean and covariance of z whatever the number of components; that number is chosen by the density of
-draws that were left out. docs/reuse.md shows how other programs read the file.
+The mixture describes the parameters' normal scores z under simple distributions, the *transforms*:
+a parameter is the quantile of its transform at probability Phi(z). A transform is the parameter's
+prior if most programs have it in closed form, else a log-normal or normal distribution fitted to
+the draws and truncated like the prior. The mixture is fitted by expectation maximisation, which
+preserves mean and covariance of z for any number of components; held-out draws determine this
+number. docs/reuse.md shows how other programs read the file.
 """
 
 import json
@@ -28,11 +28,11 @@ from ridgebayes.runtime.randomness import seeded, stream
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_text, refusing
 
 _MAX_COMPONENTS, _MAX_PARAMETERS = 8, 40
-_MAX_STEPS, _MIN_GAIN = 200, 2e-5  # gain in nats of the mean log density
-_N_COMPARED = 100_000
+_MAX_STEPS, _MIN_GAIN = 200, 2e-5  # steps of expectation maximisation; nats of mean log density
+_N_COMPARED = 100_000  # draws of the mixture that are compared with the posterior's draws
 _FORMAT = "ridgebayes posterior mixture 1"
-_ARRAYS = ("weights", "means", "covariances")
-_Arrays = tuple[FloatArray, FloatArray, FloatArray]  # in the same order
+_ARRAY_KEYS = ("weights", "means", "covariances")
+_Arrays = tuple[FloatArray, FloatArray, FloatArray]  # weights, means, covariances
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,16 +44,16 @@ class PosteriorMixture:
     names : tuple of str, length n_parameter
         Parameters.
     transforms : tuple of Distribution, length n_parameter
-        A parameter is the value with the normal score z under its transform.
+        Distributions that convert normal scores z to parameters.
     weights : ndarray of float, shape (n_component,)
-        Weights of the components; they add up to 1.
+        Weights of the components, with sum 1.
     means : ndarray of float, shape (n_component, n_parameter)
         Means of z.
     covariances : ndarray of float, shape (n_component, n_parameter, n_parameter)
         Covariances of z.
     about : dict
-        Where it comes from: form, noise, converged, priors, rows, range of validity, held-out
-        scores, and its distance from the draws.
+        Origin: form, noise, converged, priors, rows, range of validity, held-out scores, and the
+        distance between mixture and draws.
 
     Examples
     --------
@@ -89,9 +89,9 @@ class PosteriorMixture:
         Parameters
         ----------
         n : int
-            Draws.
+            Number of draws.
         rng : int or numpy.random.Generator, optional
-            Seed.
+            Seed or generator.
 
         Returns
         -------
@@ -115,7 +115,7 @@ class PosteriorMixture:
         Returns
         -------
         ndarray of float, shape (...)
-            Normalised, natural log; -inf where a parameter is outside its support.
+            Normalised, natural log; -inf if a parameter is outside its support.
         """
         theta, joint = np.asarray(theta, dtype=float), JointPrior(self.transforms)
         low, high = np.array([transform.support for transform in self.transforms]).T
@@ -127,14 +127,14 @@ class PosteriorMixture:
         return np.where(inside, np.logaddexp.reduce(logs) + jacobian, -np.inf)
 
     def to_dict(self) -> Json:
-        """Return plain values.
+        """Return the mixture as a dictionary of plain values.
 
         Returns
         -------
         dict
-            As `to_json` writes it.
+            Content of the file that `to_json` writes.
         """
-        arrays = {key: getattr(self, key).tolist() for key in _ARRAYS}
+        arrays = {key: getattr(self, key).tolist() for key in _ARRAY_KEYS}
         transforms = [to_dict(transform) for transform in self.transforms]
         named = {"format": _FORMAT, "names": list(self.names), "transforms": transforms}
         return named | arrays | self.about
@@ -145,13 +145,13 @@ class PosteriorMixture:
         Parameters
         ----------
         path : path
-            File, whole or not at all; one that is there is replaced.
+            File; an existing file is overwritten atomically.
         """
         write_text(json.dumps(self.to_dict(), indent=1) + "\n", Path(path))
 
     @classmethod
     def from_json(cls, path: str | os.PathLike[str]) -> "PosteriorMixture":
-        """Read what `to_json` wrote.
+        """Read a file written by `to_json`.
 
         Parameters
         ----------
@@ -161,19 +161,19 @@ class PosteriorMixture:
         Returns
         -------
         PosteriorMixture
-            The same mixture.
+            Mixture.
 
         Raises
         ------
         InputError
-            If the file is missing, or not such a file.
+            If the file is missing, damaged, or of another format.
         """
-        # Damage turns up as errors of many kinds.
+        # A damaged file raises exceptions of many types.
         with refusing(f"{path}: expected a file of PosteriorMixture.to_json"):
             content = json.loads(read_text(Path(path), LARGEST_TEXT))
             names = tuple(map(str, content.pop("names")))
             transforms = tuple(map(from_dict, content.pop("transforms")))
-            weights, means, covariances = (np.array(content.pop(key), float) for key in _ARRAYS)
+            weights, means, covariances = (np.array(content.pop(key), float) for key in _ARRAY_KEYS)
             k, d = len(weights), len(transforms)
             shapes = [weights.shape, means.shape, covariances.shape, (len(names),)]
             if content.pop("format") != _FORMAT or shapes != [(k,), (k, d), (k, d, d), (d,)]:
@@ -182,9 +182,9 @@ class PosteriorMixture:
             positive = (weights > 0).all() and abs(weights.sum() - 1) < 1e-9
             if not (positive and np.isfinite(means).all()):
                 raise ValueError("weights that do not add up to 1, or means that are not finite")
-            made = cls(names, transforms, weights, means, covariances, content)
-            repr(made)
-        return made
+            mixture = cls(names, transforms, weights, means, covariances, content)
+            repr(mixture)  # raises KeyError if the form or error model is missing
+        return mixture
 
 
 def fit_mixture(
@@ -195,16 +195,17 @@ def fit_mixture(
     Parameters
     ----------
     posterior : Posterior
-        Its thinned draws are fitted; each half of their ensembles is left out in turn.
+        Posterior, whose thinned draws are fitted.
     validity : dict
-        Range that it was calibrated on, as plain values.
+        Calibrated range, as plain values.
     n_component : int, optional
-        Components; chosen by held-out draws if not given.
+        Number of components. If not given, it is chosen by fits to each half of the draws, scored
+        on the other half.
 
     Returns
     -------
     PosteriorMixture
-        With the heaviest component first.
+        Mixture with its components sorted by weight, largest first.
 
     Raises
     ------
@@ -221,22 +222,22 @@ def fit_mixture(
     centre, factor = z.mean(axis=0), np.linalg.cholesky(np.atleast_2d(np.cov(z.T)))
     white = np.linalg.solve(factor, (z - centre).T).T
     rng = stream(posterior.seed, "mixture")
-    n_component, scores = (n_component, {}) if n_component else _chosen(white, rng)
-    weights, means, covariances = _fitted(white, n_component, rng)
+    n_component, scores = (n_component, {}) if n_component else _choose_n_component(white, rng)
+    weights, means, covariances = _fit(white, n_component, rng)
     order = np.argsort(-weights)
-    of_z = weights[order], centre + means[order] @ factor.T, factor @ covariances[order] @ factor.T
+    in_z = weights[order], centre + means[order] @ factor.T, factor @ covariances[order] @ factor.T
     data, priors = model.data, {name: to_dict(prior) for name, prior in model.priors.items()}
     about: Json = {"form": form, "noise": posterior.noise.name, "converged": posterior.converged}
     about |= {"priors": priors, "fitted_rows": len(data), "fitted_rows_digest": data.digest()}
     about |= {"validity": dict(validity), "held_out_log_density": scores}
     about["ridgebayes_version"] = __version__
-    made = PosteriorMixture(model.parameter_names, transforms, *of_z, about)
-    about["distance"] = _distance(made, theta, posterior.seed)
-    return made
+    mixture = PosteriorMixture(model.parameter_names, transforms, *in_z, about)
+    about["distance"] = _distance(mixture, theta, posterior.seed)
+    return mixture
 
 
 def _transform(prior: Distribution, draws: FloatArray) -> Distribution:
-    """Return the prior, or its approximation where programs have no closed form."""
+    """Return the prior, or a simpler distribution fitted to the draws if the prior is unusual."""
     if isinstance(prior, Truncated):
         return Truncated(_transform(prior.base, draws), prior.low, prior.high)
     if isinstance(prior, Normal | LogNormal | HalfNormal | Uniform):
@@ -246,17 +247,17 @@ def _transform(prior: Distribution, draws: FloatArray) -> Distribution:
     return LogNormal(float(np.exp(np.log(draws).mean())), float(np.log(draws).std()))
 
 
-def _chosen(z: FloatArray, rng: np.random.Generator) -> tuple[int, dict[str, float]]:
-    """Return the number of components, and the mean log density of draws left out for each.
+def _choose_n_component(z: FloatArray, rng: np.random.Generator) -> tuple[int, dict[str, float]]:
+    """Return the number of components, and the mean held-out log density for each number tried.
 
-    It is the smallest within one standard error of the best; more are not tried after one that is
-    no better.
+    The smallest number within one standard error of the best is chosen. The search stops at the
+    first number with a lower score than the number before it.
     """
-    # Draws run ensemble by ensemble, and there are four: two halves are independent of each other.
+    # Draws are ordered by ensemble, and there are at least four, so the halves are independent.
     first = np.arange(len(z)) < 2 * (len(z) // 4)
     scores: list[FloatArray] = []
     for k in range(1, _MAX_COMPONENTS + 1):
-        halves = [_log_densities(z[~fold], _fitted(z[fold], k, rng)) for fold in (first, ~first)]
+        halves = [_log_densities(z[~fold], _fit(z[fold], k, rng)) for fold in (first, ~first)]
         scores.append(np.logaddexp.reduce(np.concatenate(halves, axis=1)))
         if k > 1 and scores[-1].mean() < scores[-2].mean():
             break
@@ -266,9 +267,9 @@ def _chosen(z: FloatArray, rng: np.random.Generator) -> tuple[int, dict[str, flo
     return 1 + int(np.argmax(near)), {str(k): mean for k, mean in enumerate(means, 1)}
 
 
-def _fitted(z: FloatArray, k: int, rng: np.random.Generator) -> _Arrays:
-    """Maximise the mean log density from seeds of k-means++; return the mixture."""
-    from scipy.cluster.vq import kmeans2  # not every command needs it
+def _fit(z: FloatArray, k: int, rng: np.random.Generator) -> _Arrays:
+    """Fit k components by expectation maximisation, started from k-means++."""
+    from scipy.cluster.vq import kmeans2  # few commands need it
 
     share, last = np.eye(k)[:, kmeans2(z, k, iter=1, minit="++", rng=rng)[1]], -np.inf
     for _ in range(_MAX_STEPS):
@@ -289,7 +290,7 @@ def _fitted(z: FloatArray, k: int, rng: np.random.Generator) -> _Arrays:
 
 
 def _log_densities(z: FloatArray, mixture: _Arrays) -> FloatArray:
-    """Return log weight and density of each component, shape (n_component, ...)."""
+    """Return log (weight times density) of each component, shape (n_component, ...)."""
     terms = []
     for weight, mean, covariance in zip(*mixture, strict=True):
         inverse = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -299,8 +300,8 @@ def _log_densities(z: FloatArray, mixture: _Arrays) -> FloatArray:
 
 
 def _distance(mixture: PosteriorMixture, theta: FloatArray, seed: int) -> Json:
-    """Compare draws of a mixture with those that it was fitted to."""
-    from scipy.stats import ks_2samp  # a third of a second that not every command spends
+    """Return distances between draws of a mixture and the posterior's draws."""
+    from scipy.stats import ks_2samp  # imported here because it takes a third of a second
 
     drawn = mixture.rvs(_N_COMPARED, rng=stream(seed, "mixture", "distance"))
     sd, apart = theta.std(axis=0), np.abs(np.corrcoef(drawn.T) - np.corrcoef(theta.T)).max()

@@ -1,4 +1,4 @@
-"""Modes of a posterior in the coordinates of its charts, from many starts."""
+"""Search for the modes of a posterior from many starts, in the coordinates of a chart."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -8,30 +8,30 @@ import numpy as np
 from ridgebayes._types import FloatArray
 
 N_START = 64
-_MAX_CLIMBS = 16  # the best of the starts are climbed from
+_MAX_CLIMBS = 16  # the search climbs from this many of the best starts
 _MAX_STEPS = 30
-_DIFFERENCE = 1e-3  # normal scores: differences keep half the digits of the density
-_MAX_STEP = 2.0  # normal scores
-_STEP_FACTORS = (1.0, 0.4, 0.1, 0.01)  # lengths of a step that are tried in one call
-_MIN_DISTANCE = 0.1  # normal scores: climbs that are nearer to each other end at one summit
-_MIN_GAIN = 1e-4  # nats: a climb ends with a step that gains less
-_MIN_DIP = 1.0  # nats: two summits with a shallower dip between them are one mode
+_DIFFERENCE = 1e-3  # step of numerical gradients, in normal scores
+_MAX_STEP_LENGTH = 2.0  # normal scores
+_STEP_FACTORS = (1.0, 0.4, 0.1, 0.01)  # fractions of a step that are evaluated in one call
+_MIN_DISTANCE = 0.1  # normal scores: a climb this near to a higher one ends
+_MIN_GAIN = 1e-4  # nats: a climb ends after a step with a smaller gain
+_MIN_DIP = 1.0  # nats: two maxima are one mode if the density between them dips less
 _MAX_MODES = 3
-_MIN_CURVATURE = 0.25  # the prior alone has 1
+_MIN_CURVATURE = 0.25  # bounds the variance of a normal approximation; the prior alone has 1
 Density = Callable[[FloatArray], FloatArray]
 
 
 class FoundMode(NamedTuple):
-    """A mode, and the normal approximation there.
+    """A mode with its normal approximation.
 
     Parameters
     ----------
     centre : ndarray of float, shape (d,)
-        Coordinates.
+        Coordinates of the mode.
     factor : ndarray of float, shape (d, d)
         Lower Cholesky factor of the covariance.
     log_mass : float
-        Log of the integral by Laplace's approximation.
+        Log of the mode's integral by Laplace's approximation.
     """
 
     centre: FloatArray
@@ -40,14 +40,14 @@ class FoundMode(NamedTuple):
 
 
 def find_modes(log_density: Density, starts: FloatArray) -> list[FoundMode]:
-    """Return the modes that a quasi-Newton search reaches, the heaviest first.
+    """Find modes by a quasi-Newton search; return them in order of mass, the largest first.
 
     Parameters
     ----------
     log_density : callable
-        (n, d) to (n,), smooth; all points of a step are asked for in one call.
+        Smooth function from points (n, d) to log densities (n,).
     starts : ndarray of float, shape (n, d)
-        Points; the best of them are searched from.
+        Starting points; the search uses those of highest density.
     """
     values = log_density(starts)
     order = np.argsort(-np.where(np.isfinite(values), values, -np.inf), kind="stable")
@@ -55,24 +55,22 @@ def find_modes(log_density: Density, starts: FloatArray) -> list[FoundMode]:
     best = best[np.isfinite(values[best])]
     if not len(best):
         return []
-    x, value = _searched(log_density, starts[best], values[best])
-    summits: list[int] = []
+    x, value = _climb(log_density, starts[best], values[best])
+    maxima: list[int] = []
     for i in np.argsort(-value, kind="stable").tolist():
-        if value[i] == -np.inf or len(summits) == _MAX_MODES:
+        if value[i] == -np.inf or len(maxima) == _MAX_MODES:
             break
-        if summits:  # no dip on the way to a higher summit: the same mode
-            middles = log_density(0.5 * (x[i] + x[summits]))
+        if maxima:  # without a dip between this and a higher maximum, both are one mode
+            middles = log_density(0.5 * (x[i] + x[maxima]))
             if np.any(middles > value[i] - _MIN_DIP):
                 continue
-        summits.append(i)
-    modes = [_approximated(log_density, x[i], float(value[i])) for i in summits]
+        maxima.append(i)
+    modes = [_normal_approximation(log_density, x[i], float(value[i])) for i in maxima]
     return sorted(modes, key=lambda mode: -mode.log_mass)
 
 
-def _searched(
-    log_density: Density, x: FloatArray, value: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Climb from every point at once by BFGS with differences for gradients."""
+def _climb(log_density: Density, x: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Climb from all points at once by BFGS with numerical gradients."""
     n, d = x.shape
     inverse = np.repeat(np.eye(d)[None], n, axis=0)
     gradient = _gradients(log_density, x)
@@ -80,7 +78,7 @@ def _searched(
     for _ in range(_MAX_STEPS):
         step = np.einsum("nij,nj->ni", inverse[active], gradient[active])
         longest = np.abs(step).max(axis=1, keepdims=True)
-        step *= np.minimum(1, _MAX_STEP / np.maximum(longest, 1e-300))
+        step *= np.minimum(1, _MAX_STEP_LENGTH / np.maximum(longest, 1e-300))
         tried = x[active] + np.array(_STEP_FACTORS)[:, None, None] * step
         densities = log_density(tried.reshape(-1, d)).reshape(len(_STEP_FACTORS), -1)
         densities = np.where(np.isnan(densities), -np.inf, densities)
@@ -94,20 +92,20 @@ def _searched(
         change, before = new - x[here], gradient[here]
         x[here], value[here] = new, densities[which, column][moved]
         gradient[here] = _gradients(log_density, new)
-        inverse[here] = _updated(inverse[here], change, before - gradient[here])
+        inverse[here] = _update_inverse(inverse[here], change, before - gradient[here])
         active = here[gain[moved] > _MIN_GAIN]
-        # Climbs far below the best, and those that have met a higher one, need not go on.
+        # Climbs 30 nats below the best climb, or next to a higher climb, end early.
         active = active[value[active] > value.max() - 30]
-        apart = np.abs(x[active][:, None] - x).max(axis=-1)
-        met = (apart < _MIN_DISTANCE) & (value > value[active][:, None])
-        active = active[~met.any(axis=1)]
+        distance = np.abs(x[active][:, None] - x).max(axis=-1)
+        merged = (distance < _MIN_DISTANCE) & (value > value[active][:, None])
+        active = active[~merged.any(axis=1)]
         if not len(active):
             break
     return x, value
 
 
-def _updated(inverse: FloatArray, s: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the inverse Hessians after a BFGS update; as they were where curvature is negative."""
+def _update_inverse(inverse: FloatArray, s: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the inverse Hessians after a BFGS update; unchanged if the curvature is negative."""
     product = (s * y).sum(axis=1)
     good = product > 1e-10
     rho = np.where(good, 1 / np.where(good, product, 1.0), 0.0)[:, None, None]
@@ -118,6 +116,7 @@ def _updated(inverse: FloatArray, s: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def _gradients(log_density: Density, x: FloatArray) -> FloatArray:
+    """Return gradients by central differences; a component is 0 if it is not finite."""
     n, d = x.shape
     ahead, behind = x[:, None] + _DIFFERENCE * np.eye(d), x[:, None] - _DIFFERENCE * np.eye(d)
     values = log_density(np.concatenate([ahead, behind]).reshape(-1, d)).reshape(2, n, d)
@@ -125,7 +124,8 @@ def _gradients(log_density: Density, x: FloatArray) -> FloatArray:
     return np.asarray(np.nan_to_num(slope, posinf=0.0, neginf=0.0))
 
 
-def _approximated(log_density: Density, x: FloatArray, value: float) -> FoundMode:
+def _normal_approximation(log_density: Density, x: FloatArray, value: float) -> FoundMode:
+    """Return a mode whose covariance is the inverse Hessian, by differences."""
     d, size = len(x), 0.02
     steps = size * np.eye(d)
     along, across = steps[:, None] + steps, steps[:, None] - steps

@@ -1,4 +1,4 @@
-"""A fit as a NetCDF file that both arviz lines open."""
+"""Reading and writing of fits as NetCDF files, which both release lines of arviz can open."""
 
 import io
 import json
@@ -27,23 +27,23 @@ from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import clipped, one_line_message
 
-_MIN_PACKED_BYTES = 1_000  # packing smaller arrays saves nothing
-# Groups that are only for arviz: in single precision.
-_SINGLE = ("log_likelihood", "log_prior", "prior_predictive", "posterior_predictive")
-_READ = ("constant_data", "observed_data", "sample_stats")
+_MIN_COMPRESSED_BYTES = 1_000  # compressing smaller arrays saves nothing
+# Groups that only arviz uses, stored in single precision.
+_SINGLE_PRECISION = ("log_likelihood", "log_prior", "prior_predictive", "posterior_predictive")
+_GROUPS_READ = ("constant_data", "observed_data", "sample_stats")
 Read = TypeVar("Read")
 
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """Content of a file of a fit.
+    """Content of a fit's file.
 
     Parameters
     ----------
     attrs : dict of str to object
         Attributes of the file.
     groups : dict of str to dict of str to ndarray
-        Arrays by name, group by group.
+        Arrays by group and name.
     """
 
     attrs: dict[str, Any]
@@ -51,7 +51,7 @@ class Stored:
 
 
 def write_netcdf(fit: Posterior, path: str | os.PathLike[str], *, complete: bool = True) -> None:
-    """Write a fit, whole or not at all; unless complete, without what is only for arviz."""
+    """Write a fit atomically; with `complete`, include the groups that only arviz uses."""
     origin = attributes(fit)
     attrs: dict[str, Any] = {
         **origin,
@@ -81,8 +81,8 @@ def write_groups(
     attrs: Mapping[str, Any],
     group_attrs: Mapping[str, str] | None = None,
 ) -> None:
-    """Write groups of draws, packed, whole or not at all; attributes of the file and of each."""
-    # By h5netcdf itself: xarray would load pint, and dask if that is installed.
+    """Write compressed groups of draws atomically, with attributes of the file and the groups."""
+    # h5netcdf is used directly, because xarray would load pint, and dask if it is installed.
     import h5netcdf
 
     content = io.BytesIO()
@@ -91,8 +91,8 @@ def write_groups(
         for name, variables in groups.items():
             group = file.create_group(name)
             group.attrs.update(group_attrs or {})
-            _write_group(group, variables, np.float32 if name in _SINGLE else None)
-    # A view left open when writing fails would keep Python 3.13 from closing what it is of.
+            _write_group(group, variables, np.float32 if name in _SINGLE_PRECISION else None)
+    # The view is closed even if writing fails: Python 3.13 cannot close a buffer with open views.
     with replacing(Path(path)) as partial, content.getbuffer() as whole:
         partial.write_bytes(whole)
 
@@ -101,36 +101,42 @@ def _write_group(group: Any, variables: Variables, floats: type | None) -> None:
     import h5py
 
     for name, (dims, values) in variables.items():
-        cells, how = np.asarray(values), {}
+        cells, options = np.asarray(values), {}
         if floats is not None and cells.dtype.kind == "f":
             cells = cells.astype(floats)
         if cells.dtype.kind in "OSU":
-            how["dtype"] = h5py.string_dtype()
+            options["dtype"] = h5py.string_dtype()
             cells = cells.astype(object)
-        elif cells.nbytes > _MIN_PACKED_BYTES:
-            how = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+        elif cells.nbytes > _MIN_COMPRESSED_BYTES:
+            options = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
         new = {
             dim: n for dim, n in zip(dims, cells.shape, strict=True) if dim not in group.dimensions
         }
         group.dimensions.update(new)
-        group.create_variable(name, dims, data=cells, **how)
+        group.create_variable(name, dims, data=cells, **options)
 
 
 def read_netcdf(path: str | os.PathLike[str]) -> Posterior:
-    """Read a fit that `write_netcdf` wrote; InputError as `read_tree`."""
-    return read_tree(path, _fit_of)
-
-
-def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) -> Read:
-    """Read what a fit needs of a file of `write_groups`, and return what `fit_of` makes of it.
+    """Read a fit that `write_netcdf` wrote.
 
     Raises
     ------
     InputError
-        If the file is missing, not NetCDF, damaged, or not written by this package; if anything in
-        it leads out of it, or would take more memory than a posterior does.
+        As `read_tree`.
     """
-    # By h5py itself: xarray takes ten times as long, and would read what is only for arviz.
+    return read_tree(path, _fit_of)
+
+
+def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) -> Read:
+    """Read the groups that a fit needs from a file of `write_groups`, and convert them by `fit_of`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, not NetCDF, damaged, or not written by this package; if it links to
+        other files, or would take more memory than a posterior does.
+    """
+    # h5py is used directly, because xarray takes ten times as long and reads all groups.
     import h5py
 
     if not Path(path).is_file():
@@ -141,14 +147,14 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) ->
             check_tree(file, str(path))
             groups = {
                 name: {key: _cells(variable) for key, variable in file[name].items()}
-                for name in _READ
+                for name in _GROUPS_READ
                 if name in file
             }
-            # A NetCDF file holds a number as an array of one.
+            # A NetCDF file stores a number as an array of length one.
             attrs = {k: v.item() if np.shape(v) == (1,) else v for k, v in file.attrs.items()}
     except InputError:
         raise
-    # Damage turns up as errors of many kinds, in this and in what is made of the file below.
+    # h5py, and `fit_of` below, raise exceptions of many types for a damaged file.
     except Exception as error:
         raise InputError(
             f"{path}: not a readable NetCDF file ({one_line_message(error)})"
@@ -170,12 +176,12 @@ def read_tree(path: str | os.PathLike[str], fit_of: Callable[[Stored], Read]) ->
 
 
 def _cells(variable: Any) -> NDArray[Any]:
-    """Return the values of a dataset; text as str."""
+    """Return the values of a dataset, with text as str."""
     return np.asarray(variable.asstr()[()] if variable.dtype.kind in "OS" else variable[()])
 
 
 def _fit_of(stored: Stored) -> Posterior:
-    """Return the fit in a file; an error of any kind if there is none."""
+    """Return the fit stored in a file; raises exceptions of any type if the content is invalid."""
     constant, observed = stored.groups["constant_data"], stored.groups["observed_data"]
     data = Observations(
         textures=tuple(
@@ -223,7 +229,10 @@ def _fit_of(stored: Stored) -> Posterior:
 
 
 def chains_of(stored: Stored, n_coordinate: int = -1) -> Chains:
-    """Return the chains in a file, of so many coordinates; an error of any kind if it has none."""
+    """Return the chains stored in a file, of `n_coordinate` coordinates.
+
+    Exceptions of any type are raised if the content is invalid.
+    """
     stats, n_walker = stored.groups["sample_stats"], int(stored.attrs["n_walker"])
     u = stats["u"]
     shape = (u.shape[0], u.shape[1] // n_walker, n_walker)
@@ -237,7 +246,7 @@ def chains_of(stored: Stored, n_coordinate: int = -1) -> Chains:
 
 
 def _check_shapes(data: Observations, chains: Chains) -> None:
-    """Raise ValueError if rows or draws are not of one length, or not numbers."""
+    """Raise ValueError if rows differ in length, or if indices or numbers are invalid."""
     n, n_texture = len(data.Q), len(data.textures)
     rows = (data.texture, data.log_load, data.rel_se, data.log_lower, data.is_count, data.series)
     if not n or any(column.shape != (n,) for column in rows) or len(data.labels) != n_texture:

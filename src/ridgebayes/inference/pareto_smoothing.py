@@ -1,4 +1,4 @@
-"""Importance weights whose tail is smoothed, and whether they can be trusted."""
+"""Pareto smoothing of importance weights, and the diagnostic k of their reliability."""
 
 import math
 
@@ -7,17 +7,17 @@ from scipy.special import logsumexp
 
 from ridgebayes._types import FloatArray
 
-MAX_FINITE_VARIANCE_K = 0.5  # the variance of weights with a larger one is infinite
-MAX_PARETO_K = 0.7  # means of weights with a larger one are not trusted (Vehtari et al. 2024)
+MAX_FINITE_VARIANCE_K = 0.5  # weights with a larger k have infinite variance
+MAX_PARETO_K = 0.7  # means of weights with a larger k are not reliable (Vehtari et al. 2024)
 
 
 def pareto_k(log_weights: FloatArray) -> float:
-    """Return the shape of the tail of importance weights; above 0.7 they are not to be trusted.
+    """Return the Pareto shape k of the tail of importance weights; above 0.7 is unreliable.
 
     Parameters
     ----------
     log_weights : ndarray of float, shape (n_draw,)
-        Logarithms, up to a constant.
+        Logarithms of the weights, up to a constant.
 
     References
     ----------
@@ -27,22 +27,22 @@ def pareto_k(log_weights: FloatArray) -> float:
 
 
 def pareto_smoothed(log_weights: FloatArray, reff: float = 1.0) -> tuple[FloatArray, float]:
-    """Return importance weights whose tail is replaced by a fitted Pareto's, and its shape.
+    """Return importance weights with their tail replaced by a fitted Pareto tail, and its shape k.
 
     Parameters
     ----------
     log_weights : ndarray of float, shape (n_draw,)
-        Logarithms, up to a constant.
+        Logarithms of the weights, up to a constant.
     reff : float, optional
-        Effective over actual number of draws.
+        Effective sample size over the number of draws.
 
     Returns
     -------
     smoothed : ndarray of float, shape (n_draw,)
-        Logarithms of smoothed weights, which sum to 1.
+        Logarithms of the smoothed weights, normalised to sum 1.
     shape : float
-        As `pareto_k` returns it; infinite where all weights of the tail are alike, or where most of
-        them are 0 beside the largest.
+        Pareto k; infinite if all weights of the tail are equal, if there are too few weights, or if
+        most of the tail underflows relative to the largest weight.
 
     References
     ----------
@@ -51,15 +51,16 @@ def pareto_smoothed(log_weights: FloatArray, reff: float = 1.0) -> tuple[FloatAr
     from arviz_stats.base import array_stats  # loads scipy.signal
 
     weights = np.asarray(log_weights, dtype=float)
-    with np.errstate(all="ignore"):  # weights that underflow have no shape, and say so
+    with np.errstate(all="ignore"):  # underflow is handled below
         try:
-            # It takes log-likelihoods: what it weighs by is minus its argument.
+            # psislw takes log-likelihoods and uses their negative as log weights.
             smoothed, shape = array_stats.psislw(-weights, r_eff=reff)
         except ValueError as error:
-            if "tail" not in str(error):  # all alike, or under five
+            if "tail" not in str(error):  # raised if all are equal, or if there are under five
                 raise
             return weights - logsumexp(weights), math.inf
         if np.isnan(shape) or np.isnan(smoothed).any():
-            # Beside the largest weight the tail underflows. Its shape is NaN or came out as near 0.
+            # The tail underflows relative to the largest weight: the shape is NaN, or near 0 by
+            # mistake.
             return weights - logsumexp(weights), math.inf
     return np.asarray(smoothed), float(shape)

@@ -1,10 +1,11 @@
 """Unbiased estimates of the integral over scores, for rows that are not normal.
 
-Points lie around a normal approximation (`ridgebayes.inference.working_rows`), afresh for each draw
-of the outer parameters. Given the scores beside textures the integral is a product of one over each
-texture's score, so that each has points of its own. The mean weight is unbiased, and a point taken
-in proportion to its weight is a draw of the scores (Andrieu & Roberts 2009,
-doi:10.1214/07-AOS574).
+Each draw of the outer parameters gets new random points around a normal approximation
+(`ridgebayes.inference.working_rows`). The scores have two blocks: the *first* block has a score for
+each texture, the *rest* all other scores. Given the rest, the integral is a product of
+one-dimensional integrals over the textures' scores, each with separate points. The mean weight is
+unbiased, and a point selected in proportion to its weight is a draw of the scores (Andrieu &
+Roberts 2009, doi:10.1214/07-AOS574).
 """
 
 import itertools
@@ -24,15 +25,17 @@ from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import Rows
 from ridgebayes.model.tails import Tail
 
-# Points are logistic: a closed form, and tails as those of a Student distribution of nine degrees
-# of freedom. With this scale the peak is nearly the standard normal's.
+# Points have a logistic distribution, which has closed forms, and a kurtosis like that of a Student
+# distribution with nine degrees of freedom. With this scale its peak is about as high as the
+# standard normal's.
 _POINT_SCALE = 0.65
-_MIN_TAIL_PROBABILITY = 1e-12  # beyond a point
-_PRIOR_PAIR_PERIOD = 4  # where rows are intervals every fourth pair of points lies in the prior
-_N_INNER_POINT = 8  # points of a texture's score for each point of the other scores
-_MIN_INFORMED_PIVOT = 1.02  # scores with a smaller pivot of M keep their normal prior
-# Working rows are renewed until in nine of ten draws no precision of a predictor changes by more
-# than a tenth: points need not lie nearer. Outliers with few degrees of freedom take most passes.
+_MIN_TAIL_PROBABILITY = 1e-12  # keeps points finite
+_PRIOR_PAIR_PERIOD = 4  # if rows are intervals, every fourth pair of points is drawn from the prior
+_N_INNER_POINT = 8  # points of a texture's score for each point of the rest
+_MIN_INFORMED_PIVOT = 1.02  # scores with a smaller pivot of M are drawn from a normal distribution
+# Working rows are updated until nine of ten draws have no predictor whose precision changes by more
+# than a tenth; points need no better approximation. Student rows with outliers and few degrees of
+# freedom take the most passes.
 _MAX_PASSES, _MAX_PRECISION_CHANGE, _MAX_UNSETTLED_SHARE = 5, 0.1, 0.1
 
 
@@ -45,9 +48,9 @@ class Estimate(NamedTuple):
         Log posterior density of the outer parameters' normal scores, not normalised: exact for
         normal rows, else the log of an unbiased estimate.
     from_half : ndarray of float, shape (n_draw,)
-        The same by half of the points.
+        The same density, estimated from half of the points.
     scores : ndarray of float, shape (n_draw, n_level)
-        Draws of the scores; of normal rows none, see `LatentIntegral.draw`.
+        Draws of the scores; empty for normal rows, see `LatentIntegral.draw`.
     """
 
     log_density: FloatArray
@@ -65,11 +68,11 @@ class Batch(NamedTuple):
     scale : ndarray of float, shape (n_draw, n_row)
         Scale of each row's own error.
     df : ndarray of float, shape (n_draw, 1), or None
-        Degrees of freedom.
+        Degrees of freedom of Student errors.
     root : Root
-        L.
+        Factor L of the offsets' covariance.
     prior_variance : ndarray of float, shape (n_draw, n_predictor)
-        Variance a priori of each predictor's offset.
+        Prior variance of each predictor's offset.
     """
 
     error: FloatArray
@@ -80,7 +83,7 @@ class Batch(NamedTuple):
 
 
 class Approximation(NamedTuple):
-    """Normal approximation of the scores: means, the offsets that they make, and precision."""
+    """Normal approximation of the scores: means of both blocks, mean offsets, and precision."""
 
     first: FloatArray
     rest: FloatArray
@@ -89,14 +92,14 @@ class Approximation(NamedTuple):
 
 
 class PointIntegral:
-    """The integral over scores, by points.
+    """Estimator of the integral over scores from random points.
 
     Parameters
     ----------
     rows : Rows
         Rows.
     design : DesignMatrix
-        Levels of their predictors.
+        Levels of the rows' predictors.
     tail : Tail
         Distribution of the rows' own errors.
     """
@@ -104,36 +107,38 @@ class PointIntegral:
     def __init__(self, rows: Rows, design: DesignMatrix, tail: Tail) -> None:
         self.rows, self.design, self.tail = rows, design, tail
         self._richtmyer = np.sqrt(_primes(max(design.n_rest, 1))) % 1.0
-        # Rows of one texture stand together in this order.
+        # This order groups the rows by texture.
         self._order = np.argsort(rows.texture, kind="stable")
         self._n_in_texture = np.bincount(rows.texture)
         self._begins = np.cumsum(self._n_in_texture) - self._n_in_texture
 
     def n_points(self, n_point: int) -> tuple[int, int]:
-        """Return points of the rest, and points of the textures' scores for each of these."""
+        """Return the number of points of the rest, and of texture scores for each of these."""
         if not self.design.n_rest:
             return 1, n_point
         if not self.design.n_first:
             return n_point, 1
-        # A few do for intervals, whose densities are smooth; Student rows may have several modes.
+        # Densities of intervals are smooth, so that few points suffice; Student rows can have
+        # several modes.
         n_inner = _N_INNER_POINT if self.rows.exact.all() else min(n_point, _N_INNER_POINT)
         return max(n_point // 4, 2 * _PRIOR_PAIR_PERIOD), n_inner
 
     def approximation(self, batch: Batch) -> Approximation:
-        """Return the scores' normal approximation, with a normal in place of each row."""
+        """Return the scores' normal approximation, with each row replaced by a normal row."""
         working = WorkingRows.begun(
             self.rows, batch.error, batch.scale, self.tail, batch.df, batch.prior_variance
         )
         for _ in range(_MAX_PASSES):
-            normal = self._given(working, batch.root)
+            normal = self._scores_given(working, batch.root)
             variance = normal.precision.predictor_variance(self.design)
             before, working = working.weight, working.renewed(normal.offset, variance)
             changed = np.abs(working.weight - before) * variance > _MAX_PRECISION_CHANGE
             if changed.any(axis=1).mean() < _MAX_UNSETTLED_SHARE:
                 break
-        return self._given(working, batch.root)
+        return self._scores_given(working, batch.root)
 
-    def _given(self, working: WorkingRows, root: Root) -> Approximation:
+    def _scores_given(self, working: WorkingRows, root: Root) -> Approximation:
+        """Return the normal distribution of the scores given working rows."""
         precision = Precision.of(self.design, root, working.weight)
         pull = root.transposed_times(*self.design.gather(working.weight * working.mean))
         first, rest = precision.solve(*pull)
@@ -147,13 +152,13 @@ class PointIntegral:
         rest, log_weight = self._rest_points(normal, rng, n_outer)
         first, log_first = self._first_points(batch, normal, rest, rng, n_inner)
         if n_first:
-            # Given the rest the integral is a product of one over each texture's score.
+            # Given the rest, the integral is a product of integrals over the textures' scores.
             log_weight = log_weight + log_mean(log_first).sum(axis=-1)
-            first = _chosen(first, log_first, rng)
+            first = _select(first, log_first, rng)
         else:
             log_weight, first = log_weight + log_first[0], first[0]
         log_weight = np.where(np.isnan(log_weight), -np.inf, log_weight)
-        scores = _chosen(np.concatenate([first, rest], axis=-1), log_weight[..., None], rng)
+        scores = _select(np.concatenate([first, rest], axis=-1), log_weight[..., None], rng)
         if n_outer > 1:
             return Estimate(log_mean(log_weight), log_mean(log_weight[::2]), scores)
         from_half = log_mean(log_first[::2]).sum(axis=-1)[0]
@@ -162,29 +167,29 @@ class PointIntegral:
     def _rest_points(
         self, normal: Approximation, rng: np.random.Generator, n: int
     ) -> tuple[FloatArray, FloatArray]:
-        """Return points of the rest's scores, (n, n_draw, n_rest), and log prior over density."""
+        """Return points of the rest, (n, n_draw, n_rest), and log prior over proposal density."""
         corner, n_rest = normal.precision.corner, self.design.n_rest
         if not n_rest:
             return normal.rest[None], np.zeros((1, len(normal.rest)))
         pivots = np.diagonal(corner, axis1=-2, axis2=-1)
         informed = (pivots > _MIN_INFORMED_PIVOT)[..., None]
-        # A Richtmyer sequence, shifted at random for each draw: any one point is uniform.
+        # A Richtmyer sequence with a random shift for each draw, so that each point is uniform.
         u = rng.random((*pivots.shape, 1)) + np.arange(n) * self._richtmyer[:, None]
         u = np.clip(u % 1.0, _MIN_TAIL_PROBABILITY, 1 - _MIN_TAIL_PROBABILITY)
         t = np.where(informed, _logistic(u), ndtri(u))
         rest = normal.rest[..., None] + solve_lower(corner, t, transposed=True)
-        wide = np.zeros(n, bool)
+        from_prior = np.zeros(n, bool)
         if not self.rows.exact.all():
-            # Some from the prior: intervals that contradict each other leave places that no normal
-            # reaches. Pairs of points, so that every second one has the same share of them.
-            wide = np.arange(n) // 2 % _PRIOR_PAIR_PERIOD == 0
-            rest = np.where(wide, ndtri(u), rest)
+            # Intervals that contradict each other can have mass where the normal approximation has
+            # none. Pairs are drawn from the prior, so that every second point has the same share.
+            from_prior = np.arange(n) // 2 % _PRIOR_PAIR_PERIOD == 0
+            rest = np.where(from_prior, ndtri(u), rest)
             t = np.swapaxes(corner, -1, -2) @ (rest - normal.rest[..., None])
         log_t = np.where(informed, _log_logistic(t), -0.5 * (t * t + LOG_2PI)).sum(axis=-2)
         log_density = log_t + np.log(pivots).sum(axis=-1)[:, None]
         log_prior = -0.5 * (rest**2 + LOG_2PI).sum(axis=-2)
-        if wide.any():
-            share = wide.mean()
+        if from_prior.any():
+            share = from_prior.mean()
             terms = math.log1p(-share) + log_density, math.log(share) + log_prior
             log_density = np.logaddexp(*terms)
         return np.moveaxis(rest, -1, 0), (log_prior - log_density).T
@@ -201,26 +206,27 @@ class PointIntegral:
 
         Parameters
         ----------
-        batch : _Batch
+        batch : Batch
             Rows.
-        normal : _Normal
+        normal : Approximation
             Normal approximation of the scores.
         rest : ndarray of float, shape (n_outer, n_draw, n_rest)
             Points of the rest.
         rng : numpy.random.Generator
             Source of the points.
         n : int
-            Points of each.
+            Points per texture score and point of the rest.
 
         Returns
         -------
         first, log_weight : ndarray of float, both of shape (n, n_outer, n_draw, n_first)
-            Rows' density times prior over the points' density. Without textures one point of no
-            scores, and the log density of all rows, shape (1, n_outer, n_draw).
+            Points, and log of the rows' density times prior over the points' density. Without
+            texture scores there is one empty point, and the weight is the log density of all rows,
+            shape (1, n_outer, n_draw).
         """
         precision, root = normal.precision, batch.root
-        nothing = np.zeros((*rest.shape[:-1], self.design.n_first))
-        offset = self.design.spread(*root.times(nothing, rest))
+        zeros = np.zeros((*rest.shape[:-1], self.design.n_first))
+        offset = self.design.spread(*root.times(zeros, rest))
         error = batch.error - offset
         if not self.design.n_first:
             log_rows = self.rows.log_density(error, batch.scale, self.tail, batch.df)
@@ -229,8 +235,8 @@ class PointIntegral:
         centre = normal.first - moved / precision.diagonal
         by_rows = self.tail.parameter_names != () and bool(self.rows.exact.all())
         n_at_rows = n // 4 if by_rows else 0
-        # Strata of equal probability, since the integral is one-dimensional and smooth: twice, so
-        # that every second point makes an estimate, too.
+        # Strata of equal probability suit a smooth one-dimensional integral. Each stratum has two
+        # points, so that every second point gives an estimate too.
         n_strata = (n - n_at_rows) // 2 if n > 1 else 1
         stratum = np.repeat(np.arange(n_strata), min(n, 2))[:, None, None, None]
         u = (stratum + rng.random((len(stratum), *centre.shape))) / n_strata
@@ -256,24 +262,24 @@ class PointIntegral:
     def _at_rows(
         self, batch: Batch, error: FloatArray, rng: np.random.Generator, n: int
     ) -> FloatArray:
-        """Return textures' scores that put a row, picked at random, at an error of its own.
+        """Return texture scores at which a randomly selected row has a random error.
 
-        Student rows may have an inner mode at each of them. The density of these points is the
-        mean of the rows' own densities.
+        The density of a texture's score can have a mode near each Student row. The density of
+        these points is the mean of the rows' error densities.
         """
         u = rng.random((n, *error.shape[:-1], len(self._begins)))
-        stratum = np.arange(n) // 2 if n > 1 else np.zeros(1)  # each twice, as of other points
+        stratum = np.arange(n) // 2 if n > 1 else np.zeros(1)  # two points each, as above
         pick = (stratum[:, None, None, None] + u) / (stratum[-1] + 1) * self._n_in_texture
         row = self._order[self._begins + np.minimum(pick.astype(int), self._n_in_texture - 1)]
         scale = np.broadcast_to(batch.scale, (*error.shape[1:-1], len(self.rows.upper)))
         row_scale = np.take_along_axis(
             np.broadcast_to(scale, row.shape[:-1] + scale.shape[-1:]), row, -1
         )
-        here = np.take_along_axis(
+        row_error = np.take_along_axis(
             np.broadcast_to(error, row.shape[:-1] + error.shape[-1:]), row, -1
         )
-        t = self.tail.rvs(rng, batch.df, row.shape)
-        return np.nan_to_num((here - row_scale * t) / batch.root.first, posinf=1e30, neginf=-1e30)
+        row_error = row_error - row_scale * self.tail.rvs(rng, batch.df, row.shape)
+        return np.nan_to_num(row_error / batch.root.first, posinf=1e30, neginf=-1e30)
 
 
 def _primes(n: int) -> FloatArray:
@@ -283,23 +289,23 @@ def _primes(n: int) -> FloatArray:
 
 
 def _logistic(u: FloatArray) -> FloatArray:
-    """Return the values of the points' distribution below which the probability is u."""
+    """Return quantiles of the points' logistic distribution at probabilities u."""
     value: FloatArray = _POINT_SCALE * np.log(u / (1 - u))
     return value
 
 
 def _log_logistic(t: FloatArray) -> FloatArray:
-    """Return the log density of the points' distribution."""
+    """Return the log density of the points' logistic distribution."""
     z = np.abs(t) / _POINT_SCALE
     value: FloatArray = -z - 2 * np.log1p(np.exp(-z)) - math.log(_POINT_SCALE)
     return value
 
 
-def _chosen(scores: FloatArray, log_weight: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Return one point of each draw (and level), by weight; points are on the first axis."""
+def _select(scores: FloatArray, log_weight: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Select one point on the first axis at random by weight, for each draw (and level)."""
     top = log_weight.max(axis=0)
-    ladder = np.cumsum(np.exp(log_weight - np.where(top == -np.inf, 0.0, top)), axis=0)
-    place = (ladder < rng.random(ladder.shape[1:]) * ladder[-1]).sum(axis=0)
-    place = np.minimum(place, len(scores) - 1)
-    place = np.broadcast_to(place, scores.shape[1:])[None]
-    return np.asarray(np.take_along_axis(scores, place, axis=0)[0])
+    cumulative = np.cumsum(np.exp(log_weight - np.where(top == -np.inf, 0.0, top)), axis=0)
+    index = (cumulative < rng.random(cumulative.shape[1:]) * cumulative[-1]).sum(axis=0)
+    index = np.minimum(index, len(scores) - 1)
+    index = np.broadcast_to(index, scores.shape[1:])[None]
+    return np.asarray(np.take_along_axis(scores, index, axis=0)[0])

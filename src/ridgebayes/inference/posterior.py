@@ -1,4 +1,4 @@
-"""The posterior of a model: draws with their diagnostics."""
+"""The posterior of a model: draws and their convergence diagnostics."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -21,8 +21,8 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.randomness import stream
 
 SAMPLERS = ("emcee", "importance", "exact")
-MAX_LOG_LIKELIHOOD_SIZE = 30_000_000  # numbers, 240 MB
-_MAX_SENT_LOG_LIKELIHOOD_SIZE = 1_000_000  # numbers, 8 MB, between processes
+MAX_LOG_LIKELIHOOD_SIZE = 30_000_000  # numbers: 240 MB
+_MAX_SENT_LOG_LIKELIHOOD_SIZE = 1_000_000  # numbers: 8 MB are quickly sent between processes
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Posterior:
     model : Model
         Data, form, error model and priors.
     chains : Chains
-        Draws: normal scores of the parameters, then of the offsets that rows share.
+        Draws: normal scores of the parameters, then of the shared offsets.
     summary : pandas.DataFrame
         One row per parameter, as `ridgebayes.inference.diagnostics.summarise` returns it.
     convergence_failures : tuple of str
@@ -42,13 +42,13 @@ class Posterior:
     seed : int
         Seed of the run.
     sampler : str, optional
-        ``emcee`` or ``importance``.
+        ``emcee``, ``importance`` or ``exact``.
     evidence : LogEvidence, optional
-        Evidence by the same draws; a posterior from a file has none.
+        Evidence from the same draws; a posterior from a file has none.
     log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
         Log-likelihood of each row at `draws`, after `with_log_likelihood`.
     cautions : tuple of str, optional
-        Reasons to doubt the answer, a sentence each: units, copies, independence, priors.
+        Reasons to doubt the result, one sentence each: units, copies, independence, priors.
 
     Examples
     --------
@@ -87,7 +87,7 @@ class Posterior:
         object.__setattr__(self, "_kept", self.model.to_theta(u))
 
     def __getstate__(self) -> dict[str, object]:
-        """Drop results that can be computed again: they may be many times larger than the rest."""
+        """Drop cached results, which can be many times larger than the draws."""
         return {name: value for name, value in vars(self).items() if name != "_derived"}
 
     def __repr__(self) -> str:
@@ -122,38 +122,39 @@ class Posterior:
 
     @property
     def coordinates(self) -> FloatArray:
-        """The same draws as normal scores, those of offsets last, shape (n_draw, n_coordinate)."""
+        """Thinned draws as normal scores, offsets last, shape (n_draw, n_coordinate)."""
         kept = self.kept_chains.u
         return kept.reshape(-1, kept.shape[-1])
 
     @property
     def log_likelihood_of_rows(self) -> FloatArray:
-        """Log-likelihood of all rows at the thinned draws, log K and offsets integrated out.
+        """Log-likelihood of all rows at the thinned draws, with log K and offsets integrated out.
 
-        Shape (n_draw,); an unbiased estimate where rows that are not normal share offsets.
+        Shape (n_draw,). If rows that are not normal share offsets, it is the log of an unbiased
+        estimate.
         """
         u = self.coordinates[:, self.model.outer]
         return self.kept_chains.log_density.ravel() - self.model.log_outer_prior(u)
 
     def thinned(self, n: int) -> Self:
-        """Return the same with fewer draws; the summary stays that of all.
+        """Return the posterior with fewer draws; the summary remains that of all draws.
 
         Parameters
         ----------
         n : int
-            Most draws to keep, whole steps at a time.
+            Maximum number of draws, in whole steps.
 
         Returns
         -------
         Posterior
-            With the rows' log-likelihood only where the draws it belongs to are kept.
+            Thinned posterior; it has the rows' log-likelihood only if `draws` did not change.
         """
         chains = self.chains.thinned(n)
         same = chains.n_step == self.kept_chains.n_step
         return replace(self, chains=chains, log_likelihood=self.log_likelihood if same else None)
 
     def rows_log_likelihood(self) -> FloatArray | None:
-        """Return each row's log-likelihood at the thinned draws; None where there are very many."""
+        """Return each row's log-likelihood at the thinned draws, or None if it is too large."""
         if self.kept_chains.log_density.size * len(self.model.data) > MAX_LOG_LIKELIHOOD_SIZE:
             return None
         if self.log_likelihood is not None:
@@ -161,13 +162,13 @@ class Posterior:
         return self._rows_log_likelihood()
 
     def with_log_likelihood(self) -> Self:
-        """Return the same with the rows' log-likelihood, for scores and files, if it is small."""
+        """Return the posterior with the rows' log-likelihood, if it is small."""
         if len(self.draws) * len(self.model.data) > _MAX_SENT_LOG_LIKELIHOOD_SIZE:
             return self
         return replace(self, log_likelihood=self._rows_log_likelihood())
 
     def _rows_log_likelihood(self) -> FloatArray:
-        """Return each row's log-likelihood: of normal rows given the others, else given offsets."""
+        """Return each row's log-likelihood, given the other rows if exact, else given offsets."""
         integral, u, k = LatentIntegral(self.model), self.coordinates, self.model.n_parameter
         if integral.is_exact:
             return integral.rows_given_others(u[:, self.model.outer])
@@ -178,17 +179,17 @@ class Posterior:
         return {}
 
     def shared_offsets(self, stride: int) -> "SharedOffsets | None":
-        """Return the offsets that rows share at every n-th draw; kept for the next call.
+        """Return the shared offsets at every `stride`-th draw; the result is cached.
 
         Parameters
         ----------
         stride : int
-            n.
+            Thinning interval.
 
         Returns
         -------
         SharedOffsets or None
-            None where the error model has none.
+            None if the error model has no shared offsets.
         """
         if not self.noise.factors:
             return None
@@ -200,7 +201,7 @@ class Posterior:
 
 
 class SharedOffsets:
-    """Offsets at draws of a posterior, for the textures and counts that predictions ask for.
+    """Shared offsets at draws of a posterior, evaluated at textures and counts.
 
     Parameters
     ----------
@@ -209,7 +210,7 @@ class SharedOffsets:
     eta : ndarray of float, shape (n_draw, n_noise)
         Error model parameters.
     scores : ndarray of float, shape (n_draw, n_level)
-        Scores of the error model's own offsets.
+        Scores of the error model's offsets, without log K.
     """
 
     def __init__(self, model: Model, eta: FloatArray, scores: FloatArray) -> None:
@@ -222,7 +223,7 @@ class SharedOffsets:
 
 
 def posterior_of(model: Model, drawn: Drawn, seed: int) -> Posterior:
-    """Return a posterior of importance draws of a model, with their diagnostics.
+    """Return the posterior from importance draws of a model, with diagnostics.
 
     Parameters
     ----------
@@ -243,7 +244,7 @@ def posterior_of(model: Model, drawn: Drawn, seed: int) -> Posterior:
 
 
 def failed_walk(model: Model, walked: Walked) -> tuple[str, ...]:
-    """Return what a walk lacks of convergence: its stopping rule and the outer parameters'."""
+    """Return the unmet conditions of a walk: stopping rule, and diagnostics of outer parameters."""
     theta = model.outer_theta(walked.chains.u)
     summary = summarise(theta, model.outer_names)
     return walked.chains.convergence_failures + failed_diagnostics(summary)
@@ -252,9 +253,9 @@ def failed_walk(model: Model, walked: Walked) -> tuple[str, ...]:
 def walked_posterior(
     model: Model, walked: Walked, seed: int, evidence: LogEvidence | None
 ) -> Posterior:
-    """Return a posterior of a walk's draws, with their diagnostics.
+    """Return the posterior from a walk's draws, with diagnostics.
 
-    It has at most `N_KEPT` draws if offsets or log K have to be drawn beside the parameters.
+    The walk of a model with offsets or log K is first thinned to at most about `N_KEPT` draws.
     """
     chains, scores = walked.chains, walked.scores
     if model.offsets.n_level:
@@ -289,7 +290,7 @@ def completed(
     u : ndarray of float, shape (n_draw, n_outer)
         Normal scores of the outer parameters.
     scores : ndarray of float, shape (n_draw, n_level) or (n_draw, 0)
-        Scores of all offsets; drawn here where rows are normal.
+        Scores of all offsets; if there are none, they are drawn given normal rows.
     rng : numpy.random.Generator
         Source of the draws.
     """
@@ -298,8 +299,8 @@ def completed(
     if not scores.shape[1]:
         scores = LatentIntegral(model).draw(u, rng)
     n_first = model.offsets.n_first
-    # Most coordinates are scores of places and steps: in single precision they compress well in
-    # files. Scores of textures keep all digits, since rows may determine K to the last digit.
+    # Most coordinates are scores of steps or places; in single precision they compress well in
+    # files. Scores of textures keep double precision, since rows may determine K very precisely.
     first, rest = scores[:, :n_first], scores[:, n_first:].astype(np.float32).astype(float)
     if not model.has_slopes:
         return np.concatenate([u, first, rest], axis=1)

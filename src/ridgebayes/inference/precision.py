@@ -12,18 +12,18 @@ from ridgebayes.model.offsets import Root
 
 @dataclass(frozen=True, eq=False)
 class Precision:
-    """Cholesky factor of M = I + L' Z' W Z L, whose first block is diagonal.
+    """Cholesky factor R of M = I + L' Z' W Z L, whose first block is diagonal.
 
     Parameters
     ----------
     root : Root
         L.
     diagonal : ndarray of float, shape (..., n_first)
-        Factor of the first block.
+        Diagonal of R in the first block.
     border : ndarray of float, shape (..., n_rest, n_first)
-        The rest's first columns.
+        Rows of the rest in R, columns of the first block.
     corner : ndarray of float, shape (..., n_rest, n_rest)
-        The rest's last columns, lower triangular.
+        Rows and columns of the rest in R, lower triangular.
     """
 
     root: Root
@@ -33,9 +33,9 @@ class Precision:
 
     @classmethod
     def of(cls, design: DesignMatrix, root: Root, weight: FloatArray) -> "Precision":
-        """Factorise; NaN for draws whose matrix is not positive definite to rounding.
+        """Factorise M; draws whose M is not numerically positive definite get NaN.
 
-        The cost grows with the textures and with the cube of the other levels.
+        The cost is linear in the number of textures and cubic in the number of other levels.
         """
         first, border, corner = design.gram(weight)
         border, corner = root.inside(border, corner)
@@ -61,21 +61,21 @@ class Precision:
         return value
 
     def half(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return R^-1 x of columns (..., n, m), M = R R'."""
+        """Return R^-1 x for columns x, (..., n, m)."""
         first = first / self.diagonal[..., None]
         if self.diagonal.shape[-1] and self.corner.shape[-1]:
             rest = rest - self.border @ first
         return first, solve_lower(self.corner, rest)
 
     def back(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return R'^-1 x of columns (..., n, m)."""
+        """Return R'^-1 x for columns x, (..., n, m)."""
         rest = solve_lower(self.corner, rest, transposed=True)
         if self.diagonal.shape[-1] and self.corner.shape[-1]:
             first = first - np.swapaxes(self.border, -1, -2) @ rest
         return first / self.diagonal[..., None], rest
 
     def solve(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return M^-1 x of one column, (..., n)."""
+        """Return M^-1 x for one column x, (..., n)."""
         solution = self.back(*self.half(first[..., None], rest[..., None]))
         return solution[0][..., 0], solution[1][..., 0]
 

@@ -1,7 +1,7 @@
-"""The three accuracies of posteriors that commands offer: target errors, and how they are reached.
+"""The three presets for the accuracy of posteriors: target errors, and settings that reach them.
 
-The accuracies of loads are in `simulate.generation`. `ridgebayes cost` measures errors against run
-time; docs/performance.md holds the measured errors.
+Presets for simulated loads are in `simulate.generation`. `ridgebayes cost` measures errors and run
+times; docs/performance.md lists them.
 """
 
 from dataclasses import dataclass
@@ -13,29 +13,30 @@ from ridgebayes.inference.importance import Effort
 
 @dataclass(frozen=True)
 class Preset:
-    """How far errors of sampling and of evidences are pressed down.
+    """Target errors of posteriors and evidences, with the settings of the samplers.
 
     Parameters
     ----------
     name : str
         ``quick``, ``standard`` or ``reference``.
     moment_error : float
-        Promised error of a posterior mean, sd, 5 or 95 % quantile, in posterior sds: three standard
-        errors of a quantile of the draws.
+        Target error of a posterior mean, standard deviation, 5 % or 95 % quantile, in posterior
+        standard deviations: three standard errors of a quantile.
     evidence_error : float
-        Promised error of a log evidence.
+        Target error of a log evidence.
     effort : Effort
         Draws of importance sampling for each pair of form and error model.
     n_kept : int
-        Draws of a form's posteriors together, shared out by the error models' probabilities.
+        Total number of draws for a form's predictions, divided among error models in proportion to
+        their probabilities.
     walks : bool
-        Whether emcee walks the posteriors of the selected error model, as a second way to their
-        evidences.
+        Whether emcee samples the posteriors under the selected error model too, as an independent
+        check of their evidences.
     n_tau : float
-        Autocorrelation times that a walk takes at least.
+        Minimum length of a walk, in autocorrelation times.
     extras : bool
-        Whether a run also leaves textures out, counts coverage, compares finite-element rows,
-        measures what accuracy costs and draws every figure.
+        Whether a run also leaves textures out, measures coverage, compares finite-element rows,
+        measures errors against run time and draws every figure.
     """
 
     name: str
@@ -49,12 +50,12 @@ class Preset:
 
     @classmethod
     def named(cls, name: str) -> "Preset":
-        """Return one by its name.
+        """Return a preset by name.
 
         Raises
         ------
         InputError
-            If there is none.
+            If no preset has this name.
         """
         if name not in PRESETS:
             raise InputError(f"accuracy: expected one of {', '.join(PRESETS)}, got {name!r}")
@@ -62,7 +63,7 @@ class Preset:
 
     @property
     def settings(self) -> SampleSettings:
-        """How long to walk."""
+        """Settings of a walk."""
         return SampleSettings(n_tau=self.n_tau)
 
 

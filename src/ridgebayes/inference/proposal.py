@@ -1,4 +1,4 @@
-"""A proposal for importance sampling: a mixture of multivariate Student t in charts."""
+"""Proposal of importance sampling: a mixture of multivariate Student t distributions in charts."""
 
 import math
 from dataclasses import dataclass
@@ -8,22 +8,22 @@ from scipy.special import gammaln
 
 from ridgebayes._types import FloatArray, IntArray
 
-DF = 5.0  # degrees of freedom: posteriors in normal scores have lighter tails
-_N_EM_STEP = 8  # expectation maximisation need not converge for a proposal
-_COMMON_DRAWS = 8.0  # the common shape counts as many draws in the shape of each component
-MIN_RELATIVE_VARIANCE = 1e-6  # of a component, relative to all draws
+DF = 5.0  # degrees of freedom; posteriors in normal scores have lighter tails
+_N_EM_STEP = 8  # steps of expectation maximisation; a proposal need not be fully converged
+_COMMON_SHAPE_DRAWS = 8.0  # weight of the common shape in each component's shape, in draws
+MIN_RELATIVE_VARIANCE = 1e-6  # smallest variance of a component, relative to that of all draws
 
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """Components in the coordinates of their charts.
+    """Mixture of Student t components, each in the coordinates of a chart.
 
     Parameters
     ----------
     weights : ndarray of float, shape (n_component,)
-        Weights, sum 1.
+        Weights with sum 1.
     charts : ndarray of int, shape (n_component,)
-        Number of each component's chart.
+        Index of each component's chart.
     centres : ndarray of float, shape (n_component, d)
         Centres.
     factors : ndarray of float, shape (n_component, d, d)
@@ -41,7 +41,7 @@ class Mixture:
         return cls(np.ones(1), np.zeros(1, np.int64), np.zeros((1, d)), np.eye(d)[None])
 
     def beside(self, other: "Mixture", share: float) -> "Mixture":
-        """Return this mixture with a share of another one."""
+        """Return a mixture of this mixture and a share of another mixture."""
         return Mixture(
             np.concatenate([(1 - share) * self.weights, share * other.weights]),
             np.concatenate([self.charts, other.charts]),
@@ -50,13 +50,14 @@ class Mixture:
         )
 
     def draw(self, rng: np.random.Generator, n: int) -> tuple[IntArray, FloatArray]:
-        """Return each draw's chart, shape (n,), and coordinates there, shape (n, d).
+        """Return each draw's chart, shape (n,), and its coordinates in the chart, shape (n, d).
 
-        Components get their shares of the draws evenly, in random order.
+        The components of the draws are selected by systematic sampling, in random order.
         """
-        ladder = np.cumsum(self.weights)
-        places = (np.arange(n) + rng.random()) / n * ladder[-1]
-        component = rng.permutation(np.minimum(np.searchsorted(ladder, places), len(ladder) - 1))
+        cumulative = np.cumsum(self.weights)
+        places = (np.arange(n) + rng.random()) / n * cumulative[-1]
+        component = np.minimum(np.searchsorted(cumulative, places), len(cumulative) - 1)
+        component = rng.permutation(component)
         d = self.centres.shape[1]
         steps = rng.standard_normal((n, d)) * np.sqrt(DF / rng.chisquare(DF, size=(n, 1)))
         moved = np.einsum("nij,nj->ni", self.factors[component], steps)
@@ -78,7 +79,7 @@ class Mixture:
     def _terms(
         self, coordinates: FloatArray, log_jacobian: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return log weight and density of each component, and squared distances, (c, n)."""
+        """Return log (weight times density) of components, and squared distances, both (c, n)."""
         d = self.centres.shape[1]
         peak = gammaln(0.5 * (DF + d)) - gammaln(0.5 * DF) - 0.5 * d * math.log(DF * math.pi)
         inverse = np.linalg.inv(self.factors)
@@ -93,7 +94,7 @@ class Mixture:
     def fitted(
         self, coordinates: FloatArray, log_jacobian: FloatArray, weights: FloatArray
     ) -> "Mixture":
-        """Return the mixture after some steps of expectation maximisation on weighted draws.
+        """Return the mixture after a few steps of expectation maximisation on weighted draws.
 
         Parameters
         ----------
@@ -122,7 +123,7 @@ class Mixture:
             centres = np.where(mass[:, None] > 1e-12, centres, mixture.centres)
             off = points - centres[:, None]
             scatter = np.swapaxes(narrow[..., None] * off, 1, 2) @ off
-            prior = _COMMON_DRAWS / n_effective
+            prior = _COMMON_SHAPE_DRAWS / n_effective
             scatter = (scatter + prior * shapes) / (mass + prior)[:, None, None]
             mixture = Mixture(mass / mass.sum(), self.charts, centres, np.linalg.cholesky(scatter))
         kept = mixture.weights > 1e-4
@@ -136,7 +137,7 @@ class Mixture:
     def _common_shapes(
         self, coordinates: FloatArray, log_jacobian: FloatArray, weights: FloatArray
     ) -> FloatArray:
-        """Return for each component the covariance of the draws that its chart accounts for."""
+        """Return for each component the covariance of the draws assigned to its chart."""
         terms, _ = self._terms(coordinates, log_jacobian)
         share = np.exp(terms - log_sum(terms)) * weights
         d, shapes = self.centres.shape[1], np.empty_like(self.factors)
@@ -151,7 +152,7 @@ class Mixture:
 
 
 def log_sum(terms: FloatArray) -> FloatArray:
-    """Return log sum exp over the first axis: SciPy's own takes longer to begin than to add."""
+    """Return log sum exp over the first axis; for small arrays it is faster than SciPy's."""
     top = terms.max(axis=0)
     value: FloatArray = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(divide="ignore"):

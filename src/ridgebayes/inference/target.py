@@ -21,9 +21,10 @@ class Evaluated(NamedTuple):
     u : ndarray of float, shape (n, d)
         Normal scores.
     log_density, from_half : ndarray of float, shape (n,)
-        Log posterior density in `u`, not normalised, and the same by half of the points.
+        Log posterior density in `u`, not normalised, estimated from all and from half of the
+        points.
     scores : ndarray of float, shape (n, n_level)
-        Scores of the offsets, where the density is an estimate.
+        Scores of the offsets if the density is an estimate, else empty.
     coordinates : ndarray of float, shape (n_chart, n, d)
         Coordinates in every chart.
     log_jacobian : ndarray of float, shape (n_chart, n)
@@ -39,7 +40,7 @@ class Evaluated(NamedTuple):
 
 
 def joined(parts: Sequence[Evaluated]) -> Evaluated:
-    """Return several sets of draws as one."""
+    """Concatenate sets of draws."""
     axes = (0, 0, 0, 0, 1, 1)
     columns = zip(zip(*parts, strict=True), axes, strict=True)
     return Evaluated(*(np.concatenate(arrays, axis=axis) for arrays, axis in columns))
@@ -49,9 +50,9 @@ class Target(Protocol):
     """A posterior density in charts: maps from coordinates q to normal scores u."""
 
     name: str
-    names: tuple[str, ...]  # of the d coordinates of u
-    n_centred: int  # coordinates whose charts have their centre at 0
-    is_exact: bool  # whether densities are no estimates
+    names: tuple[str, ...]  # names of the d coordinates of u
+    n_centred: int  # number of leading coordinates that charts centre at 0
+    is_exact: bool  # False if densities are estimates
 
     @property
     def n_chart(self) -> int:
@@ -61,11 +62,11 @@ class Target(Protocol):
     def evaluate(
         self, charts: IntArray | None, q: FloatArray, rng: np.random.Generator, n_point: int
     ) -> Evaluated:
-        """Return the draws at coordinates q (n, d) of their charts (n,); without, at scores."""
+        """Evaluate draws at coordinates q (n, d) of charts (n,); if None, q are normal scores."""
         ...
 
     def approximate(self, chart: int, q: FloatArray) -> FloatArray:
-        """Return the log density in a chart's coordinates without noise, shape (n,)."""
+        """Return a smooth log density in a chart's coordinates, shape (n,)."""
         ...
 
 
@@ -90,7 +91,7 @@ class ModelTarget:
 
     @cached_property
     def charts(self) -> list[Chart]:
-        """Charts about the modes in the coefficients."""
+        """Charts about the modes of the coefficients."""
         return charts_of(self.integral, stream(self._seed, "charts"))
 
     @property
@@ -101,11 +102,11 @@ class ModelTarget:
     def evaluate(
         self, charts: IntArray | None, q: FloatArray, rng: np.random.Generator, n_point: int
     ) -> Evaluated:
-        """Return the draws at coordinates q of their charts; without charts, at normal scores."""
+        """Evaluate draws at coordinates q of charts; if `charts` is None, q are normal scores."""
         n = self.integral.n_at_once(n_point)
         slices = [slice(i, i + n) for i in range(0, len(q), n)]
-        some = [None if charts is None else charts[part] for part in slices]
-        parts = zip(some, (q[part] for part in slices), strict=True)
+        chart_parts = [None if charts is None else charts[part] for part in slices]
+        parts = zip(chart_parts, (q[part] for part in slices), strict=True)
         return joined([self._evaluate(*part, rng, n_point) for part in parts])
 
     def _evaluate(
@@ -121,15 +122,15 @@ class ModelTarget:
             coordinates = np.stack([normal.from_scores(u) for normal in conditionals])
             log_jacobian = np.stack([normal.log_jacobian for normal in conditionals])
             usable = np.asarray(np.isfinite(u).all(axis=1))
-            within = np.where(usable[:, None], u, 0.0)
-            estimate = self.integral.estimated(within, rng, n_point, prepared)
+            finite_u = np.where(usable[:, None], u, 0.0)
+            estimate = self.integral.estimated(finite_u, rng, n_point, prepared)
         log_density, from_half = (
             np.where(usable, value, -np.inf) for value in (estimate.log_density, estimate.from_half)
         )
         return Evaluated(u, log_density, from_half, estimate.scores, coordinates, log_jacobian)
 
     def approximate(self, chart: int, q: FloatArray) -> FloatArray:
-        """Return the log density in a chart's coordinates, by Laplace's method where inexact."""
+        """Return the log density in a chart's coordinates, by Laplace's method if not exact."""
         n = self.integral.n_at_once(4)
         starts = range(0, len(q), n)
         return np.concatenate([self._approximate(chart, q[i : i + n]) for i in starts])
@@ -145,23 +146,23 @@ class ModelTarget:
         return np.where(usable & np.isfinite(value), value, -np.inf)
 
     def _error_parameters(self, q: FloatArray) -> FloatArray:
-        """Return error model parameters, whose scores are the last coordinates of every chart."""
+        """Return error model parameters; their scores are the last coordinates of every chart."""
         k = self.n_centred
         u = np.concatenate([np.zeros((len(q), k)), q[:, k:]], axis=1)
         return self.model.outer_theta(u)[:, k:]
 
 
 class PlainTarget:
-    """A density whose coordinates are the normal scores themselves.
+    """A density with one chart, whose coordinates are the normal scores.
 
     Parameters
     ----------
     name : str
-        For messages.
+        Name in messages.
     names : tuple of str, length d
         Names of the coordinates.
     log_density : callable
-        (n, d) to (n,).
+        Function from normal scores (n, d) to log densities (n,).
     """
 
     n_chart, n_centred, is_exact = 1, 0, True
@@ -177,7 +178,7 @@ class PlainTarget:
     def evaluate(
         self, charts: IntArray | None, q: FloatArray, rng: np.random.Generator, n_point: int
     ) -> Evaluated:
-        """Return the draws at coordinates q."""
+        """Evaluate draws at normal scores q."""
         value = self._log_density(q)
         return Evaluated(q, value, value, np.empty((len(q), 0)), q[None], np.zeros((1, len(q))))
 

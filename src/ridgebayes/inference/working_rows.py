@@ -1,10 +1,11 @@
-"""Normal rows in place of rows whose densities are not normal, to draw points around.
+"""Normal approximations of rows that are not normal, around which points are drawn.
 
-As in generalised linear models each row gets a working response and a working weight. A Student row
-is a normal of unknown variance: its weight is the mean precision given the residual. Intervals get
-slope and curvature of their log probability, averaged over the offset's spread: without the average
-the curvature inside a wide interval is 0 and at its edge far too large.
-Working rows only decide where points lie; the points' weights hold the rows' own densities.
+As in generalised linear models, each row gets a working response and a working weight. A Student
+row is a normal row of unknown variance, and its weight is the mean precision given its residual.
+Response and weight of an interval follow from slope and curvature of its log probability, averaged
+over the offset's distribution: without the average, the curvature is 0 inside a wide interval and
+far too large at its ends. Working rows only determine the positions of points; the points' weights
+use the exact densities of the rows.
 """
 
 import math
@@ -34,7 +35,7 @@ class WorkingRows:
     df : ndarray of float, shape (n_draw, 1), or None
         Degrees of freedom of Student errors.
     weight, mean : ndarray of float, shape (n_draw, n_predictor)
-        Precision and mean of the offset that each predictor calls for.
+        Precision and mean of each predictor's normal approximation, as a function of its offset.
     """
 
     rows: Rows
@@ -54,10 +55,10 @@ class WorkingRows:
         df: FloatArray | None,
         prior_variance: FloatArray,
     ) -> "WorkingRows":
-        """Return working rows before anything is known of offsets.
+        """Return initial working rows, before the offsets have been estimated.
 
-        Rows far beyond all that errors and offsets explain count little; brackets become
-        normals of their middles, and counts have weight 0.
+        Brackets become normal rows at their middles, and counts get weight 0. Student rows with
+        residuals far larger than errors and offsets explain get small weights.
         """
         n = len(rows.upper)
         middle, uniform = rows.centre
@@ -73,7 +74,7 @@ class WorkingRows:
         return cls(rows, error, variance, df, weight, mean)
 
     def renewed(self, offset: FloatArray, spread: FloatArray) -> "WorkingRows":
-        """Return working rows at the offsets that all of them give.
+        """Return working rows updated to the current distribution of the offsets.
 
         Parameters
         ----------
@@ -86,30 +87,31 @@ class WorkingRows:
             row_variance = self.variance[:, exact]
             square = (self.mean - offset)[:, exact] ** 2
             share = np.minimum((spread * self.weight)[:, exact], 1.0)
-            # The offset adds a share of the row's own variance. With the share kept the mean
-            # variance is solved for, where putting it in takes a pass for each factor df + 1.
+            # The expected squared residual includes the offset's variance, which is `share` times
+            # the row's unknown variance. Solving for this variance at fixed share converges in
+            # fewer passes than inserting its last value, which gains a factor of df + 1 per pass.
             weight[:, exact] = (self.df + 1 - share) / (self.df * row_variance + square)
-        here = np.concatenate([np.flatnonzero(~self.rows.exact), np.arange(n, offset.shape[1])])
-        if len(here):
-            weight[:, here], mean[:, here] = self._intervals(here, offset, spread)
+        ends = np.concatenate([np.flatnonzero(~self.rows.exact), np.arange(n, offset.shape[1])])
+        if len(ends):
+            weight[:, ends], mean[:, ends] = self._intervals(ends, offset, spread)
         return replace(self, weight=weight, mean=mean)
 
     def _intervals(
-        self, here: np.ndarray, offset: FloatArray, spread: FloatArray
+        self, ends: np.ndarray, offset: FloatArray, spread: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return working weights and responses of intervals' ends."""
+        """Return working weights and responses of brackets and of both ends of counts."""
         rows, n = self.rows, len(self.rows.upper)
-        of_row = np.concatenate([np.arange(n), rows.counts])[here]
-        row_variance = self.variance[:, of_row]
-        if self.df is not None:  # the normal of the same Fisher information
+        row = np.concatenate([np.arange(n), rows.counts])[ends]
+        row_variance = self.variance[:, row]
+        if self.df is not None:  # variance of the normal distribution with equal Fisher information
             row_variance = row_variance * (self.df + 3) / (self.df + 1)
-        is_lower, is_count = here >= n, rows.is_count[of_row]
-        high = np.where(is_lower, np.inf, self.error[:, here])
-        low = np.where(is_lower, self.error[:, here], -np.inf)
-        low = np.where(is_count, low, high - (rows.upper - rows.lower)[of_row])
-        at, spread = offset[:, here], spread[:, here]
+        is_lower, is_count = ends >= n, rows.is_count[row]
+        high = np.where(is_lower, np.inf, self.error[:, ends])
+        low = np.where(is_lower, self.error[:, ends], -np.inf)
+        low = np.where(is_count, low, high - (rows.upper - rows.lower)[row])
+        centre, spread = offset[:, ends], spread[:, ends]
         sd = np.sqrt(spread + row_variance)
-        alpha, beta = (low - at) / sd, (high - at) / sd
+        alpha, beta = (low - centre) / sd, (high - centre) / sd
         log_p = _NORMAL.log_probability(alpha, beta, None)
 
         def ratio(z: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -121,6 +123,6 @@ class WorkingRows:
         gradient = (a - b) / sd
         precision = np.maximum(gradient**2 + (b_z - a_z) / sd**2, 0.0)
         with np.errstate(all="ignore"):
-            mean = at + np.where(precision > 0, gradient / precision, 0.0)
+            mean = centre + np.where(precision > 0, gradient / precision, 0.0)
         usable = np.isfinite(precision) & np.isfinite(mean)
         return np.where(usable, precision, 0.0), np.where(usable, mean, 0.0)

@@ -1,10 +1,10 @@
-"""A posterior as a log density: contact forms, priors, error models, observed rows.
+"""Contact forms, error models, priors and observed rows, combined in a log posterior density.
 
-`forms` has the contact forms; `noise`, `tails` and `offsets` the error models; `default_priors`,
-`prior_files` and `joint_prior` the priors; `observations` the rows of a table, `rows` their
-densities. A `Model` (`model`) puts them together: a latent Gaussian model, whose offsets are
-integrated out in the room `inference`. `replicated` draws rows that could have been. Nothing here
-samples a posterior. The room knows `contact` and `table`.
+`forms` contains the contact forms; `noise`, `tails` and `offsets` the error models;
+`default_priors`, `prior_files` and `joint_prior` the priors; `observations` the rows of a table,
+and `rows` their densities. A `Model` (`model`) combines them in a latent Gaussian model, whose
+offsets are integrated out in `ridgebayes.inference`. `replicated` simulates new rows. Sampling of
+posteriors is in `ridgebayes.inference`.
 
 >>> from ridgebayes.model.forms import Modified
 >>> from ridgebayes.model.model import Model

@@ -1,4 +1,4 @@
-"""The default prior of each parameter of a form and an error model."""
+"""Default priors of the parameters of forms and error models."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,8 +12,8 @@ from ridgebayes.model.forms import Form, PowerLaw
 from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.reading import read_toml
 
-SLOPES = "K"  # names the prior of every slope of the power law, also at new textures
-HERTZ = 1.382  # the smooth Hertz coefficient at nu = 0.5, as the paper prints it
+SLOPES = "K"  # key of the common prior of all power-law slopes, including those of new textures
+HERTZ = 1.382  # smooth Hertz coefficient at nu = 0.5, as printed in the paper
 _DEFAULTS = read_toml(Path(__file__).with_name("default_priors.toml"))
 REASONS = {name: entry["reason"] for part in _DEFAULTS.values() for name, entry in part.items()}
 NOISE_PRIORS = {name: parse_distribution(x["prior"]) for name, x in _DEFAULTS["noise"].items()}
@@ -27,11 +27,11 @@ def default_priors(
     Parameters
     ----------
     form : Form
-        A form; PowerLaw bound to its textures.
+        Form; PowerLaw must be bound to its textures.
     noise : Noise, optional
         Error model; independent normal errors if not given.
     given : mapping of str to Distribution, optional
-        Priors of coefficients that have no default: those of forms not of this package.
+        Priors of coefficients without a default, as forms outside this package may have.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def default_priors(
     Raises
     ------
     InputError
-        If a coefficient has no default and none is given.
+        If a coefficient has neither a default nor a given prior.
 
     Examples
     --------
@@ -67,12 +67,12 @@ def default_priors(
 
 
 def coefficient_priors(form: Form) -> dict[str, Distribution | None]:
-    """Return the default prior of each coefficient of a form; None where there is no default.
+    """Return the default prior of each coefficient of a form; None if it has no default.
 
     Parameters
     ----------
     form : Form
-        A form; PowerLaw bound to its textures.
+        Form; PowerLaw must be bound to its textures.
     """
     if isinstance(form, PowerLaw):
         names = zip(form.parameter_names, form.textures, strict=True)
@@ -88,26 +88,27 @@ def coefficient_priors(form: Form) -> dict[str, Distribution | None]:
 def replaced_priors(
     form: Form, noise: Noise, given: Mapping[str, Distribution] | None
 ) -> tuple[dict[str, Distribution], dict[str, Distribution]]:
-    """Return the prior of each parameter, some replaced, and the given one of every slope.
+    """Return the prior of each parameter, with replacements, and the given prior of all slopes.
 
     Parameters
     ----------
     form : Form
-        A form; PowerLaw bound to its textures.
+        Form; PowerLaw must be bound to its textures.
     noise : Noise
         Error model.
     given : mapping of str to Distribution, optional
-        By parameter; for PowerLaw also by `SLOPES`, of all slopes that have none of their own.
+        Replacements by parameter. For PowerLaw the key `SLOPES` replaces the priors of all slopes
+        that are not given by name.
 
     Returns
     -------
     tuple of dict of str to Distribution
-        By parameter; and by `SLOPES`, empty where that is not given.
+        Priors by parameter, and a dictionary with the prior of `SLOPES`, empty if not given.
 
     Raises
     ------
     InputError
-        If a prior is of no parameter, or has another support than the default.
+        If a prior belongs to no parameter, or its support begins below that of the default.
     """
     replaced = dict(given or {})
     slopes = {}
@@ -134,9 +135,9 @@ def slope_prior(texture: Texture, slopes: Mapping[str, Distribution]) -> Distrib
     texture : tuple of (float, float)
         a/R and b/R.
     slopes : mapping of str to Distribution
-        By `SLOPES` the one of every texture; the default if it is not given.
+        Common prior of all slopes under the key `SLOPES`; the default if it is empty.
     """
     a, b = texture
-    # K = 2 c / L: smooth Hertz at the texture's pitch, known to 30 %.
+    # The median is that of smooth Hertz contact at the texture's pitch, K = 2 c / L.
     default = LogNormal(2 * HERTZ / (a + b), 0.3)
     return at_place(slopes[SLOPES], default.median) if SLOPES in slopes else default

@@ -1,4 +1,4 @@
-"""Which levels of shared offsets a predictor has: the design matrix Z of a mixed model."""
+"""The design matrix Z of a mixed model, which assigns levels of shared offsets to predictors."""
 
 import numpy as np
 from scipy import sparse
@@ -7,18 +7,18 @@ from ridgebayes._types import FloatArray, IntArray
 
 
 class DesignMatrix:
-    """Levels of each linear predictor: the matrix Z, without its zeros.
+    """The sparse matrix Z, stored as the levels of each linear predictor.
 
     Parameters
     ----------
     first : ndarray of int, shape (n,), or None
-        Level of each predictor in the first block; None where there is no such block.
+        Level of each predictor in the first block; None if there is no first block.
     n_first : int
-        Levels of the first block.
+        Number of levels in the first block.
     rest : ndarray of int, shape (n_factor, n)
-        Levels in the rest, counted over all its factors; -1 where a predictor has none.
+        Levels of the other factors, numbered over all of them; -1 if a predictor has no level.
     n_rest : int
-        Levels of the rest.
+        Number of levels of the other factors.
     """
 
     def __init__(
@@ -31,36 +31,36 @@ class DesignMatrix:
         self.first, self.n_first = first, n_first
         self.rest, self.n_rest = rest, n_rest
         self.n = rest.shape[1] if first is None else len(first)
-        every = rest if first is None else np.vstack([first, rest])
-        # A predictor of each combination of levels, and the combination of each predictor.
+        levels = rest if first is None else np.vstack([first, rest])
+        # One predictor for each combination of levels, and the combination of each predictor.
         _, self.distinct, combination = np.unique(
-            every, axis=1, return_index=True, return_inverse=True
+            levels, axis=1, return_index=True, return_inverse=True
         )
         self.combination = combination.reshape(-1)
         columns = np.arange(self.n)
         factor, column = np.nonzero(rest >= 0)
-        # Z' x by sparse products: rows are many, levels few.
+        # Sparse products are fast for Z' x, since there are many rows and few levels.
         self._to_first = None if first is None else _selector(first, columns, n_first)
         self._to_rest = _selector(rest[factor, column], column, n_rest, self.n)
         self._is_diagonal = len(rest) == 1
         self._border, self._corner = self._products()
 
     def _products(self) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Return the maps from the diagonal of W to border and corner of Z' W Z."""
+        """Return sparse matrices that map the diagonal of W to border and corner of Z' W Z."""
         column = np.arange(self.n)
-        corner_at, corner_of, border_at, border_of = [], [], [], []
-        for mine in self.rest:
-            for its in self.rest:
-                has = (mine >= 0) & (its >= 0)
-                corner_at.append(mine[has] * self.n_rest + its[has])
-                corner_of.append(column[has])
+        corner_rows, corner_columns, border_rows, border_columns = [], [], [], []
+        for level in self.rest:
+            for other in self.rest:
+                has = (level >= 0) & (other >= 0)
+                corner_rows.append(level[has] * self.n_rest + other[has])
+                corner_columns.append(column[has])
             if self.first is not None:
-                has = mine >= 0
-                border_at.append(mine[has] * self.n_first + self.first[has])
-                border_of.append(column[has])
-        corner = _selector(_joined(corner_at), _joined(corner_of), self.n_rest**2, self.n)
+                has = level >= 0
+                border_rows.append(level[has] * self.n_first + self.first[has])
+                border_columns.append(column[has])
+        corner = _selector(_concat(corner_rows), _concat(corner_columns), self.n_rest**2, self.n)
         size = self.n_rest * self.n_first
-        border = _selector(_joined(border_at), _joined(border_of), size, self.n)
+        border = _selector(_concat(border_rows), _concat(border_columns), size, self.n)
         return border, corner
 
     def gather(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -93,11 +93,11 @@ class DesignMatrix:
         Returns
         -------
         first : ndarray of float, shape (..., n_first)
-            Diagonal: a predictor has one level there.
+            First block, diagonal because a predictor has one level in it.
         border : ndarray of float, shape (..., n_rest, n_first)
-            Rest by first block.
-        corner : ndarray of float, shape (..., n_rest, n_rest), or (..., n_rest) of a diagonal
-            Rest: diagonal where a predictor has one level there, too.
+            Rows of the other levels, columns of the first block.
+        corner : ndarray of float, shape (..., n_rest, n_rest), or (..., n_rest) if diagonal
+            Block of the other levels, diagonal if they belong to one factor.
         """
         lead, r = weight.shape[:-1], self.n_rest
         first, rest = self.gather(weight)
@@ -110,15 +110,16 @@ class DesignMatrix:
 def _selector(
     rows: IntArray, columns: IntArray, n_row: int, n_column: int | None = None
 ) -> sparse.csr_array:
+    """Return a sparse matrix with ones at some rows and columns."""
     ones, n_column = np.ones(len(rows)), len(columns) if n_column is None else n_column
     return sparse.csr_array((ones, (rows, columns)), shape=(n_row, n_column))
 
 
-def _joined(parts: list[IntArray]) -> IntArray:
+def _concat(parts: list[IntArray]) -> IntArray:
     return np.concatenate(parts) if parts else np.empty(0, np.int64)
 
 
 def _times(matrix: sparse.csr_array, x: FloatArray) -> FloatArray:
-    """Return a sparse matrix times vectors on the last axis."""
+    """Multiply vectors on the last axis by a sparse matrix."""
     flat = x.reshape(-1, x.shape[-1])
     return np.ascontiguousarray((matrix @ flat.T).T).reshape(*x.shape[:-1], matrix.shape[0])

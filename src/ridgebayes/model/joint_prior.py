@@ -1,4 +1,4 @@
-"""The prior of several parameters, in normal scores."""
+"""The joint prior of several parameters, with conversion to and from normal scores."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import astuple
@@ -10,7 +10,7 @@ from ridgebayes.distributions.distribution import Distribution
 
 
 class JointPrior:
-    """The independent product of priors, evaluated for all parameters of a kind at once.
+    """Product of independent priors, evaluated at once for all priors of the same type.
 
     Parameters
     ----------
@@ -21,13 +21,13 @@ class JointPrior:
     def __init__(self, priors: Iterable[Distribution]) -> None:
         self._priors = tuple(priors)
         self._groups: list[tuple[list[int], Distribution]] = []
-        alone = [([i], prior) for i, prior in enumerate(self._priors) if not prior.is_stackable]
-        self._groups += alone
+        single = [([i], prior) for i, prior in enumerate(self._priors) if not prior.is_stackable]
+        self._groups += single
         for kind in dict.fromkeys(type(prior) for prior in self._priors if prior.is_stackable):
             columns = [i for i, prior in enumerate(self._priors) if type(prior) is kind]
             fields = zip(*(astuple(self._priors[i]) for i in columns), strict=True)
-            together: Callable[..., Distribution] = kind
-            self._groups.append((columns, together(*map(np.array, fields))))
+            stacked: Callable[..., Distribution] = kind
+            self._groups.append((columns, stacked(*map(np.array, fields))))
 
     def log_pdf(self, theta: FloatArray) -> FloatArray:
         """Return the joint log density, shape ``theta.shape[:-1]``."""
@@ -37,14 +37,14 @@ class JointPrior:
         return total
 
     def at_scores(self, u: FloatArray) -> FloatArray:
-        """Return the parameters at normal scores `u`, shape of `u`."""
+        """Convert normal scores `u` to parameters of the same shape."""
         theta = np.empty(u.shape)
         for columns, priors in self._groups:
             theta[..., columns] = priors.value_at(u[..., columns])
         return theta
 
     def scores(self, theta: FloatArray) -> FloatArray:
-        """Return the normal scores of parameters, shape of `theta`."""
+        """Convert parameters to normal scores of the same shape."""
         u = np.empty(theta.shape)
         for columns, priors in self._groups:
             u[..., columns] = priors.score(theta[..., columns])
@@ -58,5 +58,5 @@ class JointPrior:
         return slope
 
     def rvs(self, rng: np.random.Generator, size: int) -> FloatArray:
-        """Return draws of all parameters, shape (size, n_parameter)."""
+        """Draw all parameters, shape (size, n_parameter)."""
         return np.stack([prior.rvs(rng, size) for prior in self._priors], axis=-1)

@@ -1,4 +1,4 @@
-"""Cholesky factors and triangular systems of many small matrices at once."""
+"""Cholesky factors and triangular solves for batches of small matrices."""
 
 import math
 from contextlib import suppress
@@ -8,7 +8,7 @@ from scipy.linalg import blas
 
 from ridgebayes._types import FloatArray
 
-_MAX_BATCHED_SIZE = 16  # unknowns: larger systems are solved faster one by one
+_MAX_BATCHED_SIZE = 16  # unknowns; larger systems are solved faster one by one
 
 
 def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
@@ -35,13 +35,13 @@ def solve_lower(factor: FloatArray, right: FloatArray, *, transposed: bool = Fal
         return _substituted(left, many, transposed).reshape(*batch, n, m)
     out = many.copy(order="C")
     for matrix, x in zip(left, out, strict=True):
-        # BLAS takes columns first: rows of both are the transposed equation, solved in place.
+        # BLAS stores arrays by column, so that it sees, and solves in place, the transposed system.
         blas.dtrsm(1.0, matrix.T, x.T, side=1, trans_a=int(transposed), overwrite_b=1)
     return out.reshape(*batch, n, m)
 
 
 def _substituted(factor: FloatArray, right: FloatArray, transposed: bool) -> FloatArray:
-    """Solve by substitution, unknown by unknown for the whole batch at once."""
+    """Solve by substitution, one unknown at a time for the whole batch."""
     n, out = right.shape[1], right.copy()
     for i in reversed(range(n)) if transposed else range(n):
         before = slice(i + 1, n) if transposed else slice(0, i)

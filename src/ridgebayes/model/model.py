@@ -1,12 +1,14 @@
 r"""The posterior of a form's coefficients and an error model's parameters, given rows.
 
-A latent Gaussian model, or mixed model. Given the *outer* parameters (the form's coefficients and
-the error model's scales, lengths and degrees of freedom) a row's log load has the linear predictor
+The model is a latent Gaussian model, or mixed model. Given the *outer* parameters (the form's
+coefficients, and scales, lengths and degrees of freedom of the error model), the linear predictor
+of a row's log load is
 
 .. math:: \eta = m(\theta) + Z x, \qquad x = L(\phi) s, \qquad s \sim N(0, I),
 
-where x holds shared offsets and the power law's log K, and the row's density is one of
-`ridgebayes.model.rows`. The scores s are integrated out in `ridgebayes.inference.latent`.
+where x contains shared offsets and the power law's log K. `ridgebayes.model.rows` defines the
+densities of rows given their predictors. The scores s are integrated out in
+`ridgebayes.inference.latent`.
 
 References: Rue, Martino & Chopin (2009), doi:10.1111/j.1467-9868.2008.00700.x.
 """
@@ -27,13 +29,13 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.model.offsets import Offsets
 from ridgebayes.model.rows import Rows
 
-MAX_COEFFICIENTS = 20  # proposals are fitted to all at once
-MAX_LATENT_ROWS = 2_000  # one call takes some hundredths of a second
-_GRADIENT_STEP = 1e-4  # prior sds: a form's gradient is compared with differences
+MAX_COEFFICIENTS = 20  # one proposal is fitted to all coefficients together
+MAX_LATENT_ROWS = 2_000  # a likelihood call takes a few hundredths of a second
+_GRADIENT_STEP = 1e-4  # prior sds; step of the differences that check a form's gradient
 
 
 class Model:
-    """A form, an error model and priors, conditioned on rows.
+    """A form, an error model, priors and the rows to which they are fitted.
 
     Parameters
     ----------
@@ -42,25 +44,26 @@ class Model:
     form : Form
         Contact form; it is bound to the textures of the rows.
     noise : Noise, optional
-        Error model.
+        Error model; independent normal errors if not given.
     priors : mapping of str to Distribution, optional
-        Replacements for some of the default priors, by parameter name; the priors of coefficients
-        that have no default. ``K`` is that of the power law's slopes, also at new textures.
+        Priors by parameter name: replacements for default priors, and priors of coefficients
+        without a default. ``K`` is the prior of all power-law slopes, including those of new
+        textures.
 
     Raises
     ------
     InputError
-        If a prior is given for a parameter that the model does not have, or has another support
-        than the default; if a prior of K is not log-normal; if a coefficient has no default and
-        none is given; if the form cannot compute a row's count.
+        If a prior is given for a parameter that the model does not have, or its support begins
+        below that of the default; if a prior of K is not log-normal; if a coefficient has neither
+        a default nor a given prior; if the form has no load for a row's count.
     ComputationError
-        If the error model cannot serve that many offsets, rows or coefficients.
+        If there are too many offsets, rows or coefficients.
 
     Notes
     -----
-    `theta` holds the form's coefficients and then the error model's parameters on its last axis;
-    any leading axes are draws. `u` is the same as normal scores of the priors. The power law's K
-    are parameters too, but no *outer* ones: `outer` says which of the parameters the sampler sees.
+    The last axis of `theta` holds the form's coefficients, then the error model's parameters;
+    leading axes are draws. `u` holds their normal scores under the priors. `outer` has the indices
+    of the outer parameters, which are sampled: all but the power law's K.
     """
 
     def __init__(
@@ -77,7 +80,7 @@ class Model:
         self.priors, self.prior_of_slopes = replaced_priors(self.form, self.noise, priors)
         self.n_coefficient = len(self.form.parameter_names)
         self.has_slopes = isinstance(self.form, PowerLaw)
-        # Coefficients that the sampler sees: all but the power law's.
+        # Number of sampled coefficients: all but the power law's.
         self.n_outer_coefficient = 0 if self.has_slopes else self.n_coefficient
         first = self.n_coefficient - self.n_outer_coefficient
         self.outer: IntArray = np.arange(first, len(self.priors))
@@ -95,7 +98,7 @@ class Model:
         self._check_size()
 
     def _slope_priors(self) -> tuple[FloatArray, FloatArray]:
-        """Return the log of each K's prior median, and the sd of its texture's log load."""
+        """Return logs of the prior medians of K, and prior sds of the textures' log loads."""
         priors = [self.priors[name] for name in self.form.parameter_names]
         for name, prior in zip(self.form.parameter_names, priors, strict=True):
             if not isinstance(prior, LogNormal):
@@ -127,7 +130,7 @@ class Model:
 
     @property
     def given_priors(self) -> dict[str, Distribution]:
-        """The priors that make this model again: of all parameters, and of slopes if given."""
+        """Priors that rebuild the model: of all parameters, and of all slopes if given."""
         return {**self.priors, **self.prior_of_slopes}
 
     @property
@@ -137,7 +140,7 @@ class Model:
 
     @property
     def n_outer(self) -> int:
-        """Outer parameters: those that the sampler sees."""
+        """Number of outer parameters, which are sampled."""
         return len(self.outer)
 
     def log_prior(self, theta: FloatArray) -> FloatArray:
@@ -145,15 +148,15 @@ class Model:
         return self._joint.log_pdf(theta)
 
     def to_theta(self, u: FloatArray) -> FloatArray:
-        """Return parameters from normal scores."""
+        """Convert normal scores to parameters."""
         return self._joint.at_scores(u)
 
     def to_scores(self, theta: FloatArray) -> FloatArray:
-        """Return normal scores of parameters."""
+        """Convert parameters to normal scores."""
         return self._joint.scores(theta)
 
     def outer_theta(self, u: FloatArray) -> FloatArray:
-        """Return the outer parameters from their normal scores, (..., n_outer)."""
+        """Convert normal scores to outer parameters, (..., n_outer)."""
         return self._outer_prior.at_scores(u)
 
     def outer_slope(self, u: FloatArray, theta: FloatArray) -> FloatArray:
@@ -166,7 +169,7 @@ class Model:
         return -0.5 * (squares + self.n_outer * LOG_2PI)
 
     def log_rates(self, theta: FloatArray) -> FloatArray:
-        """Return log rate of each texture, shape (..., n_texture); -inf where not positive.
+        """Return the log rate of each texture, shape (..., n_texture); -inf if not positive.
 
         Parameters
         ----------
@@ -188,15 +191,15 @@ class Model:
         return np.where(rate > 0, value, -np.inf)
 
     def outer_log_rates(self, theta: FloatArray) -> FloatArray:
-        """Return the same from outer parameters; of the power law at the prior medians of K."""
+        """Return log rates from outer parameters; the power law's are at the prior medians of K."""
         if self.has_slopes:
             return np.broadcast_to(self._slope_medians, (*theta.shape[:-1], len(self._a)))
         return self.log_rates(theta)
 
     def _refuse_undefined(self, coefficients: FloatArray, rate: FloatArray) -> None:
-        """Raise ComputationError where a form has no rate at coefficients that a float can hold.
+        """Raise ComputationError if a form returns NaN or infinity at coefficients within range.
 
-        Taken as likelihood zero, it would cut off part of a posterior without a word.
+        Treating such rates as likelihood zero would silently remove part of the posterior.
         """
         near = np.asarray((np.abs(coefficients) < MAX_COEFFICIENT).all(axis=-1))
         undefined = (np.isnan(rate) | np.isposinf(rate)) & near[..., None]
@@ -212,7 +215,7 @@ class Model:
             )
 
     def jacobian(self, u: FloatArray) -> FloatArray:
-        """Return d (2 log rate) / du of each texture by the outer coefficients' scores.
+        """Return d (2 log rate) / du of each texture in the outer coefficients' scores.
 
         Parameters
         ----------
@@ -227,31 +230,32 @@ class Model:
         theta, k = self.outer_theta(u), self.n_outer_coefficient
         if not k:
             return np.empty((len(self._a), 0))
-        with np.errstate(all="ignore"):  # where a search runs off, a coefficient may vanish
+        with np.errstate(all="ignore"):  # coefficients can underflow to 0 far from the mode
             slope = 2 * self.outer_slope(u, theta)[:k]
             return slope * self.form.log_rate_gradient(theta[:k], self._a, self._b)
 
     def check_gradient(self, u: FloatArray) -> None:
-        """Raise InputError if the form's gradient is not the difference of its rates on a line."""
+        """Raise InputError if the form's gradient does not match the differences of its rates."""
         k = self.n_outer_coefficient
         if not k:
             return
         theta = self.outer_theta(u)
         step = np.zeros(self.n_outer)
         size = np.abs(self.outer_theta(u + _GRADIENT_STEP) - theta)[:k]
-        # A vague prior's step may be far wider than the coefficient itself.
+        # The step of a vague prior can be far larger than the coefficient.
         size = np.where(theta[:k] == 0, size, np.minimum(size, _GRADIENT_STEP * np.abs(theta[:k])))
-        step[:k] = size * np.cos(np.arange(k))  # no coefficient, and no pair alike, is left out
+        # The cosines differ and none is 0, so that errors of coefficients do not cancel.
+        step[:k] = size * np.cos(np.arange(k))
         ahead, behind = theta + step, theta - step
         with np.errstate(all="ignore"):
             change = self.log_rates(ahead) - self.log_rates(behind)
             gradient = self.form.log_rate_gradient(theta[:k], self._a, self._b)
             claimed = gradient @ (ahead - behind)[:k]
-            off = np.abs(claimed - change)
+            difference = np.abs(claimed - change)
             largest = np.abs(change).max() + np.abs(claimed).max()
-        # Where a rate vanishes beside the point there is nothing to compare.
-        worst = int(np.argmax(off))
-        if np.isfinite(change).all() and not off[worst] <= 1e-3 * largest + 1e-12:
+        # If a rate is not positive near the point, the gradient cannot be checked.
+        worst = int(np.argmax(difference))
+        if np.isfinite(change).all() and not difference[worst] <= 1e-3 * largest + 1e-12:
             a, b = self.data.textures[worst]
             raise InputError(
                 f"{self.form.name}: log_rate_gradient: expected the derivative of log rate, got a "
@@ -262,14 +266,15 @@ class Model:
     def slopes_given(
         self, total: FloatArray, eta: FloatArray, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
-        """Split each texture's offset into its K and the error model's share.
+        """Split each texture's offset into the parts of log K and of the error model.
 
-        Both enter the log load in one sum: given it, the share of log K is normal.
+        The log load depends on the sum of both parts only. Given the sum, the part of log K is
+        normally distributed, and is drawn at random.
 
         Parameters
         ----------
         total : ndarray of float, shape (n_draw, n_texture)
-            Sum of both in the log load.
+            Sum of both parts in the log load.
         eta : ndarray of float, shape (n_draw, n_noise)
             Error model parameters.
         rng : numpy.random.Generator
@@ -278,7 +283,7 @@ class Model:
         Returns
         -------
         score, own : ndarray of float, both of shape (n_draw, n_texture)
-            Prior scores of K, and the error model's offset of the texture.
+            Normal scores of K, and the error model's offsets of the textures.
         """
         sd = self.offsets.slope_sd
         assert sd is not None

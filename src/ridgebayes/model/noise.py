@@ -1,9 +1,9 @@
-"""Error models: what stands between a form's load and the load in the table.
+"""Error models: the distribution of a table's loads about the loads of a form.
 
-An error model is a structure and a tail. The residual of finite-element loads after a form is
-fitted is not noise that differs from row to row: it repeats within a texture and from texture to
-texture at the same step. A structure says what is shared, a tail how far single rows may stray.
-Definitions and reasons: docs/derivations/error-models.md.
+An error model has a structure and a tail. The residuals of a form fitted to finite-element loads
+are not independent: they are similar within a texture, and at the same step of different textures.
+The structure defines which rows share offsets, the tail the distribution of each row's own error.
+Definitions and reasons are in docs/derivations/error-models.md.
 """
 
 from dataclasses import dataclass, field
@@ -12,13 +12,12 @@ from typing import ClassVar
 from ridgebayes.errors import InputError
 from ridgebayes.model.tails import TAILS, Tail
 
-# Variance of a smooth offset that is its place's own, over tau_step^2. It is part of the model: how
-# far residuals of one place are taken to be a smooth function of it. A function as smooth as the
-# half-plane's residual is known by its neighbours to about this; a smaller nugget asks for more
-# digits than double precision has to factorise the covariance, a larger one for less smoothness.
+# Independent variance of a smooth offset at each place, over tau_step^2. The nugget is part of the
+# model and limits the smoothness of the offset. With a smaller nugget double precision cannot
+# factorise the covariance; the half-plane's residual is smoother than a larger nugget assumes.
 NUGGET = 1e-8
-MAX_NUGGET = 1e-4  # a hundredth of the offset's sd: no longer smooth
-AUTO = "auto"  # all error models are weighed
+MAX_NUGGET = 1e-4  # independent part of 1 % of the offset's sd; a larger one is no longer smooth
+AUTO = "auto"  # all error models are compared and averaged
 SERIES = "series"
 SMOOTH = "step-smooth"
 
@@ -30,16 +29,16 @@ class Noise:
     Parameters
     ----------
     structure : str
-        Which offsets rows share. ``"iid"``: none; ``"texture"``: one offset per texture;
-        ``"step"``: one per count Q; ``"texture+step"``: both; ``"step-smooth"``: a smooth function
-        of log h (h = Q/2 - 1) and a/pitch, the two things that the half-plane's loads depend on.
-        Each also with ``"+series"``, one offset per series over all textures; ``"iid+series"`` is
-        called ``"series"``.
+        Offsets that rows share. ``"iid"``: none; ``"texture"``: one offset per texture; ``"step"``:
+        one per count Q; ``"texture+step"``: both; ``"step-smooth"``: a smooth function of log h (h
+        = Q/2 - 1) and a/pitch, which determine the half-plane's load over pitch^2. Each structure
+        can be followed by ``"+series"``, one offset per series over all textures; ``"iid+series"``
+        is called ``"series"``.
     tail : str
         Distribution of a row's own error: ``"normal"`` or ``"student"``.
     nugget : float, optional, dimensionless
-        Variance of a smooth offset that is its place's own, over tau_step^2; for sensitivity. Other
-        structures do not use it.
+        Independent variance of a smooth offset at each place, over tau_step^2, for sensitivity
+        studies. Other structures do not use it.
 
     Raises
     ------
@@ -73,8 +72,8 @@ class Noise:
     tails: ClassVar[tuple[str, ...]] = tuple(TAILS)
 
     def __post_init__(self) -> None:
-        if self.structure not in _CANONICAL:
-            raise InputError(f"noise: expected {_STRUCTURE}, got structure {self.structure!r}")
+        if self.structure not in _STRUCTURE_NAMES:
+            raise InputError(f"noise: expected {_STRUCTURE_RULE}, got structure {self.structure!r}")
         if self.tail not in self.tails:
             expected = ", ".join(self.tails)
             raise InputError(f"noise: expected one of {expected}, got tail {self.tail!r}")
@@ -82,16 +81,16 @@ class Noise:
             raise InputError(
                 f"nugget: expected a number > 0 and <= {MAX_NUGGET:g}, got {self.nugget!r}"
             )
-        object.__setattr__(self, "structure", _CANONICAL[self.structure])
+        object.__setattr__(self, "structure", _STRUCTURE_NAMES[self.structure])
 
     @classmethod
     def named(cls, name: str) -> "Noise":
-        """Return the error model that commands and files call STRUCTURE or STRUCTURE:student.
+        """Return an error model by the name that commands and files use.
 
         Parameters
         ----------
         name : str
-            Such as ``texture+step:student``.
+            STRUCTURE or STRUCTURE:student, for example ``texture+step:student``.
 
         Raises
         ------
@@ -99,31 +98,31 @@ class Noise:
             If there is no error model of this name.
         """
         structure, colon, tail = name.partition(":")
-        if structure not in _CANONICAL or (colon and tail not in cls.tails):
+        if structure not in _STRUCTURE_NAMES or (colon and tail not in cls.tails):
             raise InputError(
                 f"noise {name!r}: not an error model; expected STRUCTURE or STRUCTURE:student, "
-                f"STRUCTURE {_STRUCTURE}"
+                f"STRUCTURE {_STRUCTURE_RULE}"
             )
         return cls(structure, tail or "normal")
 
     @classmethod
     def every(cls) -> tuple["Noise", ...]:
-        """Return every structure with every tail, without series."""
+        """Return all combinations of structures and tails, without series."""
         return tuple(cls(structure, tail) for tail in cls.tails for structure in cls.structures)
 
     @classmethod
     def candidates(cls, n_series: int) -> tuple["Noise", ...]:
-        """Return the error models to weigh for a table.
+        """Return the error models to compare for a table.
 
         Parameters
         ----------
         n_series : int
-            Series, or sources, of the rows that are fitted: `Observations.n_series`.
+            Number of series, or sources, of the fitted rows: `Observations.n_series`.
 
         Returns
         -------
         tuple of Noise
-            `every`; of two or more series also each with ``+series``.
+            All of `every`; for two or more series also each of them with ``+series``.
 
         Examples
         --------
@@ -137,52 +136,52 @@ class Noise:
 
     @property
     def name(self) -> str:
-        """The name that commands and files use."""
+        """Name in commands and files."""
         return self.structure if self.tail == "normal" else f"{self.structure}:{self.tail}"
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """Groups that share offsets, of texture, step, step-smooth and series, in this order."""
+        """Factors whose levels have offsets: texture, step, step-smooth, series, in this order."""
         return () if self.structure == "iid" else tuple(self.structure.split("+"))
 
     @property
     def distribution(self) -> Tail:
-        """The distribution of a row's own error, standardised."""
+        """Distribution of a row's own error in units of its scale."""
         return TAILS[self.tail]
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the error model's own parameters, after the form's coefficients."""
-        names = [name for factor in self.factors for name in _PARAMETERS[factor]]
-        # Lengths after every tau, whatever they belong to.
+        """Names of the error model's parameters, which follow the form's coefficients."""
+        names = [name for factor in self.factors for name in _FACTOR_PARAMETERS[factor]]
+        # Every tau comes before every length.
         names.sort(key=lambda name: not name.startswith("tau_"))
         return ("sigma", *names, *self.distribution.parameter_names)
 
     @property
     def caution(self) -> str | None:
-        """Caution for readers of Bayes factors under this error model."""
+        """Caution to print with Bayes factors under this error model, or None."""
         return "rows are not independent" if self.structure in ("iid", SERIES) else None
 
 
-_PARAMETERS = {
+_FACTOR_PARAMETERS = {
     "texture": ("tau_texture",),
     "step": ("tau_step",),
     SMOOTH: ("tau_step", "length_h", "length_ratio"),
     SERIES: ("tau_series",),
 }
 _WITH_SERIES = {f"{name}+{SERIES}": f"{name}+{SERIES}" for name in Noise.structures}
-_CANONICAL = {name: name for name in (*Noise.structures, SERIES)} | _WITH_SERIES
-_CANONICAL[f"iid+{SERIES}"] = SERIES
-_STRUCTURE = f"one of {', '.join(Noise.structures)}, each also with +{SERIES}"
+_STRUCTURE_NAMES = {name: name for name in (*Noise.structures, SERIES)} | _WITH_SERIES
+_STRUCTURE_NAMES[f"iid+{SERIES}"] = SERIES
+_STRUCTURE_RULE = f"one of {', '.join(Noise.structures)}, each also with +{SERIES}"
 
 
 def error_models_for(noise: str | Noise, n_series: int) -> list[Noise]:
-    """Return the error models to weigh: all that suit the rows for ``auto``, else the named."""
+    """Return the error models to compare: all candidates for ``auto``, else the given model."""
     if noise != AUTO:
         return [as_noise(noise)]
     return list(Noise.candidates(n_series))
 
 
 def as_noise(noise: str | Noise) -> Noise:
-    """Return an error model from its name, or the model itself."""
+    """Return the error model, or the error model of the given name."""
     return Noise.named(noise) if isinstance(noise, str) else noise

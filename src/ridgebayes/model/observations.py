@@ -1,4 +1,4 @@
-"""The rows a posterior is conditioned on, as arrays."""
+"""The fitted rows of a table, as arrays."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from ridgebayes.table.table import ContactTable
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """Rows of three kinds: exact loads, brackets, and counts seen at a load.
+    """Rows of three kinds: exact loads, brackets, and counts observed at a load.
 
     Parameters
     ----------
@@ -24,22 +24,22 @@ class Observations:
     texture : ndarray of int, shape (n_obs,)
         Index of each row's texture.
     Q : ndarray of int, shape (n_obs,)
-        Count reached, or seen.
+        Count reached at the load, or observed at it.
     log_load : ndarray of float, shape (n_obs,), dimensionless
-        log of the load p/E reduced to nu = 0.5; of a bracket its upper end.
+        log of the load p/E reduced to nu = 0.5; the upper end of a bracket.
     rel_se : ndarray of float, shape (n_obs,), dimensionless
         Known relative standard error of the load.
     log_lower : ndarray of float, shape (n_obs,), dimensionless
-        log of the last load at which Q was not yet reached, -inf where that is 0; NaN in rows
+        log of the last load at which Q was not yet reached, -inf if this load is 0; NaN in rows
         without a bracket.
     is_count : ndarray of bool, shape (n_obs,)
-        Whether the row says that Q was seen at the load, not reached there.
+        True if Q was observed at the load, False if the load is the transition to Q.
     labels : tuple of str, length n_texture
         Names of the textures.
     series : ndarray of int, shape (n_obs,), optional
-        Index of each row's series; all of one series if not given.
+        Index of each row's series; one series if not given.
     series_labels : tuple of str, length n_series, optional
-        Names of the series. Rows that are taken keep them all, also those they have no row of.
+        Names of the series. `take` keeps all names, including those of series without rows.
     """
 
     textures: tuple[Texture, ...]
@@ -59,12 +59,12 @@ class Observations:
 
     @classmethod
     def from_table(cls, table: ContactTable) -> "Observations":
-        """Take the calibration rows of a table.
+        """Return the calibration rows of a table.
 
         Raises
         ------
         InputError
-            If there is no such row, or if a row's body is laterally offset.
+            If the table has no calibration row, or if a row's body is laterally offset.
         """
         rows = table.calibration
         frame = rows.frame
@@ -76,7 +76,7 @@ class Observations:
         widths = frame[["a_over_R", "b_over_R"]].to_numpy()
         codes, textures = pd.factorize(pd.MultiIndex.from_arrays([widths[:, 0], widths[:, 1]]))
         nu = frame["nu"].to_numpy()
-        # A source, such as a file's name, tells series apart only where nobody has named them.
+        # Sources, for example file names, define the series only if no row has a series label.
         by = "series" if (frame["series"] != "").any() else "source"
         series, series_labels = pd.factorize(frame[by])
         with np.errstate(divide="ignore"):  # a lower end of 0 is minus infinity
@@ -99,17 +99,17 @@ class Observations:
 
     @property
     def n_series(self) -> int:
-        """Series of the table that the rows are from, or sources where it names no series."""
+        """Number of series of the table, or of its sources if no row has a series label."""
         return len(self.series_labels)
 
     @property
     def one_series_per_texture(self) -> bool:
-        """Whether there are several series, and no texture has rows of two of them."""
+        """Whether there are several series, and every texture has rows of one series only."""
         return self.n_series > 1 and self._n_pair == len(self.textures)
 
     @property
     def one_texture_per_series(self) -> bool:
-        """Whether there are several series, and none has rows of two textures."""
+        """Whether there are several series, and every series has rows of one texture only."""
         return self.n_series > 1 and self._n_pair == self.n_series
 
     @property
@@ -128,7 +128,7 @@ class Observations:
 
     @property
     def is_exact(self) -> BoolArray:
-        """Rows that give the load itself: no count, no bracket, or a bracket of no width."""
+        """Mask of rows with an exact load: no count, and no bracket or one of zero width."""
         value: BoolArray = ~self.is_count & (
             np.isnan(self.log_lower) | (self.log_lower == self.log_load)
         )
@@ -140,7 +140,7 @@ class Observations:
         return hashlib.sha256(rows.tobytes()).hexdigest()
 
     def take(self, rows: BoolArray) -> "Observations":
-        """Return some of the rows, with the textures that they have."""
+        """Return selected rows, with only the textures that occur in them."""
         kept, codes = np.unique(self.texture[rows], return_inverse=True)
         return Observations(
             textures=tuple(self.textures[j] for j in kept),
@@ -157,12 +157,12 @@ class Observations:
 
 
 def _refuse_offsets(table: ContactTable) -> None:
-    """Name the first row whose body is not centred over a groove."""
-    everything = table.frame
-    fitted = (everything["status"] == "ok") & (everything["role"] == "calibration")
-    rows = np.flatnonzero(fitted & (everything["offset_over_R"] != 0))
+    """Raise InputError if the body of a calibration row is not centred over a groove."""
+    frame = table.frame
+    fitted = (frame["status"] == "ok") & (frame["role"] == "calibration")
+    rows = np.flatnonzero(fitted & (frame["offset_over_R"] != 0))
     if len(rows):
-        value = everything["offset_over_R"].tolist()[rows[0]]
+        value = frame["offset_over_R"].tolist()[rows[0]]
         more = f" and {len(rows) - 1} more rows" if len(rows) > 1 else ""
         raise InputError(
             f"{table.where}, row {rows[0] + 1}{more}: offset_over_R: expected 0, got {value!r}; "
@@ -171,7 +171,7 @@ def _refuse_offsets(table: ContactTable) -> None:
 
 
 def refuse_circular(table: ContactTable, form: Form) -> None:
-    """Raise InputError if the form would be fitted to rows that its own equation made."""
+    """Raise InputError if the half-plane form would be fitted to rows from its own equation."""
     if form.name != "half-plane":
         return
     n_half_plane = int((table.calibration.column("solver") == "half-plane").sum())

@@ -1,9 +1,10 @@
-r"""Offsets that rows share: which rows share which, and how they vary a priori.
+r"""Shared offsets: their levels, their prior covariance, and their values at new textures.
 
 Offsets enter a row's log load linearly: ``eta = mean + Z x``, with ``x = L s`` and standard normal
-scores s. Levels are of two blocks. The *first* has one level for each texture, and L is diagonal
-there; the power law's log K stands in it beside the texture offset, since both shift all rows of a
-texture alike. The *rest* holds steps, series, or the places of a smooth function.
+scores s. The levels have two blocks. The *first* block has a level for each texture, with a
+diagonal L; a level is the sum of the texture offset and the power law's log K, since both shift all
+rows of a texture by one amount. The *rest* has the levels of steps, series, or places of a smooth
+function; a place is a point (log h, a/pitch).
 """
 
 from dataclasses import dataclass
@@ -18,12 +19,12 @@ from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.noise import SERIES, SMOOTH, Noise
 from ridgebayes.model.observations import Observations
 
-MAX_OTHER_LEVELS = 600  # beside textures; a likelihood call costs their cube
+MAX_OTHER_LEVELS = 600  # levels of the rest; the cost of a likelihood grows with their cube
 
 
 @dataclass(frozen=True, eq=False)
 class Root:
-    """L of many draws: offsets are L times standard normal scores.
+    """The factor L at many draws: offsets are L times standard normal scores.
 
     Parameters
     ----------
@@ -47,18 +48,18 @@ class Root:
         return self.first * first, (rest[..., None, :] @ self.rest)[..., 0, :]
 
     def inside(self, border: FloatArray, corner: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return border and corner of L' G L, G as `DesignMatrix.gram` returns it."""
+        """Return border and corner of L' G L, for G from `DesignMatrix.gram`."""
         border = border * self.first[..., None, :]
-        turned = np.swapaxes(self.rest, -1, -2)
+        transpose = np.swapaxes(self.rest, -1, -2)
         if corner.ndim == border.ndim:
-            return turned @ border, turned @ (corner @ self.rest)
+            return transpose @ border, transpose @ (corner @ self.rest)
         half = np.sqrt(corner)[..., None] * self.rest
-        # NumPy computes a matrix times its own transpose with half the work.
-        return turned @ border, np.swapaxes(half, -1, -2) @ half
+        # NumPy needs half the work for the product of a matrix with its own transpose.
+        return transpose @ border, np.swapaxes(half, -1, -2) @ half
 
 
 class Offsets:
-    """Offsets of an error model, and of the power law's log K, at the places of some rows.
+    """Shared offsets of an error model, including the power law's log K, for given rows.
 
     Parameters
     ----------
@@ -67,45 +68,46 @@ class Offsets:
     data : Observations
         Rows.
     slope_sd : ndarray of float, shape (n_texture,), optional
-        Standard deviation of each texture's log load by the prior of its K.
+        Standard deviation of each texture's log load under the prior of its K.
 
     Raises
     ------
     InputError
-        If the error model has series and the rows are all of one.
+        If the error model has series, but all rows belong to one series.
     ComputationError
-        If there are more than 600 levels beside the textures'.
+        If there are more than 600 levels in addition to textures.
     """
 
     def __init__(
         self, noise: Noise, data: Observations, slope_sd: FloatArray | None = None
     ) -> None:
         factors, names = noise.factors, noise.parameter_names
-        self._made_of = noise, data
+        self._noise, self._data = noise, data
         if SERIES in factors and data.n_series < 2:
             raise InputError(
                 f"noise {noise.name!r}: expected rows of at least two series or sources, got one"
             )
         self.slope_sd = slope_sd
         self.nugget = noise.nugget
-        self._at = {name: i for i, name in enumerate(names)}
-        self._has = {name: name in factors for name in ("texture", "step", SMOOTH, SERIES)}
+        self._column = {name: i for i, name in enumerate(names)}
+        self._has_factor = {name: name in factors for name in ("texture", "step", SMOOTH, SERIES)}
         self._texture = {texture: j for j, texture in enumerate(data.textures)}
         self._steps = _steps(data)
         ratio = data.a_over_R / (data.a_over_R + data.b_over_R)
-        # The lower end of a count is the load of Q + 2, with offsets of its own.
+        # The lower end of a count is a second predictor, the load of Q + 2, with other offsets.
         counts = np.flatnonzero(data.is_count)
         texture = np.concatenate([data.texture, data.texture[counts]])
         series = np.concatenate([data.series, data.series[counts]])
-        # A count of 2 says nothing of load(2): its own level is a dummy of infinite load.
+        # A count of 2 does not depend on load(2), which is 0; its first predictor has an infinite
+        # error, and its level is arbitrary.
         placed_counts = np.where(data.is_count & (data.Q == 2), data.Q + 2, data.Q)
         Q = np.concatenate([placed_counts, data.Q[counts] + 2])
         levels: list[IntArray] = []
         self.n_smooth = self.n_rest = 0
-        if self._has["step"]:
+        if self._has_factor["step"]:
             levels.append(np.searchsorted(self._steps, Q))
             self.n_rest = len(self._steps)
-        if self._has[SMOOTH]:
+        if self._has_factor[SMOOTH]:
             places = _coordinates(Q, ratio[texture])
             _, first, codes = np.unique(
                 places.round(9), axis=0, return_index=True, return_inverse=True
@@ -114,7 +116,7 @@ class Offsets:
             self.n_smooth = self.n_rest = len(first)
             levels.append(codes.reshape(-1))
             self._axes = [_squares(column) for column in self._places.T]
-        if self._has[SERIES]:
+        if self._has_factor[SERIES]:
             levels.append(self.n_rest + series)
             self.n_rest += data.n_series
         if self.n_rest > MAX_OTHER_LEVELS:
@@ -122,21 +124,21 @@ class Offsets:
                 f"{noise.name}: {self.n_rest} offsets of steps, places and series; expected at "
                 f"most {MAX_OTHER_LEVELS}, since a likelihood call costs their cube"
             )
-        has_first = self._has["texture"] or slope_sd is not None
+        has_first = self._has_factor["texture"] or slope_sd is not None
         self.n_first = len(data.textures) if has_first else 0
         self.n_level = self.n_first + self.n_rest
         rest = np.array(levels, dtype=np.int64).reshape(len(levels), len(Q))
         self.design = DesignMatrix(texture if has_first else None, self.n_first, rest, self.n_rest)
 
     def own(self) -> "Offsets":
-        """Return the error model's offsets alone, without the power law's log K."""
-        return self if self.slope_sd is None else Offsets(*self._made_of)
+        """Return the error model's offsets without the power law's log K."""
+        return self if self.slope_sd is None else Offsets(self._noise, self._data)
 
     def tau(self, name: str, eta: FloatArray) -> FloatArray:
-        """Return the scale of a factor's offsets, shape (...); 0 where it has none."""
-        if not self._has[SMOOTH if name == "step" and self._has[SMOOTH] else name]:
+        """Return the scale of a factor's offsets, shape (...); 0 if the model lacks the factor."""
+        if not self._has_factor[SMOOTH if name == "step" and self._has_factor[SMOOTH] else name]:
             return np.zeros(eta.shape[:-1])
-        value: FloatArray = eta[..., self._at[f"tau_{name}"]]
+        value: FloatArray = eta[..., self._column[f"tau_{name}"]]
         return value
 
     def root(self, eta: FloatArray) -> Root:
@@ -157,7 +159,7 @@ class Offsets:
         root = np.zeros((*lead, r, r))
         if n:
             root[..., :n, :n] = cholesky_or_nan(self._covariance(eta))
-        n_step = len(self._steps) if self._has["step"] else 0
+        n_step = len(self._steps) if self._has_factor["step"] else 0
         steps, series = np.arange(n_step), np.arange(n_step + n, r)
         root[..., steps, steps] = self.tau("step", eta)[..., None]
         root[..., series, series] = self.tau(SERIES, eta)[..., None]
@@ -176,14 +178,14 @@ class Offsets:
         return covariance.reshape(*lead, n, n)
 
     def covariance(self, design: DesignMatrix, eta: FloatArray) -> FloatArray:
-        """Return the covariance of a design's predictors by smooth and other offsets, (..., n, n).
+        """Return the covariance of the predictors' offsets, (..., n, n).
 
         Parameters
         ----------
         design : DesignMatrix
-            Rows of `Offsets.design`.
+            Predictors, a selection of `Offsets.design`.
         eta : ndarray of float, shape (..., n_noise)
-            Error model parameters; the error model has a smooth offset.
+            Parameters of an error model with a smooth offset.
         """
         place, n = design.rest[0], self.n_smooth
         value = self._covariance(eta)
@@ -200,10 +202,10 @@ class Offsets:
         return value
 
     def _lengths(self, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return eta[..., self._at["length_h"]], eta[..., self._at["length_ratio"]]
+        return eta[..., self._column["length_h"]], eta[..., self._column["length_ratio"]]
 
     def prior_variance(self, eta: FloatArray) -> FloatArray:
-        """Return the variance a priori of each predictor's offset, shape (..., n)."""
+        """Return the prior variance of each predictor's offset, shape (..., n)."""
         grouped = np.zeros((*eta.shape[:-1], self.design.n))
         if self.design.first is not None:
             grouped += self.first_root(eta)[..., self.design.first] ** 2
@@ -212,7 +214,7 @@ class Offsets:
         return value
 
     def prepared(self, eta: FloatArray, scores: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Return what smooth offsets at new places follow from; None without these.
+        """Return the arrays that `at` needs for smooth offsets; None for other error models.
 
         Parameters
         ----------
@@ -224,9 +226,9 @@ class Offsets:
         Returns
         -------
         inverse : ndarray of float, shape (n_draw, n_place, n_place)
-            L^-1 of the places.
+            Inverse of L at the calibrated places.
         weights : ndarray of float, shape (n_draw, n_place)
-            Their offsets times the inverse covariance.
+            Inverse covariance times the offsets at these places.
         """
         n = self.n_smooth
         if not n:
@@ -257,27 +259,27 @@ class Offsets:
         scores : ndarray of float, shape (n_draw, n_level)
             Scores.
         prepared : tuple or None
-            What `prepared` returns for the same draws.
+            Result of `prepared` for the same draws.
 
         Returns
         -------
         mean, variance : ndarray of float, both of shape (n_draw, n_Q)
-            A texture, a step or a place with rows keeps its offset; a new one, and the new series
-            that is predicted, draws its own. Beyond the calibrated range of log h or a/pitch
-            nothing has tested the smoothness: there a second, independent process with the variance
-            ``tau^2 (1 - exp(-d^2/2))`` widens the offset, d being the distance from the range in
-            lengths.
+            Calibrated textures and steps keep their inferred offsets; new textures, new steps and
+            the new series draw from the offsets' prior. A smooth offset follows from the calibrated
+            places. Outside their range of log h and a/pitch, where no data test the smoothness, the
+            variance increases by ``tau^2 (1 - exp(-d^2/2))``, with d the distance from the range in
+            units of the lengths.
         """
         mean = np.zeros((len(eta), len(Q)))
         variance = np.zeros((len(eta), len(Q))) + self.tau(SERIES, eta)[:, None] ** 2
         first, rest = scores[:, : self.n_first], scores[:, self.n_first :]
-        if self._has["texture"]:
+        if self._has_factor["texture"]:
             tau, j = self.tau("texture", eta)[:, None], self._texture.get(texture)
             if j is None:
                 variance = variance + tau**2
             else:
                 mean = mean + tau * first[:, [j]]
-        if self._has["step"]:
+        if self._has_factor["step"]:
             place = np.searchsorted(self._steps, Q)
             is_calibrated = np.append(self._steps, -1)[place] == Q
             tau = self.tau("step", eta)[:, None]
@@ -286,8 +288,8 @@ class Offsets:
             )
             variance = variance + np.where(is_calibrated, 0.0, tau**2)
         if prepared is not None:
-            more = self._smooth_at(texture, Q, eta, *prepared)
-            mean, variance = mean + more[0], variance + more[1]
+            smooth_mean, smooth_variance = self._smooth_at(texture, Q, eta, *prepared)
+            mean, variance = mean + smooth_mean, variance + smooth_variance
         return mean, variance
 
     def _smooth_at(
@@ -298,11 +300,12 @@ class Offsets:
         inverse: FloatArray,
         weights: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
+        """Return mean and variance of the smooth offset at a texture and counts."""
         variance = self.tau("step", eta)[:, None] ** 2
-        at = _coordinates(Q, np.full(len(Q), texture[0] / (texture[0] + texture[1])))
-        squares = (self._places[:, None] - at) ** 2
+        new = _coordinates(Q, np.full(len(Q), texture[0] / (texture[0] + texture[1])))
+        squares = (self._places[:, None] - new) ** 2
         low, high = self._places.min(axis=0), self._places.max(axis=0)
-        beyond = np.maximum(np.maximum(low - at, at - high) - 1e-9, 0)
+        beyond = np.maximum(np.maximum(low - new, new - high) - 1e-9, 0)
         with np.errstate(over="ignore", under="ignore"):
             scale = np.stack(self._lengths(eta), axis=-1) ** -2.0
             correlation = np.exp(-0.5 * np.einsum("lqx,dx->dlq", squares, scale))
@@ -313,7 +316,7 @@ class Offsets:
 
 
 def _steps(data: Observations) -> IntArray:
-    """Return every count at which a row depends on a load."""
+    """Return the counts whose loads determine the rows' densities."""
     counts = data.Q[~data.is_count | (data.Q >= 4)]
     return np.unique(np.concatenate([counts, data.Q[data.is_count] + 2]))
 
@@ -324,9 +327,9 @@ def _coordinates(Q: IntArray, ratio: FloatArray) -> FloatArray:
 
 
 def _squares(column: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return squared distances of distinct values, and where each pair of places finds its own.
+    """Return squared distances of a coordinate's distinct values, and the index of each pair.
 
-    The kernel is a product: each factor is computed at its own few values.
+    The kernel is a product over coordinates, so that each factor is needed at few distances only.
     """
     _, first, code = np.unique(column.round(9), return_index=True, return_inverse=True)
     values = column[first]

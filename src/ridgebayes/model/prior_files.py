@@ -1,6 +1,7 @@
-"""Replacements for default priors: from a TOML file, or as a caller gives them.
+"""Replacements for default priors, from a TOML file or from arguments.
 
-A table for each form, and one for the error models; `distributions.grammar` lists what there is:
+A file has a table for each form, and a table for the error models. `distributions.grammar` lists
+the distributions:
 
     [hybrid]
     c1 = "lognormal(1.382, 10 %)"  # median, sd of the logarithm
@@ -29,8 +30,8 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.reading import read_toml
 from ridgebayes.runtime.text import clipped
 
-OF_ERRORS = "noise"
-# By form name or "noise", then by parameter: distributions, SciPy's too, or their texts.
+OF_ERRORS = "noise"  # key of the priors of error models
+# By form name or "noise", then by parameter: distributions, SciPy's frozen distributions, or texts.
 Priors: TypeAlias = Mapping[str, Mapping[str, Any]]
 ResolvedPriors: TypeAlias = Mapping[str, Mapping[str, Distribution]]
 
@@ -46,22 +47,23 @@ def resolve_priors(
     Parameters
     ----------
     given : mapping or path, optional
-        By form name, or ``noise``, and parameter name, or a file of them; K of the power law is
-        that of every texture without a K of its own. Resolved priors may be resolved again.
+        Priors by form name (or ``noise``) and parameter name, or the path of a TOML file. K of the
+        power law applies to every texture that is not given by name. Resolved priors may be
+        resolved again.
     forms : sequence of Form
         Forms that are fitted.
     noises : sequence of Noise
         Error models.
     data : Observations
-        Rows, whose textures the power law has a K for.
+        Rows, whose textures define the power law's K.
 
     Raises
     ------
     InputError
-        If a prior is of a form or a parameter that nothing has, no known distribution, or not above
-        0 where the parameter is; key and value are named.
+        If a form or a parameter is unknown, if a value is not a known distribution, or if it allows
+        values below 0 for a positive parameter. The message names key and value.
     """
-    where, folder = "priors", Path()  # of messages; of files of samples
+    where, folder = "priors", Path()  # beginning of messages, and folder of sample files
     if isinstance(given, str | os.PathLike):
         where, folder = str(given), Path(given).parent
         given = read_toml(Path(given))
@@ -77,11 +79,11 @@ def resolve_priors(
             expected = ", ".join(sorted(defaults))
             raise InputError(f"{where}: expected one of {expected}, got {clipped(str(owner))}")
         resolved[owner] = {}
-        for name in sorted(texts, key=lambda name: name != SLOPES):  # that of one slope comes later
-            value, every = texts[name], [name]
+        for name in sorted(texts, key=lambda name: name != SLOPES):  # K of one texture overrides K
+            value, parameters = texts[name], [name]
             if owner == PowerLaw.name and name == SLOPES:
-                every = list(defaults[owner])
-                value = resolved[owner][name] = _of_any_texture(
+                parameters = list(defaults[owner])
+                value = resolved[owner][name] = _common_slope_prior(
                     value, f"{where}: [{owner}]", folder
                 )
             elif name not in defaults[owner]:
@@ -90,14 +92,14 @@ def resolve_priors(
                 )
                 shown = clipped(str(name))
                 raise InputError(f"{where}: [{owner}]: expected one of {expected}, got {shown}")
-            for parameter in every:
+            for parameter in parameters:
                 at, default = f"{where}: [{owner}] {name}", defaults[owner][parameter]
                 resolved[owner][parameter] = _resolved(value, default, at, folder)
     return resolved
 
 
 def priors_of(priors: ResolvedPriors | None, form: Form, noise: Noise) -> dict[str, Distribution]:
-    """Return the replaced priors that a form under an error model has."""
+    """Return the replaced priors of a form's and an error model's parameters."""
     priors_of_owner = priors or {}
     shared = priors_of_owner.get(OF_ERRORS, {})
     of_noise = {name: prior for name, prior in shared.items() if name in noise.parameter_names}
@@ -107,6 +109,7 @@ def priors_of(priors: ResolvedPriors | None, form: Form, noise: Noise) -> dict[s
 def _resolved(
     value: object, default: Distribution | None, where: str, folder: Path
 ) -> Distribution:
+    """Return the distribution of a parameter, with ``auto`` replaced by the default's median."""
     auto = float(default.median) if isinstance(default, LogNormal) else None
     value = from_scipy(value, where)
     if not isinstance(value, Distribution):
@@ -118,8 +121,8 @@ def _resolved(
     return value
 
 
-def _of_any_texture(value: object, where: str, folder: Path) -> Distribution:
-    """Return the prior of slopes, in which the median of a texture is still open."""
+def _common_slope_prior(value: object, where: str, folder: Path) -> Distribution:
+    """Return the common prior of all slopes, in which ``auto`` is not yet replaced."""
     value = from_scipy(value, where)
     if isinstance(value, Distribution):
         return value

@@ -1,4 +1,4 @@
-"""New log loads under a form and an error model: what the model says that rows could have been."""
+"""Simulation of new log loads, and draws of parameters from the prior."""
 
 import numpy as np
 
@@ -8,8 +8,8 @@ from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.model.model import Model
 from ridgebayes.model.offsets import Offsets
 
-_BATCH_SIZE = 2**20  # numbers of covariances, 8 MB
-_MAX_ROUNDS = 1_000  # of prior draws without a load
+_BATCH_SIZE = 2**20  # numbers in the covariances of a batch: 8 MB
+_MAX_ROUNDS = 1_000  # rounds of n prior draws, until n of them have positive rates
 
 
 def simulate_log_loads(
@@ -20,21 +20,20 @@ def simulate_log_loads(
     Parameters
     ----------
     model : Model
-        Form, error model and the places of the rows; their loads are not looked at.
+        Form, error model, and the rows' textures and counts; their loads are not used.
     theta : ndarray of float, shape (..., n_parameter)
         Parameters.
     rng : numpy.random.Generator
         Source of the draws.
     n : int, optional
-        Draws at each `theta`.
+        Number of draws at each `theta`.
 
     Returns
     -------
     ndarray of float, shape (n, ..., n_obs), dimensionless
-        Form, plus new draws of shared offsets, plus each row's own error, its known relative error
-        in quadrature. A row that brackets its load, and one that counts, gets an exact load: that
-        of its Q. NaN where there is none: at a count of 2, and where the form's rate is not
-        positive.
+        Sum of the form's log load, new draws of shared offsets, and each row's own error, whose
+        scale includes the known relative error in quadrature. Brackets and counts also get the
+        exact load of their Q. NaN at a count of 2, and if the form's rate is not positive.
 
     Raises
     ------
@@ -68,7 +67,7 @@ def simulate_log_loads(
 
 
 def form_log_loads(model: Model, theta: FloatArray) -> FloatArray:
-    """Return the form's own log loads of the rows, shape (..., n_obs), NaN where there is none."""
+    """Return the form's log loads of the rows, shape (..., n_obs); NaN if there is no load."""
     data = model.data
     shape = model.form.shape(data.Q, data.a_over_R[data.texture], data.b_over_R[data.texture])
     log_rate = model.log_rates(theta)[..., data.texture]
@@ -78,9 +77,9 @@ def form_log_loads(model: Model, theta: FloatArray) -> FloatArray:
 
 
 def is_possible(model: Model, theta: FloatArray) -> BoolArray:
-    """Return whether rows have a likelihood at all at parameters, ``theta.shape[:-1]``.
+    """Return a mask of parameters at which the model has loads, shape ``theta.shape[:-1]``.
 
-    Every rate is positive, and a smooth offset's covariance can be factorised.
+    All rates must be positive, and a smooth offset's covariance must have a Cholesky factor.
     """
     possible = np.isfinite(model.log_rates(theta)).all(axis=-1)
     offsets = model.offsets.own()
@@ -92,9 +91,9 @@ def is_possible(model: Model, theta: FloatArray) -> BoolArray:
 
 
 def _offsets(offsets: Offsets, eta: FloatArray, scores: FloatArray) -> FloatArray:
-    """Return each predictor's offset, some draws at a time: their covariances are not there whole.
+    """Return each predictor's offset for `eta` (..., n_noise) and `scores` (n, ..., n_level).
 
-    `eta` has shape (..., n_noise), `scores` (n, ..., n_level).
+    The draws are processed in batches to limit the memory of their covariances.
     """
     flat = eta.reshape(-1, eta.shape[-1])
     by_draw = scores.reshape(len(scores), len(flat), offsets.n_level)
@@ -110,7 +109,7 @@ def _offsets(offsets: Offsets, eta: FloatArray, scores: FloatArray) -> FloatArra
 
 
 def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
-    """Draw parameters from the prior, where loads follow from them.
+    """Draw parameters from the prior, restricted to parameters at which the model has loads.
 
     Parameters
     ----------
@@ -124,13 +123,13 @@ def prior_draws(model: Model, rng: np.random.Generator, n: int) -> FloatArray:
     Returns
     -------
     ndarray of float, shape (n, n_parameter)
-        Draws at which the rate of every texture is positive. Where one is not, the likelihood of
-        any rows is zero: the posterior is the same for the prior and for the prior kept to these.
+        Draws at which the rate of every texture is positive. The restriction does not change the
+        posterior, since the likelihood of other parameters is zero.
 
     Raises
     ------
     ComputationError
-        If hardly any draw has positive rates.
+        If fewer than 0.1 % of the prior draws have positive rates.
     """
     joint = JointPrior(model.priors.values())
     parts, n_possible = [], 0

@@ -1,10 +1,10 @@
-"""Log densities of rows given their shared offsets: exact loads, brackets, counts.
+"""Log densities of exact loads, brackets and counts, given their shared offsets.
 
-The *error* of a predictor is ``log load - 2 log shape + 2 log rate - offset``, in which the rate
-shifts all rows of a texture alike. An exact row has the density of its error. A bracket has the
-probability between its ends, which share one offset. A count Q seen at a load p says
-load(Q) <= p < load(Q + 2): its two ends have offsets, and so predictors, of their own; those of the
-lower ends follow those of the rows.
+The *error* of a predictor is ``log load - 2 log shape + 2 log rate - offset``; the rate shifts all
+rows of a texture by one amount. An exact row has the density of its error. A bracket has the
+probability of the interval between its ends, which share one offset. A count Q observed at a load p
+means load(Q) <= p < load(Q + 2). These two loads have different offsets, so that a count has two
+predictors; the predictors of the lower ends come after those of all rows.
 """
 
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ from ridgebayes.model.forms import Form
 from ridgebayes.model.observations import Observations
 from ridgebayes.model.tails import Tail
 
-# Relative standard error that a load has at least where rows share offsets: the tolerance of
-# half-plane loads. Rows that agree to rounding would leave sigma without a lower bound.
+# Smallest relative standard error of a load if rows share offsets: the tolerance of half-plane
+# loads. Without it, rows that agree to rounding would leave sigma without a lower bound.
 MIN_REL_SE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows with the form's shape taken off, one by one.
+    """Log loads of rows relative to the form's shape.
 
     Parameters
     ----------
@@ -34,14 +34,15 @@ class Rows:
     rel_se : ndarray of float, shape (n_row,), dimensionless
         Known relative standard error of the load.
     exact : ndarray of bool, shape (n_row,)
-        Rows that give the load itself.
+        Rows with an exact load.
     is_count : ndarray of bool, shape (n_row,)
-        Rows that say which count was seen at a load.
+        Rows with a count observed at a load.
     upper : ndarray of float, shape (n_row,), dimensionless
-        log load less 2 log shape: of the load itself, of a bracket's upper end, of the load at
-        which a count was seen. Infinite for a count of 2, which any load is enough for.
+        log load minus 2 log shape, for an exact load, a bracket's upper end, or a count's load.
+        Infinite for a count of 2, which is reached at any load.
     lower : ndarray of float, shape (n_row,), dimensionless
-        The same of a bracket's lower end, and of a count's load less the shape of Q + 2.
+        log load minus 2 log shape, for a bracket's lower end, or for a count's load with the shape
+        of Q + 2.
     """
 
     texture: IntArray
@@ -53,7 +54,7 @@ class Rows:
 
     @classmethod
     def of(cls, data: Observations, form: Form, *, share_offsets: bool = False) -> "Rows":
-        """Take the shape of a form off some rows.
+        """Return rows relative to the shape of a form.
 
         Parameters
         ----------
@@ -62,7 +63,7 @@ class Rows:
         form : Form
             Contact form.
         share_offsets : bool, optional
-            Whether rows share offsets; none is known better than `MIN_REL_SE` then.
+            Whether rows share offsets; `rel_se` is then at least `MIN_REL_SE`.
 
         Raises
         ------
@@ -91,10 +92,10 @@ class Rows:
 
     @cached_property
     def centre(self) -> tuple[FloatArray, FloatArray]:
-        """Each row's middle and the variance of a uniform error within its width.
+        """Middle of each row's interval, and variance of a uniform distribution over its width.
 
-        Where one end is infinite, or the width above 1 (a factor of 2.7 in load), a width of 1 at
-        the other end is taken: a rough value for proposals, whose weights correct it.
+        If one end is infinite, or the width above 1 (a factor of 2.7 in load), the interval of
+        width 1 at the other end is used. Only proposals use these rough values.
         """
         upper = np.where(np.isfinite(self.upper), self.upper, self.lower + 1)
         lower = np.maximum(self.lower, upper - 1)
@@ -102,7 +103,7 @@ class Rows:
 
     @cached_property
     def counts(self) -> IntArray:
-        """Numbers of the rows that count, shape (n_count,)."""
+        """Indices of the rows with counts, shape (n_count,)."""
         return np.flatnonzero(self.is_count)
 
     @cached_property
@@ -110,8 +111,8 @@ class Rows:
         return np.flatnonzero(~self.exact)
 
     @cached_property
-    def _is_window(self) -> BoolArray:
-        """Which of the intervals are counts."""
+    def _is_count_interval(self) -> BoolArray:
+        """Mask of the intervals that are counts."""
         value: BoolArray = self.is_count[self._intervals]
         return value
 
@@ -148,12 +149,12 @@ class Rows:
         tail : Tail
             Distribution of the rows' own errors.
         df : ndarray of float, shape (..., 1), or None
-            Its parameter.
+            Degrees of freedom of Student errors.
 
         Returns
         -------
         ndarray of float, shape (..., n_row)
-            Natural logarithms.
+            Natural logarithms of densities and probabilities.
         """
         n = len(self.upper)
         if self.exact.all():
@@ -170,36 +171,36 @@ class Rows:
         self, error: FloatArray, scale: FloatArray, tail: Tail, df: FloatArray | None
     ) -> FloatArray:
         """Return log probabilities of brackets and counts, shape (..., n_interval)."""
-        rows, windows = self._intervals, self._is_window
+        rows, is_count = self._intervals, self._is_count_interval
         scale = np.broadcast_to(scale, (*error.shape[:-1], len(self.upper)))[..., rows]
         high = error[..., rows]
         width = np.broadcast_to(self.upper[rows] - self.lower[rows], high.shape)
         with np.errstate(invalid="ignore"):  # a count of 2 has infinite ends
             low = high - width
-        if windows.any():
+        if is_count.any():
             low = low.copy()
-            low[..., windows] = error[..., len(self.upper) :]
-            apart = error[..., rows[windows]] - low[..., windows]
+            low[..., is_count] = error[..., len(self.upper) :]
+            distance = error[..., rows[is_count]] - low[..., is_count]
             width = width.copy()
-            # A load cannot reach a further ridge before a nearer one: P(Q >= n) is the running
-            # minimum over n where offsets turn two loads round.
-            width[..., windows] = np.maximum(apart, 0)
+            # Offsets can put load(Q + 2) below load(Q), although the further ridge cannot be
+            # reached first. Such an interval has width and probability zero.
+            width[..., is_count] = np.maximum(distance, 0)
             low = np.minimum(low, high)
         return tail.log_probability(low / scale, high / scale, df, width / scale)
 
 
 @dataclass(frozen=True, eq=False)
 class RowGroups:
-    """Exact rows alike in texture, known error and offsets: number, mean, sum of squares.
+    """Groups of exact rows with equal texture, known error and offset levels.
 
     Parameters
     ----------
     row : ndarray of int, shape (n_group,)
-        A row of each group.
+        Index of one row of each group.
     n, mean, sum_of_squares : ndarray of float, shape (n_group,)
-        Number of rows, and the mean and the sum of squares about it of their `Rows.upper`.
+        Number of rows, and mean of their `Rows.upper` with the sum of squares about it.
     of_row : ndarray of int, shape (n_row,)
-        Group of each row.
+        Index of each row's group.
     """
 
     row: IntArray
@@ -210,12 +211,12 @@ class RowGroups:
 
     @classmethod
     def of(cls, rows: Rows, levels: IntArray) -> "RowGroups":
-        """Group rows; `levels`, shape (n_factor, n_row), are those of their offsets."""
+        """Group rows by texture, known error and offset levels, shape (n_factor, n_row)."""
         keys = np.stack([rows.texture, np.unique(rows.rel_se, return_inverse=True)[1], *levels])
         _, first, group = np.unique(keys, axis=1, return_index=True, return_inverse=True)
         group = group.reshape(-1)
         n = np.bincount(group).astype(float)
         mean = np.bincount(group, rows.upper) / n
-        # About the mean, not as a difference of squares: residuals are 1e-2 on values of 10.
+        # A difference of sums of squares would cancel: residuals are 1e-2 on values of 10.
         squares = np.bincount(group, (rows.upper - mean[group]) ** 2).astype(float)
         return cls(first, n, mean, squares, group)

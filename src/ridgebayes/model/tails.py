@@ -1,10 +1,10 @@
-r"""The distribution of one row's error in units of its scale: normal, or Student's t.
+r"""Distributions of a row's error in units of its scale: normal, or Student's t.
 
-The probability of an interval is needed for rows that only bracket a load. Differences of
-distribution functions lose it where the interval is narrow, and underflow far out. So narrow
-intervals are integrated by Gauss-Legendre quadrature of the density relative to its middle: nothing
-is subtracted. Wide ones are the difference of two tails relative to the larger one, the interval
-reflected so that both are lower tails.
+Rows with a bracket or a count need the probability of an interval. Differences of distribution
+functions cancel for narrow intervals and underflow far out. Therefore the density, relative to its
+value at the middle, is integrated over narrow intervals by Gauss-Legendre quadrature. For wide
+intervals the difference of two tail probabilities is computed relative to the larger tail; the
+interval is reflected so that both are lower tails.
 """
 
 import math
@@ -16,24 +16,25 @@ from scipy import special
 
 from ridgebayes._types import LOG_2PI, FloatArray
 
-# Half an interval times the rate its log density changes at: up to here three of Legendre's nodes
-# give 1e-13 of P of normal errors, and sixteen give it of Student's.
-_MAX_NARROW_RATE, _MAX_PANEL_RATE = 0.02, 2.5
+# Largest half-width of an interval times the slope of the log density for which quadrature has a
+# relative error of 1e-13: with three Legendre nodes for normal errors, with sixteen for Student's.
+_MAX_NARROW_NORMAL, _MAX_NARROW_STUDENT = 0.02, 2.5
 _LEGENDRE = tuple(zip(*(x[8:] for x in np.polynomial.legendre.leggauss(16)), strict=True))
 _LAGUERRE = tuple(zip(*np.polynomial.laguerre.laggauss(24), strict=True))
-# Student's tail, by z = sqrt(df) sinh v: beyond this v a binomial series in cosh^-2 v, the highest
-# power first, gives it to rounding; before, Laguerre's nodes give 1e-13 from this df log cosh v on.
+# Student's tail at z = sqrt(df) sinh v. For larger v a binomial series in cosh^-2 v, stored from
+# the highest power, is accurate to rounding. For smaller v Laguerre nodes are accurate to 1e-13 if
+# df log cosh v is above `_MAX_EXPONENT`.
 _MIN_SERIES_V = 2.0
 _SERIES = tuple((k, special.binom(k - 0.5, k)) for k in reversed(range(14)))
 _ROOT_HALF = math.sqrt(0.5)
-_MAX_EXPONENT = 600.0  # the lower tail underflows beyond it
+_MAX_EXPONENT = 600.0  # lower tail probabilities below exp(-600) are close to underflow
 
 
 class Tail(ABC):
-    """The distribution of an error of scale 1, symmetric about 0.
+    """A distribution of errors with scale 1, symmetric about 0.
 
-    Arguments are numbers or arrays and broadcast against each other. `df` is what the tail names
-    in `parameter_names`; a tail without parameters ignores it.
+    Arguments are numbers or arrays and broadcast against each other. `df` is the parameter in
+    `parameter_names`; a tail without parameters ignores it.
     """
 
     name: ClassVar[str]
@@ -50,22 +51,22 @@ class Tail(ABC):
         Parameters
         ----------
         low, high : float or ndarray
-            Ends, -inf <= low < high <= inf.
+            Ends of the interval, -inf <= low < high <= inf.
         df : float or ndarray or None
             Parameter of the tail.
         width : float or ndarray, optional
-            high - low, where it is known better than by subtraction.
+            high - low, if it is known more precisely than the difference of rounded ends.
 
         Returns
         -------
         ndarray of float
-            In the broadcast shape; -inf where even the logarithm is beyond a float.
+            Log probability in the broadcast shape; -inf if the logarithm overflows.
 
         Notes
         -----
-        The relative error of P is within 1e-12 + 1e-15 abs(log P): quadrature, then the rounding
-        of the logarithm and of ends far out. A `width` that was not given adds the rounding of its
-        subtraction.
+        The relative error of P is at most 1e-12 + 1e-15 abs(log P): the first term is that of
+        quadrature, the second is rounding of the logarithm and of ends far out. If `width` is not
+        given, the rounding of the subtraction adds to it.
         """
 
     @abstractmethod
@@ -74,11 +75,11 @@ class Tail(ABC):
 
     @abstractmethod
     def rvs(self, rng: np.random.Generator, df: Any, size: Any) -> FloatArray:
-        """Return draws of the shape `size`, against which `df` broadcasts."""
+        """Return draws of shape `size`; `df` broadcasts to this shape."""
 
     @abstractmethod
     def weight(self, z: Any, df: Any) -> FloatArray:
-        """Return minus the derivative of the log density over `z`: 1 of normal errors."""
+        """Return -(d log density / dz) / z, which is 1 for normal errors."""
 
 
 class NormalTail(Tail):
@@ -109,20 +110,20 @@ class NormalTail(Tail):
                 np.where(right, high, np.negative(low)),
             )
             peak = -0.5 * np.square(near)
-            # 0 where the far end is infinite, and the middle may be nan.
-            less = np.fmax(special.erfcx(far * _ROOT_HALF) * np.exp(-width * middle), 0.0)
-            more = special.erfcx(np.abs(near) * _ROOT_HALF)
-            beside = peak + np.log(0.5 * (more - less))
-            across = np.log1p(-0.5 * np.exp(peak) * (more + less))
-            value = np.where(near < 0, across, beside)
-            narrow = 0.5 * width * np.maximum(middle, 1.0) <= _MAX_NARROW_RATE
+            # `fmax` replaces NaN by 0: the middle is NaN if both ends are infinite.
+            far_tail = np.fmax(special.erfcx(far * _ROOT_HALF) * np.exp(-width * middle), 0.0)
+            near_tail = special.erfcx(np.abs(near) * _ROOT_HALF)
+            one_side = peak + np.log(0.5 * (near_tail - far_tail))
+            both_sides = np.log1p(-0.5 * np.exp(peak) * (near_tail + far_tail))
+            value = np.where(near < 0, both_sides, one_side)
+            narrow = 0.5 * width * np.maximum(middle, 1.0) <= _MAX_NARROW_NORMAL
             if np.any(narrow):
-                # Legendre's three nodes: at the middle, and sqrt(0.15) widths on either side of it.
-                beyond = np.exp(-0.075 * np.square(width)) * np.cosh(
+                # The three Legendre nodes are the middle and sqrt(0.15) widths on either side.
+                outer = np.exp(-0.075 * np.square(width)) * np.cosh(
                     math.sqrt(0.15) * width * middle
                 )
-                curved = np.log(width * (4 + 5 * beyond) / 9) - 0.5 * (np.square(middle) + LOG_2PI)
-                value = np.where(narrow, curved, value)
+                by_nodes = np.log(width * (4 + 5 * outer) / 9) - 0.5 * (middle * middle + LOG_2PI)
+                value = np.where(narrow, by_nodes, value)
         return np.asarray(value)
 
     def cdf(self, z: Any, df: Any) -> FloatArray:
@@ -136,7 +137,7 @@ class NormalTail(Tail):
 
 
 class StudentTail(Tail):
-    r"""Student's t errors with `df` degrees of freedom, 0.1 <= df, of scale 1, not of variance 1.
+    r"""Student's t errors with `df` >= 0.1 degrees of freedom and scale 1 (the variance differs).
 
     Notes
     -----
@@ -144,8 +145,9 @@ class StudentTail(Tail):
 
     .. math:: f(z) = f(0) \cosh^{-(df + 1)} v, \qquad f(z)\,dz = f(0) \sqrt{df} \cosh^{-df} v\,dv.
 
-    Probabilities of narrow intervals are integrated in v: whatever df, the singularities of the
-    integrand stay pi/2 away from the axis. Wide ones are the difference of two tails.
+    Probabilities of narrow intervals are integrated in v, because the singularities of the
+    integrand are pi/2 away from the real axis for any df. Probabilities of wide intervals are
+    differences of two tails.
 
     Examples
     --------
@@ -157,7 +159,7 @@ class StudentTail(Tail):
     parameter_names = ("df",)
 
     def _df(self, df: Any) -> FloatArray:
-        """Return the degrees of freedom at the tail's parameter."""
+        """Return the degrees of freedom; subclasses may compute or fix them."""
         return np.asarray(df, float)
 
     def log_density(self, z: Any, df: Any) -> FloatArray:
@@ -174,20 +176,20 @@ class StudentTail(Tail):
                 width = np.subtract(high, low)
             root, log_peak = np.sqrt(df), _log_density_at_zero(df)
             middle = 0.5 * (np.arcsinh(low / root) + np.arcsinh(high / root))
-            # sinh b - sinh a = 2 cosh((a + b) / 2) sinh((b - a) / 2): keeps a width known exactly.
+            # sinh b - sinh a = 2 cosh((a + b) / 2) sinh((b - a) / 2) uses the exact width.
             half = np.arcsinh(0.5 * width / root / np.cosh(middle))
             slope = np.tanh(middle)
-            # At least _MAX_PANEL_RATE: no half-width above 1, for the singularities at pi/2.
-            rate = np.maximum(np.maximum(root, _MAX_PANEL_RATE), df * np.abs(slope))
-            # Not the opposite comparison: infinite ends have no middle, and are not narrow.
-            narrow = half * rate <= _MAX_PANEL_RATE
+            # The minimum rate limits half-widths to 1, away from the singularities at pi/2.
+            rate = np.maximum(np.maximum(root, _MAX_NARROW_STUDENT), df * np.abs(slope))
+            # Infinite ends can give NaN, for which this comparison is False, that is, wide.
+            narrow = half * rate <= _MAX_NARROW_STUDENT
             value = np.empty(narrow.shape)
-            for here, way, arrays in (
+            for here, method, arrays in (
                 (narrow, self._quadrature, (middle, slope, half, df, log_peak)),
                 (~narrow, self._difference, (low, high, df, log_peak)),
             ):
                 if here.any():
-                    value[here] = way(*(np.broadcast_to(x, here.shape)[here] for x in arrays))
+                    value[here] = method(*(np.broadcast_to(x, here.shape)[here] for x in arrays))
         return value
 
     def _quadrature(
@@ -200,11 +202,11 @@ class StudentTail(Tail):
     ) -> FloatArray:
         """Return the log probability of narrow intervals."""
         total = np.zeros(half.shape)
-        # Node by node: an axis of nodes would take 16 times the memory and be slower for it.
+        # A loop over nodes is faster than an axis of nodes, which would take 16 times the memory.
         for node, weight in _LEGENDRE:
             growth = np.expm1(node * half)
             shrinkage = growth / (1 + growth)
-            # cosh(v + s) / cosh v - 1 = cosh s - 1 + slope sinh s, by exp(s) - 1 alone.
+            # cosh(v + s) / cosh v - 1 = cosh s - 1 + slope sinh s, computed from exp(s) - 1.
             even, odd = 0.5 * growth * shrinkage, 0.5 * slope * (growth + shrinkage)
             ahead, behind = np.log1p(even + odd), np.log1p(even - odd)
             total += weight * (np.exp(-df * ahead) + np.exp(-df * behind))
@@ -219,11 +221,11 @@ class StudentTail(Tail):
         low, high = np.where(right, -high, low), np.where(right, -low, high)
         lower = self._log_lower(low, df, log_peak)
         upper = self._log_lower(-np.abs(high), df, log_peak)
-        beside = upper + np.log(-np.expm1(lower - upper))
-        # Nothing to subtract; and where neither is within reach of a float, not nan.
-        beside = np.where(lower == -np.inf, upper, beside)
-        across = np.log1p(-np.exp(lower) - np.exp(upper))
-        return np.where(high > 0, across, beside)
+        one_side = upper + np.log(-np.expm1(lower - upper))
+        # With a lower tail of 0 nothing is subtracted; if both tails are 0 the difference is NaN.
+        one_side = np.where(lower == -np.inf, upper, one_side)
+        both_sides = np.log1p(-np.exp(lower) - np.exp(upper))
+        return np.where(high > 0, both_sides, one_side)
 
     def cdf(self, z: Any, df: Any) -> FloatArray:
         df = self._df(df)
@@ -250,9 +252,9 @@ class StudentTail(Tail):
         .. math:: F(z) = \frac{f(0)}{\sqrt{df}} e^{-A} J, \qquad
                   J = \int_0^\infty e^{-s} (1 - e^{-l - 2 s / df})^{-1/2} ds.
 
-        Far out in v, where the tail is a power law, expanding the root gives J as a sum of
-        (1/2)_k / k! e^{-l k} / (1 + 2 k / df). Elsewhere J is by Gauss-Laguerre quadrature where F
-        would underflow, and where it would not, SciPy's own has all digits.
+        For large v, where the tail is a power law, an expansion of the root gives J as the sum of
+        (1/2)_k / k! e^{-l k} / (1 + 2 k / df). For smaller v, J is computed by Gauss-Laguerre
+        quadrature if F would underflow; otherwise SciPy's distribution function is precise.
         """
         u = z / np.sqrt(df)
         log_kernel = _log1p_square(u)
@@ -275,7 +277,7 @@ TAILS: dict[str, Tail] = {tail.name: tail for tail in (NormalTail(), StudentTail
 
 
 def _log1p_square(u: FloatArray) -> FloatArray:
-    """Return log(1 + u^2), also where the square overflows."""
+    """Return log(1 + u^2), even if the square overflows."""
     value = np.log1p(np.square(u))
     if np.any(far := np.isinf(value)):
         value = np.where(far, 2 * np.log(np.abs(np.where(far, u, 1.0))), value)
@@ -283,7 +285,7 @@ def _log1p_square(u: FloatArray) -> FloatArray:
 
 
 def _log_power_series(x: FloatArray, df: FloatArray) -> FloatArray:
-    """Return log of the sum over k of (1/2)_k / k! x^k / (1 + 2 k / df), by Horner's scheme."""
+    """Return the log of the sum over k of (1/2)_k / k! x^k / (1 + 2 k / df), by Horner's scheme."""
     total = np.zeros(x.shape)
     for k, coefficient in _SERIES:
         total = total * x + coefficient / (1 + 2 * k / df)
@@ -291,9 +293,9 @@ def _log_power_series(x: FloatArray, df: FloatArray) -> FloatArray:
 
 
 def _log_density_at_zero(df: FloatArray) -> FloatArray:
-    """Return log f(0), from df = 30 by its series: the gamma functions cancel to eps df log df.
+    """Return log f(0), by a series for df >= 30, where gamma functions cancel to eps df log df.
 
-    SciPy's `poch` and `betaln` lose up to 7e-12 and 8e-10 of it.
+    SciPy's `poch` and `betaln` have errors of up to 7e-12 and 8e-10.
     """
     gammas = special.gammaln(0.5 * df + 0.5) - special.gammaln(0.5 * df)
     exact = gammas - 0.5 * np.log(math.pi * df)

@@ -1,7 +1,8 @@
-"""The contact forms: how many ridges at a load, and the load each pair of ridges needs.
+"""Contact forms: the number of proximal edges at a load, and the load at each transition.
 
-Write s = sqrt(p/E) at nu = 0.5, L = a/R + b/R and h = Q/2 - 1 for the pairs beyond the first.
-Every form is a known function of texture and count, divided by a rate with the coefficients:
+Notation: s = sqrt(p/E) at nu = 0.5, A = a/R, B = b/R, L = A + B, and h = Q/2 - 1 is the number of
+ridge pairs beyond the first. F_k is the half-plane's (p/E)(1 - nu^2) / L^2 at transition k. In
+every form, s is a known function of texture and count, divided by a rate that has the coefficients:
 
     s(Q) = shape(Q, a, b) / rate(a, b; theta).
 
@@ -13,12 +14,12 @@ Every form is a known function of texture and count, divided by a rate with the 
 | Hybrid     | h                  | c1/L + c2/A       | c1, c2            |
 | HalfPlane  | L sqrt(F_k/0.75)   | c                 | c (theory: 1)     |
 
-That one shape is what makes the likelihood cheap: in log load the coefficients shift all rows of a
-texture alike, so a texture enters as a count, a mean and a sum of squares.
+This structure makes the likelihood cheap: the coefficients shift the log loads of a texture by one
+amount, so that the rows of a texture enter as a number, a mean and a sum of squares.
 
-Poisson's ratio enters through the reduced load (p/E)(1 - nu^2)/0.75, as half-plane theory says.
-Loads are computed with +, *, / and sqrt alone, which IEEE rounds the same in arrays of any size:
-`count` at a load that `load` returned is exactly that Q.
+Poisson's ratio enters through the reduced load (p/E)(1 - nu^2)/0.75, as in half-plane theory. Loads
+are computed with +, *, / and sqrt only, whose IEEE rounding does not depend on the size of an
+array: `count` at a load that `load` returned is exactly the same Q.
 """
 
 from ridgebayes.errors import InputError
@@ -45,12 +46,12 @@ FORMS: dict[str, type[Form]] = {
 
 
 def form_named(name: str) -> Form:
-    """Return the form of that name, such as ``"hybrid"``.
+    """Return a form by name, for example ``"hybrid"``.
 
     Raises
     ------
     InputError
-        If there is none; the message lists those there are.
+        If no form has this name; the message lists the names.
 
     Examples
     --------
@@ -63,12 +64,12 @@ def form_named(name: str) -> Form:
 
 
 def as_form(form: Form | str) -> Form:
-    """Return a form, by its name where that is given.
+    """Return the form, or the form of the given name.
 
     Raises
     ------
     InputError
-        If it is neither, or no form has that name.
+        If the argument is neither a form nor the name of a form.
     """
     if isinstance(form, Form):
         return form

@@ -1,4 +1,4 @@
-"""Arguments of forms and predictions: as arrays, or refused by name, value and shape."""
+"""Conversion of arguments of forms and predictions to arrays, with checks of values and shapes."""
 
 import operator
 
@@ -10,11 +10,11 @@ from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.table.columns import LARGEST_LOAD, LARGEST_WIDTH, LEAST_WIDTH
 
-MAX_COUNT = 2**53
+MAX_COUNT = 2**53  # floats represent all smaller integers exactly
 
 
 def even_counts(Q: ArrayLike, least: int = 2) -> FloatArray:
-    """Return `Q` as floats, or raise InputError naming them if one is odd or out of range."""
+    """Return `Q` as floats, or raise InputError if a count is odd or out of range."""
     counts = numbers("Q", Q)
     if not (np.all((counts >= least) & (counts <= MAX_COUNT)) and np.all(counts % 2 == 0)):
         raise InputError(f"Q: expected even and at least {least}, at most 2^53, got {Q!r}")
@@ -22,7 +22,7 @@ def even_counts(Q: ArrayLike, least: int = 2) -> FloatArray:
 
 
 def widths(a_over_R: ArrayLike, b_over_R: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return both widths as floats, or raise InputError naming one that is out of range."""
+    """Return both widths as floats, or raise InputError with the name of a width out of range."""
     a, b = numbers("a_over_R", a_over_R), numbers("b_over_R", b_over_R)
     common_shape(a_over_R=a, b_over_R=b)
     for name, width in (("a_over_R", a), ("b_over_R", b)):
@@ -35,7 +35,7 @@ def widths(a_over_R: ArrayLike, b_over_R: ArrayLike) -> tuple[FloatArray, FloatA
 
 
 def loads(p_over_E: ArrayLike) -> FloatArray:
-    """Return loads as floats, or raise InputError naming them if one is negative or not finite."""
+    """Return loads as floats, or raise InputError if a load is negative or not finite."""
     p = numbers("p_over_E", p_over_E)
     if not np.all((p >= 0) & (p <= LARGEST_LOAD)):
         raise InputError(
@@ -45,7 +45,7 @@ def loads(p_over_E: ArrayLike) -> FloatArray:
 
 
 def numbers(name: str, values: ArrayLike) -> FloatArray:
-    """Return an argument as floats, or raise InputError naming it if it does not hold numbers."""
+    """Return an argument as floats, or raise InputError with its name if it is not numeric."""
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
@@ -53,7 +53,7 @@ def numbers(name: str, values: ArrayLike) -> FloatArray:
 
 
 def common_shape(**arrays: ArrayLike) -> tuple[int, ...]:
-    """Return the shape that arguments broadcast to, or raise InputError with the shapes they have.
+    """Return the shape to which arguments broadcast, or raise InputError with their shapes.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def common_shape(**arrays: ArrayLike) -> tuple[int, ...]:
 
 
 def aligned(a: FloatArray, b: FloatArray, **others: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return the widths with as many axes as all will have, so that draws can come before them."""
+    """Return the widths with as many axes as all arguments together, so that draws come first."""
     n_axis = len(common_shape(a_over_R=a, b_over_R=b, **others))
     return a[(None,) * (n_axis - a.ndim)], b[(None,) * (n_axis - b.ndim)]
 
@@ -80,7 +80,7 @@ def unique_textures(a: FloatArray, b: FloatArray) -> list[Texture]:
 
 
 def draw_shape(size: int | tuple[int, ...] | None) -> tuple[int, ...]:
-    """Return the shape that draws put before that of their distributions.
+    """Return the leading shape of draws for a `size` argument.
 
     Examples
     --------

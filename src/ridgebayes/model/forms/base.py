@@ -1,4 +1,4 @@
-"""The protocol every contact form fulfils, and what all forms do alike."""
+"""The abstract base class of contact forms, with loads and counts common to all forms."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -12,22 +12,22 @@ from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import aligned, even_counts, loads, widths
 
-MAX_COEFFICIENT = 1e60
+MAX_COEFFICIENT = 1e60  # keeps rates finite for all allowed widths
 
 
 @dataclass(frozen=True)
 class Form(ABC):
-    """One contact form; a new form is a new subclass with the five methods marked abstract.
+    """A contact form; subclasses define `parameter_names` and the five abstract methods.
 
-    Arrays: `Q`, `a_over_R`, `b_over_R`, `p_over_E` and `nu` broadcast as in NumPy, to `shape`; the
-    leading axes of `theta`, such as draws, come before them: results have shape
-    ``theta.shape[:-1] + shape``. A grid of draws x textures x loads is thus one call with
-    ``a_over_R[:, None]`` and ``p_over_E[None, :]``. Without `theta` the published
-    coefficients serve.
+    `Q`, `a_over_R`, `b_over_R`, `p_over_E` and `nu` broadcast as in NumPy. The leading axes of
+    `theta`, for example draws, come first: results have shape ``theta.shape[:-1] + shape``, with
+    `shape` the broadcast shape. One call with ``a_over_R[:, None]`` and ``p_over_E[None, :]`` thus
+    evaluates a grid of draws x textures x loads. If `theta` is not given, the published
+    coefficients are used.
 
     Examples
     --------
-    s = sqrt(p/E) at a transition is shape over rate, and Q' grows by K = 2 rate with s:
+    s = sqrt(p/E) at a transition is shape over rate, and dQ'/ds is K = 2 rate for Hybrid:
 
     >>> import ridgebayes as rb
     >>> form, theta, texture = rb.Hybrid(), np.array([1.348, 0.01583]), (0.022, 0.02)
@@ -52,7 +52,7 @@ class Form(ABC):
 
     @abstractmethod
     def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
-        """Return s times rate at the transition to `Q`: the part without coefficients.
+        """Return s times rate at the transition to `Q`, which does not depend on coefficients.
 
         Parameters
         ----------
@@ -64,7 +64,7 @@ class Form(ABC):
         Returns
         -------
         ndarray of float, broadcast shape, dimensionless
-            Above 0 from Q = 4 on.
+            Positive for Q >= 4.
         """
 
     @abstractmethod
@@ -86,7 +86,7 @@ class Form(ABC):
 
     @abstractmethod
     def rate(self, theta: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
-        """Return the rate: the part with the coefficients.
+        """Return the rate, which depends on the coefficients but not on `Q`.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class Form(ABC):
         Returns
         -------
         ndarray of float, shape theta.shape[:-1] + broadcast shape, dimensionless
-            Not above 0 where no load reaches a further ridge.
+            Zero or negative if no load reaches a further ridge.
         """
 
     @abstractmethod
@@ -122,7 +122,7 @@ class Form(ABC):
     def slope(
         self, a_over_R: ArrayLike, b_over_R: ArrayLike, theta: ArrayLike | None = None
     ) -> FloatArray:
-        """Return K = dQ'/ds of a texture.
+        """Return K, the slope dQ'/ds of a texture.
 
         Parameters
         ----------
@@ -143,19 +143,19 @@ class Form(ABC):
         """
 
     def bind(self, textures: tuple[Texture, ...], labels: tuple[str, ...] = ()) -> "Form":
-        """Return the form with its coefficients tied to textures, where it has such.
+        """Return the form for given textures, if it has a coefficient for each texture.
 
         Parameters
         ----------
         textures : tuple of (float, float)
-            a/R and b/R of each.
+            a/R and b/R of each texture.
         labels : tuple of str, optional
-            Their names.
+            Names of the textures.
 
         Returns
         -------
         Form
-            Itself, unless it has a coefficient for each texture.
+            The same form, unless its coefficients belong to textures.
         """
         return self
 
@@ -183,20 +183,20 @@ class Form(ABC):
         Returns
         -------
         ndarray of float, shape theta.shape[:-1] + broadcast shape, dimensionless
-            p/E; NaN where the rate is not positive (no load reaches any further ridge), infinite
-            where it is so small that the load is beyond the floats.
+            p/E; NaN if the rate is not positive (no load reaches a further ridge), infinite if the
+            rate is so small that the load overflows.
 
         Raises
         ------
         InputError
             If a count is odd, below 2 or above 2^53, a width is outside 1e-50 to 1e50, shapes do
-            not broadcast, a coefficient is not finite or beyond 1e60, or the form has no published
-            coefficients and `theta` is not given.
+            not broadcast, a coefficient is not finite or larger than 1e60 in size, or the form has
+            no published coefficients and `theta` is not given.
 
         Notes
         -----
-        *Validity.* Small strain; `nu` from 0 to 0.5; textures like those that `theta` was fitted
-        to. No form knows where its calibration ends: `Fit.predict` does, and flags it.
+        *Validity.* Small strain, `nu` from 0 to 0.5, and textures similar to the calibrated
+        textures. A form does not store the calibrated range; `Fit.predict` flags extrapolation.
 
         Examples
         --------
@@ -213,7 +213,7 @@ class Form(ABC):
     def _load(
         self, Q: FloatArray, a: FloatArray, b: FloatArray, rate: FloatArray, nu: ArrayLike
     ) -> FloatArray:
-        """Return the load where `Q` may have the axes of the draws already."""
+        """Return the load; `Q` may already have the leading axes of the draws."""
         with np.errstate(over="ignore"):
             s = self.shape(Q, a, b) / np.where(rate > 0, rate, np.nan)
             return s * s / reduced_load(1.0, nu)
@@ -238,17 +238,17 @@ class Form(ABC):
         Returns
         -------
         ndarray of float, shape theta.shape[:-1] + broadcast shape, dimensionless
-            Q'; the Classic form's starts below 2, as its equation does. NaN where the rate is not
-            positive.
+            Q'; below 2 at small loads for the Classic form, in line with its equation. NaN if the
+            rate is not positive.
 
         Raises
         ------
         InputError
-            If a load is negative or above 1e300, or a width or a coefficient as for `load`.
+            If a load is negative or above 1e300, or for widths and coefficients as in `load`.
 
         Notes
         -----
-        *Validity.* As `load`.
+        *Validity.* As for `load`.
 
         Examples
         --------
@@ -270,7 +270,7 @@ class Form(ABC):
         theta: ArrayLike | None = None,
         nu: ArrayLike = 0.5,
     ) -> IntArray:
-        """Return Q, the largest even count whose own load is at or below `p_over_E`; at least 2.
+        """Return Q, the largest even count with a load of at most `p_over_E`; at least 2.
 
         Parameters
         ----------
@@ -285,13 +285,13 @@ class Form(ABC):
         Raises
         ------
         InputError
-            As `continuous_count`; also if a count passes 2^52, where floats cannot tell pairs
-            apart, or if a rate is not positive.
+            As `continuous_count`; also if a count is above 2^52, where floats cannot separate
+            pairs, or if a rate is not positive.
 
         Notes
         -----
-        *Accuracy.* Q' is used as a first guess only and then checked against `load`, so rounding
-        never loses a pair: at a load that `load` returned the count is exactly that Q.
+        *Accuracy.* Q' is only a first guess, which is then compared with `load`, so that rounding
+        never loses a pair: at a load that `load` returned, the count is exactly the same Q.
 
         Examples
         --------
@@ -308,7 +308,8 @@ class Form(ABC):
         pairs, p = np.maximum(np.floor(guess / 2 - 1), 0), np.asarray(p_over_E, dtype=float)
         a, b = aligned(*widths(a_over_R, b_over_R), p_over_E=p, nu=nu)
         rate = self.rate(self._theta(theta), a, b)
-        for _ in range(2):  # one rounding error either way, and once more to see it settled
+        # The guess can be wrong by one pair; the second pass confirms the result.
+        for _ in range(2):
             up = self._load(2 * pairs + 4, a, b, rate, nu) <= p
             down = self._load(2 * pairs + 2, a, b, rate, nu) > p
             pairs = np.maximum(pairs + up - down, 0)
@@ -317,9 +318,9 @@ class Form(ABC):
     def log_load_gradient(
         self, theta: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike
     ) -> FloatArray:
-        """Return d log(p/E) / d theta of a texture; the same for every Q.
+        """Return d log(p/E) / d theta of a texture, which does not depend on Q.
 
-        NaN where the rate is not positive, as the load.
+        The gradient is NaN if the rate is not positive.
 
         Parameters
         ----------
@@ -355,10 +356,10 @@ class Form(ABC):
                 f"{self.name}: theta: expected {len(self.parameter_names)} coefficients on its "
                 f"last axis ({', '.join(self.parameter_names)}), got {values.shape[-1]}"
             )
-        beyond = ~(np.abs(values) <= MAX_COEFFICIENT)
-        if np.any(beyond):
+        out_of_range = ~(np.abs(values) <= MAX_COEFFICIENT)
+        if np.any(out_of_range):
             raise InputError(
                 f"{self.name}: theta: expected finite, -{MAX_COEFFICIENT:g} to "
-                f"{MAX_COEFFICIENT:g}, got {values[beyond][0]!s}"
+                f"{MAX_COEFFICIENT:g}, got {values[out_of_range][0]!s}"
             )
         return values

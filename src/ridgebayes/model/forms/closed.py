@@ -1,4 +1,4 @@
-"""The paper's closed forms: Classic, Modified and Hybrid."""
+"""The closed-form contact forms of the paper: Classic, Modified and Hybrid."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,7 +12,7 @@ from ridgebayes.model.forms.base import Form
 
 
 def per_texture(theta: FloatArray, a: ArrayLike, b: ArrayLike) -> FloatArray:
-    """Spread theta[..., 0] over the textures."""
+    """Broadcast theta[..., 0] over the textures."""
     shape = np.broadcast_shapes(np.shape(a), np.shape(b))
     return np.broadcast_to(
         theta[..., 0].reshape(theta.shape[:-1] + (1,) * len(shape)), theta.shape[:-1] + shape
@@ -20,7 +20,7 @@ def per_texture(theta: FloatArray, a: ArrayLike, b: ArrayLike) -> FloatArray:
 
 
 class OneCoefficient(Form):
-    """Common part of the forms with the single coefficient c."""
+    """Base class of forms with the single coefficient c."""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -43,7 +43,7 @@ class OneCoefficient(Form):
 
 @dataclass(frozen=True)
 class Classic(OneCoefficient):
-    """Classic Hertzian, eqs (3) and (4): smooth Hertz contact length in ridge units.
+    """Classic Hertzian form, eqs (3) and (4): the smooth Hertz contact length in pitches.
 
     Examples
     --------
@@ -68,7 +68,7 @@ class Classic(OneCoefficient):
 
 @dataclass(frozen=True)
 class Modified(OneCoefficient):
-    """Modified Hertzian, eq (6): the contact length starts at the first groove.
+    """Modified Hertzian form, eq (6): the contact length is measured from the first groove.
 
     Examples
     --------
@@ -91,7 +91,7 @@ class Modified(OneCoefficient):
 
 @dataclass(frozen=True)
 class Hybrid(Form):
-    """Hybrid, eq (7): the Modified form and a term in the ridge width.
+    """Hybrid form, eq (7): the Modified form with an additional term in the ridge width.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The half-plane equation as a contact form: first principles, one coefficient that should be 1."""
+"""The half-plane equation as a contact form, with one coefficient that is 1 in theory."""
 
 import math
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from ridgebayes.model.forms.closed import OneCoefficient
 
 @dataclass(frozen=True)
 class HalfPlane(OneCoefficient):
-    """The half-plane equation's own loads, scaled as p -> p/c^2; c = 1 is theory.
+    """Half-plane form: transition loads of the half-plane equation, divided by c^2.
 
-    Between transitions Q' is linear in s. The `slope` is that of many ridges, where every texture
-    tends to smooth Hertz. Counts beyond `n_transition_max` pairs are refused: each needs its own
-    ridge in the solver. So are grooves too narrow for the solver to reach its tolerance, from
-    about b = a/100,000 on.
+    In theory c = 1. Between transitions Q' is interpolated linearly in s. `slope` is the limit for
+    many ridges, smooth Hertz contact. More than `n_transition_max` pairs raise InputError, since
+    the solver needs a ridge for each pair. So do grooves that are too narrow for the solver to
+    reach its tolerance, below about b = a/100,000.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class HalfPlane(OneCoefficient):
         for texture in unique_textures(a, b):
             here = (a == texture[0]) & (b == texture[1])
             steps = (Q[here] / 2 - 1).astype(int)
-            shape[here] = self._ladder(texture, int(steps.max()))[steps]
+            shape[here] = self._transitions(texture, int(steps.max()))[steps]
         return shape
 
     def pairs(self, shape: FloatArray, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
@@ -52,12 +52,12 @@ class HalfPlane(OneCoefficient):
             here = (a == texture[0]) & (b == texture[1]) & ~np.isnan(value)
             if not here.any():
                 continue
-            # First guess: rungs as far apart as smooth Hertz's, 0.72 L.
-            rungs = float(np.max(value[here])) / (0.72 * (texture[0] + texture[1]))
-            ladder = self._ladder(texture, math.ceil(rungs) + 3)
-            while ladder[-1] < np.max(value[here]):
-                ladder = self._ladder(texture, len(ladder) + 3)
-            pairs[here] = np.interp(value[here], ladder, np.arange(len(ladder)))
+            # First guess: transitions of smooth Hertz contact, 0.72 L apart in s.
+            n = float(np.max(value[here])) / (0.72 * (texture[0] + texture[1]))
+            transitions = self._transitions(texture, math.ceil(n) + 3)
+            while transitions[-1] < np.max(value[here]):
+                transitions = self._transitions(texture, len(transitions) + 3)
+            pairs[here] = np.interp(value[here], transitions, np.arange(len(transitions)))
         return pairs
 
     def slope(
@@ -65,8 +65,8 @@ class HalfPlane(OneCoefficient):
     ) -> FloatArray:
         return hertz_constant(0.5) * super().slope(a_over_R, b_over_R, theta)
 
-    def _ladder(self, texture: Texture, n_transition: int) -> FloatArray:
-        """Return s of transitions 0..n at c = 1 and nu = 0.5, transition 0 being first touch."""
+    def _transitions(self, texture: Texture, n_transition: int) -> FloatArray:
+        """Return s of transitions 0 to n at c = 1 and nu = 0.5; transition 0 is first touch."""
         if n_transition > self.n_transition_max:
             raise InputError(
                 f"half-plane: a/R = {texture[0]}, b/R = {texture[1]}: expected at most "

@@ -1,4 +1,4 @@
-"""The power law: one free coefficient per texture."""
+"""The power law, a contact form with one coefficient per texture."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -15,12 +15,12 @@ from ridgebayes.model.forms.base import Form
 
 @dataclass(frozen=True)
 class PowerLaw(Form):
-    """Power law, eq (5): one K per texture; it does not predict textures without a K.
+    """Power law, eq (5): one K per texture, so that it cannot predict other textures.
 
     Parameters
     ----------
     textures : tuple of (float, float)
-        (a/R, b/R) of the textures that have a K, in the order of `theta`.
+        (a/R, b/R) of the textures in the order of `theta`.
     labels : tuple of str
         Names of the textures; made from the widths if not given.
 
@@ -70,13 +70,13 @@ class PowerLaw(Form):
         return self.rate(self._theta(theta), *widths(a_over_R, b_over_R))
 
     def _index(self, a_over_R: ArrayLike, b_over_R: ArrayLike) -> IntArray:
-        place = {texture: index for index, texture in enumerate(self.textures)}
+        index_of = {texture: index for index, texture in enumerate(self.textures)}
         a, b = np.broadcast_arrays(np.asarray(a_over_R, float), np.asarray(b_over_R, float))
-        index = [place.get(pair, -1) for pair in zip(a.flat, b.flat, strict=True)]
+        index = [index_of.get(pair, -1) for pair in zip(a.flat, b.flat, strict=True)]
         if -1 in index:
-            lost = index.index(-1)
+            unknown = index.index(-1)
             raise InputError(
                 "power-law: expected textures it was bound to, got one without a K, "
-                f"a/R = {a.flat[lost]}, b/R = {b.flat[lost]}"
+                f"a/R = {a.flat[unknown]}, b/R = {b.flat[unknown]}"
             )
         return np.reshape(np.array(index, dtype=np.int64), a.shape)
