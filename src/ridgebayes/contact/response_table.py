@@ -34,9 +34,9 @@ _END_DISTANCE = 1e-5  # distance of nodes from ends of an interval, where contac
 # over the load at which the count first changes.
 CLOSEST = 1e-4
 _CLOSEST_OFFSETS = 0.01  # the same, if ends are interpolated between offsets
-MOST_DISTINCT, _MAX_SHAPES = 32, 400
+MOST_DISTINCT, _MAX_SHAPES = 32, 400  # shapes without interpolation; shapes of a grid
 _MAX_COEFFICIENTS = 64  # of a ridge in a grid: enough for grooves of 0.6 % of a sharp ridge
-_MAX_OFFSET = 0.499
+_MAX_OFFSET = 0.499  # last node: at 0.5 counts are odd
 # Columns of `shapes_of`. A shape has lengths over the ridge, or over the radius.
 _SHAPE = ("groove/ridge", "offset", "depth", "corner/ridge", "ridge")
 _COLUMNS = (*_SHAPE, "groove", "corner")
@@ -176,7 +176,7 @@ class ResponseTable:
 def solved(profile: FloatArray, Q: int, W: float) -> ContactValues:
     """Solve the contact of a single body, in the format of `ResponseTable.at`."""
     solution = solve_contact(Profile(*profile.tolist()), W)
-    return _contacts(np.array([W]), _measured(solution, Q)[None])
+    return _contacts(np.array([W]), _flat_values(solution, Q)[None])
 
 
 def _contacts(W: FloatArray, values: FloatArray) -> ContactValues:
@@ -263,10 +263,10 @@ class _Shape:
         i = int(np.searchsorted(counts, Q, side="right"))
         if i == 0:
             if counts[0] - 1 < Q or self._first != Q:
-                raise _never(Q, self._profile)
+                raise _impossible_count(Q, self._profile)
             return float(W[0]) * CLOSEST, float(W[0])
         if counts[i - 1] != Q:
-            raise _never(Q, self._profile)
+            raise _impossible_count(Q, self._profile)
         return float(W[i - 1]), float(W[i])
 
     @cached_property
@@ -274,7 +274,7 @@ class _Shape:
         return solve_contact(self._profile, float(self._events[0][0]) * CLOSEST).Q
 
     def values(self, Q: int) -> PchipInterpolator:
-        """Return an interpolator of `_measured` by the root of the place in the interval."""
+        """Return an interpolator of `_flat_values` by the root of the place in the interval."""
         if Q not in self._cache:
             low, high = self.interval(Q)
             # The first interval covers decades of loads and has more nodes.
@@ -286,7 +286,7 @@ class _Shape:
                         root = 0.5 * (math.sqrt(first) + math.sqrt(last))
                         nodes |= [self._solve(Q, root**2, nodes[first])]
             places = sorted(nodes)
-            values = np.array([_measured(nodes[place], Q) for place in places])
+            values = np.array([_flat_values(nodes[place], Q) for place in places])
             self._cache[Q] = PchipInterpolator(np.sqrt(places), values)
         return self._cache[Q]
 
@@ -315,7 +315,7 @@ def _free_ends(solution: ContactSolution) -> tuple[bool, ...]:
     return tuple(x for flat, (a, b) in flats for x in (a > flat[0], b < flat[1]))
 
 
-def _measured(solution: ContactSolution, Q: int) -> FloatArray:
+def _flat_values(solution: ContactSolution, Q: int) -> FloatArray:
     """Return the fields of `ContactValues` after W as one array, shape (5 + 4 Q,)."""
     if solution.status != "ok" or solution.Q != Q:
         at = solution.profile
@@ -337,7 +337,7 @@ def _measured(solution: ContactSolution, Q: int) -> FloatArray:
     return np.concatenate([fixed, edges.x[kept], edges.K[kept]])
 
 
-def _never(Q: int, profile: Profile) -> InputError:
+def _impossible_count(Q: int, profile: Profile) -> InputError:
     return InputError(
         f"offset: expected one at which {Q} ridges are touched under some load, got "
         f"{profile.offset!r} (over a ridge's centre counts are odd)"

@@ -194,8 +194,8 @@ class Scene(fields.Record):
             ...
         ridgebayes.errors.InputError: Texture: b_over_R = -0.01: input should be greater than 0
         """
-        made = tuple(Texture(a_over_R=float(a), b_over_R=float(b)) for a, b in textures)
-        return cls(textures=made, p_over_E=p_over_E, nu=nu, relative=relative)
+        records = tuple(Texture(a_over_R=float(a), b_over_R=float(b)) for a, b in textures)
+        return cls(textures=records, p_over_E=p_over_E, nu=nu, relative=relative)
 
     @classmethod
     def paper(cls) -> "Scene":

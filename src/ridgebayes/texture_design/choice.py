@@ -12,7 +12,7 @@ from ridgebayes.predict.q_distribution import heavy_parts, shares
 from ridgebayes.texture_design.goals import Goal
 
 _MARGIN_TOL = 1e-4  # smaller differences between margins are ignored
-_MIN_SE = 2.0  # standard errors between the margin of a recommended texture and 0
+_N_SE = 2.0  # standard errors by which margins have to differ from 0 and from each other
 
 
 def _pitch(rows: pd.DataFrame) -> pd.Series:
@@ -57,7 +57,7 @@ def mark_extrapolation(
 def chosen(designs: pd.DataFrame, objective: str) -> Json:
     """Return the recommended row."""
     rows = designs[designs["feasible"]]
-    for preferred in (~rows["extrapolation"], rows["margin"] >= _MIN_SE * rows["probability_se"]):
+    for preferred in (~rows["extrapolation"], rows["margin"] >= _N_SE * rows["probability_se"]):
         if preferred[rows.index].any():
             rows = rows[preferred[rows.index]]
     rows = tied(rows) if objective in ("margin", "min-load") else rows
@@ -68,7 +68,7 @@ def chosen(designs: pd.DataFrame, objective: str) -> Json:
 
 def tied(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows whose margin equals the largest margin within errors."""
-    least = rows["margin"].max() - _MIN_SE * (rows["probability_se"] + _MARGIN_TOL)
+    least = rows["margin"].max() - _N_SE * (rows["probability_se"] + _MARGIN_TOL)
     return pd.DataFrame(rows[rows["margin"] >= least])
 
 

@@ -113,40 +113,40 @@ def design(
     >>> result.recommended["feasible"], result.recommended["probability"] > 0.95
     (True, True)
     """
-    scene, seed, made = as_scene(scene), seed_of(rng), Tolerance.parse(tolerance)
+    scene, seed, tol = as_scene(scene), seed_of(rng), Tolerance.parse(tolerance)
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
     alternatives = _alternatives(loads, objective, scene.body)
     goals_by_load = [parse_goals(goal, some, scene.body) for some in alternatives]
     averaged = source.averaged
     textures, about = lattice(sizes or {}, [fit for fit, _ in averaged])
-    made.check(min(min(texture) for texture in textures))
-    draw = partial(Bodies.draw, scene, made, seed=seed)
+    tol.check(min(min(texture) for texture in textures))
+    draw = partial(Bodies.draw, scene, tol, seed=seed)
     loads_of = drawn_loads(averaged, draw(N_DRAW).ratios(textures))
     n = _N_SPREAD if any(goal_.is_spread for goal_ in goals_by_load[0]) else N_DRAW
     values = GoalValues(loads_of, draw, n)
     for goals in goals_by_load:
         designs = _map(values, goals, textures)
-        loads_asked = _loads_of(goals, scene)
-        p_over_E = [load["p_over_E"] for load in loads_asked]
+        goal_loads = _loads_of(goals, scene)
+        p_over_E = [load["p_over_E"] for load in goal_loads]
         mark_extrapolation(designs, averaged, goals, max(p_over_E), scene.nu)
         if designs["feasible"].any():
             break
-    limited: Json | None = None
+    limits: Json | None = None
     if designs["feasible"].any():
         best = chosen(designs, objective)
     else:
         nearest = Limits(values, goals, p_over_E, two_scale.checked(scene.ogden))
         rows = tied(_inside(designs))
         best = plain(rows, nearest.nearest(rows))
-        limited = nearest.at(best, made)
+        limits = nearest.at(best, tol)
     texture = (float(best["a_over_R"]), float(best["b_over_R"]))
     tightest = goals[int(best.get("goal", 1)) - 1]
     value = values.at(tightest, *texture)
-    sources = Sources(scene, made, loads_of, texture, value)
+    sources = Sources(scene, tol, loads_of, texture, value)
     about |= {
-        "loads": loads_asked,
-        "tolerance": vars(made),
+        "loads": goal_loads,
+        "tolerance": vars(tol),
         "averaged": [[fit.form.name, fit.noise.name, weight] for fit, weight in averaged],
         "seed": seed,
         "ridgebayes_version": __version__,
@@ -159,7 +159,7 @@ def design(
         designs,
         best,
         drawn_check(sources, tightest, seed + 1),
-        limited,
+        limits,
         *_why(sources, tightest, seed),
         next_simulation(_leading(source), textures_in(_inside(designs)), seed),
         about,

@@ -26,7 +26,7 @@ from ridgebayes.texture_design.goals import Goal
 FORM, NOISE, COEFFICIENTS = "form", "error model", "coefficients"
 SIMULATION = "a simulation of this texture"
 _GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}  # by section of a scene
-_N_CHECK = 100_000
+_N_CHECK = 100_000  # draws of the check
 _MAX_SE = 0.1  # largest standard error of a reported share
 _N_OUTER, _N_INNER = 128, 256  # measurements, and draws of each
 _QUANTILES = (0.05, 0.95)  # of the probability after a measurement
