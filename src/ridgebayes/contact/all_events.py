@@ -177,8 +177,8 @@ class _Rounds:
     def _nearest_on(self, field: FloatArray, ahead: int) -> tuple[FloatArray, FloatArray]:
         """Return the nearest points of surfaces on ridges ahead, and the falls of ridges there."""
         row, ridges = self._row, self._events + ahead
-        seen = field[ridges, :, np.arange(len(ridges))] + row.shape[ridges]
-        return _nearest(row.outward(seen, ridges), self._nearest, self._radius, self._flat)
+        surface = field[ridges, :, np.arange(len(ridges))] + row.shape[ridges]
+        return _nearest(row.outward(surface, ridges), self._nearest, self._radius, self._flat)
 
     def _valid(self, contacts: RidgeContacts, event: IntArray, converged: BoolArray) -> BoolArray:
         """Return whether the pressures of converged events are resolved and not negative."""
@@ -213,7 +213,7 @@ def _derivative(m: int) -> FloatArray:
 
 
 def _nearest(
-    seen: FloatArray, t: FloatArray, radius: float, flat: float
+    surface: FloatArray, t: FloatArray, radius: float, flat: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the nearest points of surfaces on ridges ahead, and the falls of ridges there, (n,).
 
@@ -221,8 +221,8 @@ def _nearest(
     Newton's method starts from the previous points t.
     """
     if radius > 0:
-        m = seen.shape[1]
-        slope: FloatArray = seen @ _derivative(m)
+        m = surface.shape[1]
+        slope: FloatArray = surface @ _derivative(m)
         bend: FloatArray = slope @ _derivative(m - 1)
         for _ in range(2):
             waves = chebvander(t, m - 1)

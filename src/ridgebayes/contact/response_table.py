@@ -159,15 +159,15 @@ class ResponseTable:
         low, high = (weights @ ends).T
         log_load = np.log(W / unit**2)
         y = (log_load - low) / (high - low)
-        kept = np.clip(y, -np.inf if Q == 2 else self._margin, 1 - self._margin)
-        near = np.where(kept == y, W, np.exp(low + kept * (high - low)) * unit**2)
-        root = np.sqrt(np.maximum(kept, 0.0))
+        inside = np.clip(y, -np.inf if Q == 2 else self._margin, 1 - self._margin)
+        loads = np.where(inside == y, W, np.exp(low + inside * (high - low)) * unit**2)
+        root = np.sqrt(np.maximum(inside, 0.0))
         values = np.zeros((len(profiles), _FIXED + 4 * Q))
         for weight, shape in zip(weights.T, shapes, strict=True):
             of_shape = shape.values(Q)
             values += weight[:, None] * of_shape(np.clip(root, of_shape.x[0], of_shape.x[-1]))
         power = np.repeat([1.0, 1.0, 2.0, 0.0, 0.0, 1.0, 1.5], [1] * _FIXED + [2 * Q] * 2)
-        contact = _contacts(near, values * unit[:, None] ** power)
+        contact = _contacts(loads, values * unit[:, None] ** power)
         mirrored, x, K = (profiles[:, 4] < 0)[:, None], contact.x, contact.K
         x, K = np.where(mirrored, -x[:, ::-1], x), np.where(mirrored, K[:, ::-1], K)
         return replace(contact, x=x, K=K)
@@ -331,10 +331,10 @@ def _flat_values(solution: ContactSolution, Q: int) -> FloatArray:
     times = solution.pressing.intervals.weight[on_ridges]
     deepest = max(solution.penetrations.values(), default=math.nan)
     edges = edge_forces(solution, 0.0)
-    kept = ~edges.is_floor
+    on_ridge = ~edges.is_floor
     fixed = [solution.contact_fraction * (last - first), last - first, deepest]
     fixed += [share @ times, share.max()]
-    return np.concatenate([fixed, edges.x[kept], edges.K[kept]])
+    return np.concatenate([fixed, edges.x[on_ridge], edges.K[on_ridge]])
 
 
 def _impossible_count(Q: int, profile: Profile) -> InputError:

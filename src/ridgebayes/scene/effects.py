@@ -150,7 +150,7 @@ def full_profile(texture: Texture) -> Profile:
 
 
 def beyond_reach(scene: Scene, solver: str = "auto") -> str:
-    """Return a warning if the highest load of a scene exceeds its solver.
+    """Return a warning if the highest load of a scene exceeds the reach of its solver.
 
     Parameters
     ----------

@@ -136,10 +136,10 @@ class _Base:
         return self.scene.relative or DEFAULT_RELATIVE
 
     @property
-    def wanted(self) -> str:
+    def requirement(self) -> str:
         """Required accuracy in words."""
         relative = self.scene.relative
-        return f"the wanted {percent(relative)}" if relative else "0, and no accuracy is stated"
+        return f"the required {percent(relative)}" if relative else "0, and no accuracy is stated"
 
     @property
     def p_max(self) -> float:
@@ -228,11 +228,11 @@ def _decide(base: _Base, effects: list[Effect], allowance: float) -> list[Effect
             decisions[effect.name] = replace(effect, simulated=False)
             continue
         simulated = not _SAFETY * effect.estimate <= allowance
-        reason = f"{effect.reason}; {'above' if simulated else 'within'} {base.wanted}"
+        reason = f"{effect.reason}; {'above' if simulated else 'within'} {base.requirement}"
         if math.isnan(effect.estimate):
             reason = f"{effect.reason}; size not known, simulated to be safe"
         elif simulated and effect.estimate <= base.tolerance:
-            reason = f"{effect.reason}; with all that is neglected above {base.wanted}"
+            reason = f"{effect.reason}; with all neglected effects above {base.requirement}"
         allowance -= 0.0 if simulated else _SAFETY * effect.estimate
         decisions[effect.name] = replace(effect, simulated=simulated, reason=reason)
     return [decisions[effect.name] for effect in effects]
@@ -330,15 +330,15 @@ def _solver_for(base: _Base, estimate: float) -> tuple[str, str]:
     """
     error, is_beyond_fe = base.two_scale_error, base.p_max > HIGHEST_LOAD
     if _SAFETY * estimate <= base.tolerance:
-        return "half-plane", f"within {base.wanted}"
+        return "half-plane", f"within {base.requirement}"
     if base.scene.relative is None and not (is_beyond_fe and error < math.inf):
         why = f"a scene without a stated accuracy uses the half-plane to p/E = {HIGHEST_LOAD:g}"
         return "half-plane", why
     if estimate <= min(error, FINITE_ELEMENT_ERROR):
         return "half-plane", f"below the error of finite elements, {percent(FINITE_ELEMENT_ERROR)}"
     if error <= max(base.tolerance, FINITE_ELEMENT_ERROR) or (is_beyond_fe and error < math.inf):
-        return "two-scale", f"above {base.wanted}: two-scale, right to {percent(error)}"
-    return "cylinder-fe", f"above {base.wanted}: finite elements"
+        return "two-scale", f"above {base.requirement}: two-scale, right to {percent(error)}"
+    return "cylinder-fe", f"above {base.requirement}: finite elements"
 
 
 def _material(base: _Base) -> Effect:
@@ -368,9 +368,9 @@ def _friction(base: _Base) -> Effect:
     reason = f"friction coefficient; tangential mismatch (1 - 2 nu)/(2 (1 - nu)) is {beta:.2g}; "
     simulated = estimate > max(base.tolerance, FINITE_ELEMENT_ERROR)
     if estimate <= base.tolerance:
-        reason += f"within {base.wanted}"
+        reason += f"within {base.requirement}"
     elif simulated:
-        reason += f"above {base.wanted}: finite elements"
+        reason += f"above {base.requirement}: finite elements"
     else:
         reason += f"below the error of finite elements, {percent(FINITE_ELEMENT_ERROR)}"
     cost = _FE_TRANSITION_S * len(base.W)

@@ -20,7 +20,7 @@ def lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[T
     if unknown:
         raise InputError(f"sizes: expected a, b and step, got {sorted(unknown)[0]!r}")
     ranges = [CalibratedRange.of(fit) for fit in fits]
-    calibrated = {"a": [seen.ridge for seen in ranges], "b": [seen.groove for seen in ranges]}
+    calibrated = {"a": [fit.ridge for fit in ranges], "b": [fit.groove for fit in ranges]}
     bounds = {}
     for name, pairs in calibrated.items():
         inner = max(low for low, _ in pairs) / 1.5, min(high for _, high in pairs) * 1.5
