@@ -21,7 +21,7 @@ from ridgebayes.contact.contact_solution import (
     too_many,
 )
 from ridgebayes.contact.ridge_contacts import RidgeContacts
-from ridgebayes.contact.ridge_row import RidgeRow, felt
+from ridgebayes.contact.ridge_row import RidgeRow, total_potential
 from ridgebayes.contact.rigid_profile import Profile
 
 _MAX_ROUNDS = 40  # iterations; usually five to fifteen suffice
@@ -124,7 +124,7 @@ class _Rounds:
     def _begin(self) -> FloatArray:
         """Return moments of fully covered sharp ridges; forces are kept above 0."""
         row = self._row
-        moments, self._by_approach, _ = row.covered_in_full()
+        moments, self._by_approach, _ = row.events_of_covered()
         smooth = 0.5 * (np.abs(row.centre[self._events + 1]) - row.half_width) ** 2
         least = SHRINK * row.within * smooth / (math.pi * row.weight.sum())
         moments[:, 0] = np.maximum(moments[:, 0], least)
@@ -146,7 +146,7 @@ class _Rounds:
         self._nearest, fall = self._nearest_on(field, 1)
         x = row.places(self._nearest, self._events + 1)
         potentials = row.potentials(x)
-        approach = 0.5 * x**2 + fall + felt(potentials, self._moments)
+        approach = 0.5 * x**2 + fall + total_potential(potentials, self._moments)
         here = field.transpose(1, 0, 2)[:, ridge, event] + row.shape.T[:, ridge]
         force = self._moments[ridge, 0, event]
         contacts = RidgeContacts(here, force, self._ends[:, ridge, event], self._radius, self._flat)
@@ -155,10 +155,10 @@ class _Rounds:
         residual[ridge, 0, event] = math.pi * (contacts.level + row.shift * force - approach[event])
         apart = self._moments[ridge, 1:, event] - contacts.moments[1:].T
         residual[ridge, 1:, event] = row.energies[1:] * apart
-        change = -row.covered(residual)
+        change = -row.solve(residual)
         # The change of the approach keeps the surface in touch with the ridge ahead.
-        lift = 1 - felt(potentials, self._by_approach)
-        change += self._by_approach * felt(potentials, change) / lift
+        lift = 1 - total_potential(potentials, self._by_approach)
+        change += self._by_approach * total_potential(potentials, change) / lift
         beyond = contacts.ends - self._flat  # beyond a kink, pressure falls to 0 over this length
         scale = np.where(beyond > 0, np.minimum(beyond, contacts.share), contacts.share)
         moving = (np.abs(contacts.steps) > 0.3 * TENSION * math.sqrt(self._tol) * scale).any(axis=0)
@@ -198,10 +198,10 @@ class _Rounds:
         if not profile.mirrored:
             t, fall = self._nearest_on(field, 2)
             x = self._row.places(t, self._events + 2)
-            up = felt(self._row.potentials(x), self._moments)
+            up = total_potential(self._row.potentials(x), self._moments)
             free &= 0.5 * x**2 + fall + up >= approach
         if math.isfinite(profile.depth):
-            free &= self._row.hanging(self._moments, approach) < _MAX_DEPTH_SHARE * profile.depth
+            free &= self._row.depth(self._moments, approach) < _MAX_DEPTH_SHARE * profile.depth
         return free
 
 

@@ -62,7 +62,7 @@ class ContactSolution:
 
     @property
     def Q(self) -> int:
-        """Number of ridges in contact, each from its proximal corner; any part of one below."""
+        """Number of ridges in contact, in whole or in part."""
         touched = [segment.ridge is not None for segment in self.segments]
         return int(np.sum(self.pressing.intervals.weight[touched]))
 

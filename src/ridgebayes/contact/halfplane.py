@@ -337,7 +337,7 @@ def solve_strips(gap_ratio: float, n_transitions: int, n_coefficients: int) -> S
     1.0
     """
     row = RidgeRow.of(Profile(2.0, gap_ratio), n_transitions, n_coefficients, 1.0)
-    moments, _, lift = row.covered_in_full()
+    moments, _, lift = row.events_of_covered()
     k = np.arange(1, n_transitions + 1)
     mean = moments[:, 0].sum(axis=0) / k
     tail = np.abs(moments[:, -2:]).max(axis=(0, 1)) / mean

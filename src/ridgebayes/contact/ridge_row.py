@@ -99,7 +99,7 @@ class RidgeRow:
         return int(self.by_distance.shape[1])
 
     @cached_property
-    def over_ridge(self) -> bool:
+    def has_own_image(self) -> bool:
         """Whether the first ridge is its own mirror image."""
         return abs(self.profile.offset) == 0.5
 
@@ -113,7 +113,7 @@ class RidgeRow:
     def weight(self) -> FloatArray:
         """Multiplicity of each ridge, (n,): 2 if it has a mirror image, else 1."""
         weight = np.full(self.n, 2.0 if self.profile.mirrored else 1.0)
-        if self.over_ridge:
+        if self.has_own_image:
             weight[0] = 1.0
         return weight
 
@@ -155,7 +155,7 @@ class RidgeRow:
         """Numbers of the mirror images of ridges, (n,); empty without mirror symmetry."""
         if not self.profile.mirrored:
             return np.empty(0, dtype=np.int64)
-        return -self.numbers[: self.n] - (0 if self.over_ridge else 1)
+        return -self.numbers[: self.n] - (0 if self.has_own_image else 1)
 
     def _matrix(self, m: int) -> FloatArray:
         """Return projections on each ridge of the other ridges' first moments, (n m, n m)."""
@@ -164,7 +164,7 @@ class RidgeRow:
         if self.profile.mirrored:
             signs = (-1.0) ** np.arange(m)
             blocks += self.by_distance[numbers[:, None] - self._images + middle, :m, :m] * signs
-            if self.over_ridge:  # the first ridge is its own image, without odd orders
+            if self.has_own_image:  # the first ridge is its own image, without odd orders
                 blocks[:, 0] = self.by_distance[numbers + middle, :m, :m]
                 blocks[:, 0, :, 1::2] = blocks[0, :, 1::2] = 0.0
         value: FloatArray = blocks.transpose(0, 2, 1, 3).reshape(n * m, n * m)
@@ -176,7 +176,7 @@ class RidgeRow:
         scale = np.sqrt(np.tile(self.energies[:m], self.n))
         return scale / root, scale * root
 
-    def covered(self, potentials: FloatArray) -> FloatArray:
+    def solve(self, potentials: FloatArray) -> FloatArray:
         """Return the moments of fully covered ridges with given projections of potentials.
 
         Moments above the order of the factor are taken to act on their own ridge only.
@@ -191,7 +191,7 @@ class RidgeRow:
         value[:, :m_far] = (first / columns[:, None]).reshape(n, m_far, -1)
         return value
 
-    def covered_in_full(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def events_of_covered(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Solve for fully covered ridges, with the surface touching the corner of the next ridge.
 
         Return the moments at events, (n, m, n_event), their derivatives by the approach, and the
@@ -201,11 +201,11 @@ class RidgeRow:
         x = self.places(np.full(n, -1.0), np.arange(n) + 1)
         charge = np.zeros((n, self.m, n))
         charge[:, 0] = math.pi * self.within
-        by_approach = self.covered(charge)
-        moments = -self.covered((self.shape[:n] * self.norms)[..., None] * self.within[:, None])
+        by_approach = self.solve(charge)
+        moments = -self.solve((self.shape[:n] * self.norms)[..., None] * self.within[:, None])
         potentials = self.potentials(x)
-        lift = felt(potentials, by_approach)
-        approach = (0.5 * x**2 + felt(potentials, moments)) / (1 - lift)
+        lift = total_potential(potentials, by_approach)
+        approach = (0.5 * x**2 + total_potential(potentials, moments)) / (1 - lift)
         return moments + by_approach * approach, by_approach, lift
 
     @cached_property
@@ -226,18 +226,18 @@ class RidgeRow:
         """
         spectrum, size = self._spectrum
         numbers, of_first = self.numbers, moments
-        if self.over_ridge:
+        if self.has_own_image:
             of_first = moments.copy()
             of_first[0, 1::2] = 0.0
         line = np.zeros((size, *moments.shape[1:]))
         line[numbers[: self.n] % size] = of_first
         if self.profile.mirrored:
-            alone = int(self.over_ridge)
+            alone = int(self.has_own_image)
             signs = (-1.0) ** np.arange(self.m)[:, None]
             line[self._images[alone:] % size] = of_first[alone:] * signs
-        felt = fft.irfft(spectrum @ fft.rfft(line, axis=0), size, axis=0)
-        value: FloatArray = felt[numbers % size]
-        if self.over_ridge:
+        sums = fft.irfft(spectrum @ fft.rfft(line, axis=0), size, axis=0)
+        value: FloatArray = sums[numbers % size]
+        if self.has_own_image:
             value[0, 1::2] = 0.0
         return value
 
@@ -249,7 +249,7 @@ class RidgeRow:
 
     def potentials(self, x: FloatArray) -> FloatArray:
         """Return potentials of all moments at x, (n_x, n, m)."""
-        alone = int(self.over_ridge) if self.profile.mirrored else self.n
+        alone = int(self.has_own_image) if self.profile.mirrored else self.n
         half = np.full(self.n, self.half_width)
         sums = potentials_around(self.centre[: self.n], half, x, self.m, alone=alone)
         sums[..., 0] += math.pi * math.log(self.unit) * self.weight
@@ -267,7 +267,7 @@ class RidgeRow:
         value: FloatArray = math.pi * (self.weight @ moments[:, 0])
         return value
 
-    def hanging(self, moments: FloatArray, approach: FloatArray) -> FloatArray:
+    def depth(self, moments: FloatArray, approach: FloatArray) -> FloatArray:
         """Return the depth of the surface in the grooves next to the centre, (n_event,)."""
         first = int(self.numbers[0])
         floors = [self.profile.floor_after(k) for k in range(first - 1, first + 1)]
@@ -278,7 +278,7 @@ class RidgeRow:
         return value
 
 
-def felt(potentials: FloatArray, moments: FloatArray) -> FloatArray:
+def total_potential(potentials: FloatArray, moments: FloatArray) -> FloatArray:
     """Return the potential of the moments (n, m, n_event) of each event at its place."""
     value: FloatArray = np.einsum("knm,nmk->k", potentials, moments)
     return value
@@ -293,5 +293,5 @@ def touch_order(profile: Profile, n: int) -> IntArray:
     k = np.arange(n)
     if profile.mirrored:
         return k
-    first = 0 if profile.offset > 0 else 1  # the nearest ridge is 0, else -1
+    first = 0 if profile.offset > 0 else 1  # number 0 is nearest, else -1
     return np.where(k % 2 == first, k // 2, -1 - k // 2)

@@ -18,7 +18,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.friction.terms import EFFECTS, PARAMETERS, TERMS, coefficients, terms
 from ridgebayes.runtime.randomness import stream
 
-_N_BATCH, _N = 16, 1_024  # batches, whose spread gives standard errors; draws of a batch
+_N_BATCH, _BATCH = 16, 1_024  # number and size of batches, whose spread gives standard errors
 _N_KEPT = 4_096  # draws returned
 _N_BIN, _MIN_DRAWS = 16, 64  # bins of a scene's value; least draws of the contact per batch
 _SCALES = [PARAMETERS.index(name) for name in PARAMETERS if name.startswith(("tau_", "sigma"))]
@@ -174,7 +174,7 @@ def predicted(
     """
     if not 0 < prob < 1:
         raise InputError(f"prob: expected above 0 and below 1, got {prob!r}")
-    rng, n, n_draw = stream(seed, "friction", "bands"), _N_BATCH * _N, len(inputs.contact)
+    rng, n, n_draw = stream(seed, "friction", "bands"), _N_BATCH * _BATCH, len(inputs.contact)
     # Columns: index of a contact's draw, parameters, scores of the effects.
     sample, other = (
         np.column_stack(
@@ -230,12 +230,12 @@ def _mean_and_se(values: FloatArray) -> tuple[float, float]:
 
 def _term_shares(by_term: FloatArray, mu: FloatArray) -> list[_Row]:
     """Return cov(term, mu)/var(mu) of all terms that are not 0."""
-    batches = mu.reshape(_N_BATCH, _N)
+    batches = mu.reshape(_N_BATCH, _BATCH)
     dev = batches - batches.mean(axis=1, keepdims=True)
     indices = []
     for name, values in zip(TERMS, by_term.T, strict=True):
         if values.any():
-            share = (values.reshape(_N_BATCH, _N) * dev).sum(axis=1) / (dev * dev).sum(axis=1)
+            share = (values.reshape(_N_BATCH, _BATCH) * dev).sum(axis=1) / (dev * dev).sum(axis=1)
             indices.append((name, *_mean_and_se(share), np.nan, np.nan))
     return indices
 
@@ -245,11 +245,11 @@ def _sobol(row: FloatArray, other: FloatArray, swapped: Mapping[str, FloatArray]
     from scipy import stats  # imported here because it takes a third of a second
 
     of_batches = {
-        "f_A": row.reshape(_N_BATCH, _N),
-        "f_B": other.reshape(_N_BATCH, _N),
-        "f_AB": np.stack([values.reshape(_N_BATCH, _N) for values in swapped.values()]),
+        "f_A": row.reshape(_N_BATCH, _BATCH),
+        "f_B": other.reshape(_N_BATCH, _BATCH),
+        "f_AB": np.stack([values.reshape(_N_BATCH, _BATCH) for values in swapped.values()]),
     }
-    summands = stats.sobol_indices(func=of_batches, n=_N)
+    summands = stats.sobol_indices(func=of_batches, n=_BATCH)
     first = summands.first_order.reshape(_N_BATCH, -1).T  # SciPy drops the axis of a single group
     total = summands.total_order.reshape(_N_BATCH, -1).T
     rows = zip(swapped, first, total, strict=True)

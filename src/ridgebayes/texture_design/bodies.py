@@ -162,7 +162,7 @@ class Bodies:
         """Whether manufactured widths equal nominal widths in all draws."""
         return not self.tolerance.size and not np.ptp(self.factor) and self.factor[0, 0] == 1
 
-    def some(self, index: slice | BoolArray) -> "Bodies":
+    def subset(self, index: slice | BoolArray) -> "Bodies":
         """Return a subset of the draws."""
         units = {unit: p[index] for unit, p in self.units.items()}
         score, factor = self.score[:, index], self.factor[:, index]

@@ -166,8 +166,8 @@ class GoalValues:
         for (drawn, weight), size in zip(loads, sizes, strict=True):
             # Bodies are independent draws, so the posterior's draws may stay in order.
             which = np.arange(size) * max(drawn.n_draw // size, 1) % drawn.n_draw
-            some = bodies.some(slice(first, first + size))
-            self.parts.append(PosteriorDraws(drawn, weight, which, some))
+            subset = bodies.subset(slice(first, first + size))
+            self.parts.append(PosteriorDraws(drawn, weight, which, subset))
             first += size
 
     def at(self, goal: Goal, a: float, b: float) -> Value:

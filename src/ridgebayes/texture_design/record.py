@@ -87,8 +87,8 @@ class Design(Tabular):
         texts = " and ".join(goal.text for goal in self.goals)
         row, word = self.best, "recommended" if self.feasible else "nearest"
         place = f"a/R {row['a_over_R']:.4g}, b/R {row['b_over_R']:.4g}"
-        some = f"{self.designs['feasible'].sum()} of {len(self.designs)} textures"
-        return f"Design({texts}: {some}; {word} {place}, margin {row['margin']:.3g})"
+        summary = f"{self.designs['feasible'].sum()} of {len(self.designs)} textures"
+        return f"Design({texts}: {summary}; {word} {place}, margin {row['margin']:.3g})"
 
     @property
     def feasible(self) -> bool:

@@ -182,7 +182,7 @@ class Sources:
                 loads = self.loads[j][0]
                 place = (draws[COEFFICIENTS][here] * loads.n_draw).astype(np.int64)
                 which = self._order(loads)[place]
-                part = PosteriorDraws(loads, 1.0, which, bodies.some(here))
+                part = PosteriorDraws(loads, 1.0, which, bodies.subset(here))
                 placed.append((here, which, PlacedDraws(part, *self.texture, self.value.corner)))
         return placed
 
