@@ -104,13 +104,13 @@ def test_plan__simulates_what_is_above_the_wanted_accuracy_and_only_that(name):
     together = 1.5 * (estimate + effects[FINITE_BODY].estimate)
     one, effects = planned(**FURTHER[name], relative=1.001 * together)
     assert not effects[name].simulated
-    assert "within the wanted" in effects[name].reason
+    assert "within the required" in effects[name].reason
     assert one.profile == Profile(A, B)
     one, effects = planned(**FURTHER[name], relative=0.999 * together)
     assert effects[name].simulated
-    assert "above the wanted" in effects[name].reason
+    assert "above the required" in effects[name].reason
     assert getattr(one.profile, field) == value
-    # Estimates do not depend on the wanted accuracy.
+    # Estimates do not depend on the required accuracy.
     assert effects[name].estimate == estimate
 
 
@@ -122,7 +122,7 @@ def test_plan__weighs_together_what_it_neglects():
     relative = 1.5 * sizes[large] + 0.75 * sizes[small]
     effects = planned(**both, relative=relative)[1]
     assert (effects[large].simulated, effects[small].simulated) == (True, False)
-    assert "with all that is neglected above the wanted" in effects[large].reason
+    assert "with all neglected effects above the required" in effects[large].reason
 
 
 @pytest.mark.parametrize(("a", "b", "nu"), [(A, B, 0.5), (0.032, 0.01, 0.3), (0.012, 0.03, 0.0)])
@@ -217,4 +217,4 @@ def test_plan__says_of_friction_at_most_that_of_full_stick():
     assert sizes[2] == sizes[3] == pytest.approx(math.log(3) - 1, rel=1e-12)  # rounding
     effect = planned(friction=0.5, nu=0.0, relative=0.01)[1]["friction"]
     assert effect.simulated
-    assert effect.reason.endswith("above the wanted 1 %: finite elements")
+    assert effect.reason.endswith("above the required 1 %: finite elements")

@@ -7,7 +7,7 @@ whether it holds:
 
 >>> from ridgebayes.contact.contact_solution import load_factor, solve_contact
 >>> from ridgebayes.contact.rigid_profile import Profile
->>> found = solve_contact(Profile(0.012, 0.03, offset=0.2), load_factor(0.5) * 0.001)
->>> found.Q, found.status
+>>> solution = solve_contact(Profile(0.012, 0.03, offset=0.2), load_factor(0.5) * 0.001)
+>>> solution.Q, solution.status
 (3, 'ok')
 """

@@ -1,7 +1,7 @@
-"""Loads that reach one ridge after another, all at once.
+"""Loads of all events of a profile, computed together.
 
-Ridges covered in full are a linear problem, with one factor for all events (`ridge_row`). The
-changes by round corners and free ends follow by iteration, for all events together
+Fully covered ridges are a linear problem with one Cholesky factor for all events (`ridge_row`). The
+effects of round corners and free ends follow by iteration over all events at the same time
 (docs/derivations/contact.md).
 """
 
@@ -21,22 +21,22 @@ from ridgebayes.contact.contact_solution import (
     too_many,
 )
 from ridgebayes.contact.ridge_contacts import RidgeContacts
-from ridgebayes.contact.ridge_row import RidgeRow, felt
+from ridgebayes.contact.ridge_row import RidgeRow, total_potential
 from ridgebayes.contact.rigid_profile import Profile
 
-_MOST_ROUNDS = 40
-_HISTORY = 5  # rounds that the next round combines
-_DEEP = 0.9  # of a groove's depth: deeper surfaces may touch the floor
+_MAX_ROUNDS = 40  # iterations; usually five to fifteen suffice
+_HISTORY = 5  # rounds that Anderson mixing combines
+_MAX_DEPTH_SHARE = 0.9  # penetration over groove depth from which the floor may be touched
 
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """Events in rising order: the n-th touches n + 1 ridges, or pairs, and reaches the next.
+    """Events in rising order.
 
     Parameters
     ----------
     W : ndarray of float, shape (n,)
-        Loads.
+        Loads. At event n (from 0), n + 1 ridges or pairs are in contact, and the next is reached.
     why : str
         Reason why the list ends; empty if it reaches the largest load or the largest number.
     """
@@ -51,13 +51,13 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
     Parameters
     ----------
     profile : Profile
-        The rigid side. Events end where a floor may be touched.
+        Rigid profile. Events end at the load at which a floor may be touched.
     W_max : float
         Largest load.
     n_max : int
-        Most events.
+        Largest number of events.
     rel_tol : float
-        Wanted relative error of each load.
+        Required relative error of each load.
 
     Returns
     -------
@@ -66,8 +66,8 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
 
     Notes
     -----
-    *Cost.* Five to fifteen rounds, each one convolution over the row and the contacts of all
-    ridges and events.
+    *Cost.* Five to fifteen rounds. Each round has one convolution over the row, and the contacts of
+    all ridges and events.
     """
     compliance = -math.log(math.sin(0.5 * math.pi * profile.a / profile.pitch))
     n = math.sqrt(2 * W_max) / profile.pitch + 0.1 + 0.5 * compliance
@@ -106,47 +106,47 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
 
 
 class _Rounds:
-    """All events of a row on their way to their loads."""
+    """Iteration for the loads of all events of a row."""
 
     def __init__(self, row: RidgeRow, rel_tol: float) -> None:
         self._row, self._tol, n = row, rel_tol, row.n
         self._W, self._ok = np.full(n, np.nan), np.zeros(n, dtype=bool)
-        self._events, self._left = np.arange(n), np.ones(n, dtype=bool)
-        self._ends = np.ones((2, n, n))  # of contact, by ridge and event
-        self._nearest = np.full(n, -1.0)  # place over the ridge ahead: t of its corner
+        self._events, self._active = np.arange(n), np.ones(n, dtype=bool)
+        self._ends = np.ones((2, n, n))  # ends of contact, by ridge and event
+        self._nearest = np.full(n, -1.0)  # t of the nearest point on the ridge ahead
         self._mixing = _Mixing()
         w, corner, half = row.half_width, row.profile.corner, 0.5 * row.profile.a
         self._radius, self._flat = corner / w**2, (half - corner) / w
-        # Whether contact would go further than it may here, and further on a ridge it could.
+        # Whether contact exceeds the half-width of the row, and whether ridges are wider than it.
         self.cut_off, self._cut = False, w < half
         self._moments = self._begin()
 
     def _begin(self) -> FloatArray:
-        """Return moments of sharp ridges covered in full; none of them pulls."""
+        """Return moments of fully covered sharp ridges; forces are kept above 0."""
         row = self._row
-        moments, self._by_approach, _ = row.covered_in_full()
+        moments, self._by_approach, _ = row.events_of_covered()
         smooth = 0.5 * (np.abs(row.centre[self._events + 1]) - row.half_width) ** 2
         least = SHRINK * row.within * smooth / (math.pi * row.weight.sum())
         moments[:, 0] = np.maximum(moments[:, 0], least)
         return moments
 
     def events(self) -> tuple[FloatArray, BoolArray]:
-        """Return the load of each event, and whether all conditions hold there."""
-        for _ in range(_MOST_ROUNDS):
+        """Return the load of each event, and whether all conditions hold at this load."""
+        for _ in range(_MAX_ROUNDS):
             self._round()
-            if not self._left.any():
+            if not self._active.any():
                 break
         return self._W, self._ok
 
     def _round(self) -> None:
-        """Move all events once; those that arrive are noted."""
+        """Update all events once, and record converged events."""
         row = self._row
-        event, ridge = np.nonzero((row.within & self._left).T)  # others stay as they are
+        event, ridge = np.nonzero((row.within & self._active).T)  # converged events are not updated
         field = row.fields(self._moments)
-        self._nearest, fallen = self._over(field, 1)
+        self._nearest, fall = self._nearest_on(field, 1)
         x = row.places(self._nearest, self._events + 1)
         potentials = row.potentials(x)
-        approach = 0.5 * x**2 + fallen + felt(potentials, self._moments)
+        approach = 0.5 * x**2 + fall + total_potential(potentials, self._moments)
         here = field.transpose(1, 0, 2)[:, ridge, event] + row.shape.T[:, ridge]
         force = self._moments[ridge, 0, event]
         contacts = RidgeContacts(here, force, self._ends[:, ridge, event], self._radius, self._flat)
@@ -155,85 +155,86 @@ class _Rounds:
         residual[ridge, 0, event] = math.pi * (contacts.level + row.shift * force - approach[event])
         apart = self._moments[ridge, 1:, event] - contacts.moments[1:].T
         residual[ridge, 1:, event] = row.energies[1:] * apart
-        change = -row.covered(residual)
-        # By the approach at which the surface at the ridge ahead is as high as its corner.
-        lift = 1 - felt(potentials, self._by_approach)
-        change += self._by_approach * felt(potentials, change) / lift
-        beyond = contacts.ends - self._flat  # beyond a kink pressure falls to zero within it
+        change = -row.solve(residual)
+        # The change of the approach keeps the surface in touch with the ridge ahead.
+        lift = 1 - total_potential(potentials, self._by_approach)
+        change += self._by_approach * total_potential(potentials, change) / lift
+        beyond = contacts.ends - self._flat  # beyond a kink, pressure falls to 0 over this length
         scale = np.where(beyond > 0, np.minimum(beyond, contacts.share), contacts.share)
         moving = (np.abs(contacts.steps) > 0.3 * TENSION * math.sqrt(self._tol) * scale).any(axis=0)
         load = row.load(self._moments)
-        arrived = self._left & (np.abs(row.load(change)) <= 0.1 * self._tol * load)
-        # A load may stand still by chance, so its shares are checked as well.
-        arrived &= row.load(np.abs(change)) <= self._tol * load
-        arrived &= np.bincount(event, moving, minlength=row.n) == 0
-        if arrived.any():
-            self._W[arrived] = row.load(self._moments + change)[arrived]
-            holds = self._holds(contacts, event, arrived) & self._free(field, approach)
-            self._ok[arrived] = holds[arrived]
-            self._left &= ~arrived
+        converged = self._active & (np.abs(row.load(change)) <= 0.1 * self._tol * load)
+        # Changes of single forces may cancel, so their sizes are checked as well.
+        converged &= row.load(np.abs(change)) <= self._tol * load
+        converged &= np.bincount(event, moving, minlength=row.n) == 0
+        if converged.any():
+            self._W[converged] = row.load(self._moments + change)[converged]
+            holds = self._valid(contacts, event, converged) & self._free(field, approach)
+            self._ok[converged] = holds[converged]
+            self._active &= ~converged
         self._moments = self._mixing.mixed(self._moments, change)
 
-    def _over(self, field: FloatArray, ahead: int) -> tuple[FloatArray, FloatArray]:
-        """Return where surfaces are nearest to ridges ahead, and how deep these are there."""
+    def _nearest_on(self, field: FloatArray, ahead: int) -> tuple[FloatArray, FloatArray]:
+        """Return the nearest points of surfaces on ridges ahead, and the falls of ridges there."""
         row, ridges = self._row, self._events + ahead
-        seen = field[ridges, :, np.arange(len(ridges))] + row.shape[ridges]
-        return _nearest(row.outward(seen, ridges), self._nearest, self._radius, self._flat)
+        surface = field[ridges, :, np.arange(len(ridges))] + row.shape[ridges]
+        return _nearest(row.outward(surface, ridges), self._nearest, self._radius, self._flat)
 
-    def _holds(self, contacts: RidgeContacts, event: IntArray, arrived: BoolArray) -> BoolArray:
-        """Return whether pressures of arrived events are resolved, and none is a tension."""
-        n, least = len(arrived), -max(TENSION * math.sqrt(self._tol), 1e-6)
+    def _valid(self, contacts: RidgeContacts, event: IntArray, converged: BoolArray) -> BoolArray:
+        """Return whether the pressures of converged events are resolved and not negative."""
+        n, least = len(converged), -max(TENSION * math.sqrt(self._tol), 1e-6)
         holds = (contacts.tail**2 <= self._tol) & (contacts.smallest_pressure >= least)
         sound: BoolArray = np.bincount(event, ~holds, minlength=n) == 0
         if self._cut:
             inside = np.bincount(event, (contacts.ends >= 1.0).any(axis=0), minlength=n) == 0
             inside &= self._nearest > -1.0
-            self.cut_off |= bool((arrived & ~inside).any())
+            self.cut_off |= bool((converged & ~inside).any())
             sound &= inside
         return sound
 
     def _free(self, field: FloatArray, approach: FloatArray) -> BoolArray:
-        """Return whether nothing else is touched, for each live event, (n_live,)."""
+        """Return whether no other ridge or floor is touched, for each event, (n_event,)."""
         profile, free = self._row.profile, np.ones(self._row.n, dtype=bool)
         if not profile.mirrored:
-            t, fallen = self._over(field, 2)
+            t, fall = self._nearest_on(field, 2)
             x = self._row.places(t, self._events + 2)
-            up = felt(self._row.potentials(x), self._moments)
-            free &= 0.5 * x**2 + fallen + up >= approach
+            up = total_potential(self._row.potentials(x), self._moments)
+            free &= 0.5 * x**2 + fall + up >= approach
         if math.isfinite(profile.depth):
-            free &= self._row.hanging(self._moments, approach) < _DEEP * profile.depth
+            free &= self._row.depth(self._moments, approach) < _MAX_DEPTH_SHARE * profile.depth
         return free
 
 
 @functools.cache
 def _derivative(m: int) -> FloatArray:
-    """Return the matrix from m Chebyshev coefficients to those of the derivative, (m, m - 1)."""
+    """Return the matrix from m Chebyshev coefficients to the derivative's, (m, m - 1)."""
     matrix = chebder(np.eye(m), axis=1)
     return np.asarray(matrix, dtype=np.float64)
 
 
 def _nearest(
-    seen: FloatArray, t: FloatArray, radius: float, flat: float
+    surface: FloatArray, t: FloatArray, radius: float, flat: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return where surfaces are nearest to ridges ahead, (n,), and how deep these are there.
+    """Return the nearest points of surfaces on ridges ahead, and the falls of ridges there, (n,).
 
-    A surface rises away from the centre, so that it is nearest over the corner: from t nearby on.
+    The gap of a surface grows away from the centre, so the nearest point is on the inner corner.
+    Newton's method starts from the previous points t.
     """
     if radius > 0:
-        m = seen.shape[1]
-        slope: FloatArray = seen @ _derivative(m)
+        m = surface.shape[1]
+        slope: FloatArray = surface @ _derivative(m)
         bend: FloatArray = slope @ _derivative(m - 1)
         for _ in range(2):
             waves = chebvander(t, m - 1)
             rise = (slope * waves[:, :-1]).sum(axis=1) - np.maximum(-flat - t, 0.0) / radius
-            # The corner's curvature alone where the surface's is negative.
-            by = np.maximum((bend * waves[:, :-2]).sum(axis=1), 0.0) + 1 / radius
-            t = np.clip(t - rise / by, -1.0, -flat)
+            # A negative curvature of the surface is ignored.
+            curvature = np.maximum((bend * waves[:, :-2]).sum(axis=1), 0.0) + 1 / radius
+            t = np.clip(t - rise / curvature, -1.0, -flat)
     return t, np.maximum(-flat - t, 0.0) ** 2 / (2 * radius) if radius > 0 else np.zeros_like(t)
 
 
 class _Mixing:
-    """Anderson's method: combine the last rounds so that the next change is least."""
+    """Anderson mixing: combine the last rounds to minimise the next change."""
 
     def __init__(self) -> None:
         self._last: tuple[FloatArray, FloatArray] | None = None
@@ -241,7 +242,7 @@ class _Mixing:
         self._changed: list[FloatArray] = []
 
     def mixed(self, at: FloatArray, change: FloatArray) -> FloatArray:
-        """Return the next moments, each event by itself, (n, m, n_event)."""
+        """Return the next moments, mixed for each event separately, (n, m, n_event)."""
         if self._last is not None:
             self._moved = [*self._moved, at - self._last[0]][-_HISTORY:]
             self._changed = [*self._changed, change - self._last[1]][-_HISTORY:]

@@ -1,4 +1,4 @@
-"""Range and distinct values of many rows, seen block by block; nodes between two values."""
+"""Ranges and distinct values of rows that come in blocks, and nodes of interpolation axes."""
 
 from dataclasses import dataclass
 
@@ -8,16 +8,16 @@ from scipy.interpolate import make_interp_spline
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 
-_ROUNDING = 1e-12  # relative, of ratios of widths that are drawn
+_ROUNDING = 1e-12  # relative difference of equal ratios of drawn widths
 
 
 class Spread:
-    """Which rows there are: each of them if they are few, and the range of each column.
+    """Distinct rows, if there are few, and the range of each column.
 
     Parameters
     ----------
     most : int
-        Distinct rows that are kept.
+        Largest number of distinct rows to keep.
 
     Examples
     --------
@@ -37,7 +37,7 @@ class Spread:
         self.low, self.high = np.array(np.inf), np.array(-np.inf)
 
     def add(self, rows: FloatArray) -> None:
-        """Look at some more rows, shape (n, n_column)."""
+        """Add rows, shape (n, n_column)."""
         few = self.low.ndim == 0 or self.distinct is not None
         self.low = np.minimum(self.low, rows.min(axis=0))
         self.high = np.maximum(self.high, rows.max(axis=0))
@@ -47,12 +47,12 @@ class Spread:
             self.distinct = distinct if len(distinct) <= self._most else None
 
     def place(self, rows: FloatArray) -> IntArray:
-        """Return which of the distinct rows each is, shape (n,)."""
+        """Return the index of each row among the distinct rows, shape (n,)."""
         distinct = np.empty((0, rows.shape[1])) if self.distinct is None else self.distinct
         return np.asarray((rows[:, None] == distinct).all(axis=-1).argmax(axis=1))
 
     def check(self, rows: FloatArray) -> None:
-        """Refuse rows that lie beyond those that were seen."""
+        """Refuse rows that are not among the added rows, or outside their range."""
         within = (rows >= self.low) & (rows <= self.high)
         if self.distinct is not None:
             within = (rows[:, None] == self.distinct).all(axis=-1).any(axis=1)
@@ -65,14 +65,14 @@ class Spread:
 
 @dataclass(frozen=True)
 class Axis:
-    """Nodes between two values, and weights of them for values between.
+    """Nodes between two values, and their weights for interpolation.
 
     Parameters
     ----------
     low, high : float
-        Ends.
+        Ends of the range.
     n : int
-        Nodes; 1 where the ends are equal.
+        Number of nodes; 1 if the ends are equal.
     degree : int, optional
         Degree of the spline between nodes.
 
@@ -92,19 +92,19 @@ class Axis:
 
     @classmethod
     def over(cls, low: float, high: float, n: int, *, degree: int = 3) -> "Axis":
-        """Return the axis over a range, of one node if its ends are equal to rounding."""
+        """Return the axis over a range, with one node if the ends are equal within rounding."""
         is_range = high > low and not np.isclose(high, low, rtol=_ROUNDING, atol=0.0)
         return cls(float(low), float(high), n if is_range else 1, degree)
 
     @property
     def nodes(self) -> FloatArray:
         """Nodes in rising order, shape (n,)."""
-        if self.n == 1:  # may be infinite
+        if self.n == 1:  # the value may be infinite
             return np.array([self.low])
         return np.linspace(self.low, self.high, self.n)
 
     def weights(self, x: FloatArray) -> FloatArray:
-        """Return the weight of each node at values, shape (.., n)."""
+        """Return the weight of each node at values x, shape (len(x), n)."""
         if self.n == 1:
             return np.ones((len(x), 1))
         return np.asarray(make_interp_spline(self.nodes, np.eye(self.n), k=self.degree)(x))

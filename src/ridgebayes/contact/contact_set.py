@@ -13,9 +13,10 @@ from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.contact.intervals import Intervals, PressureSolution
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
-SHRINK = 0.1  # least share of its width that a contact keeps in one step
+SHRINK = 0.1  # smallest factor on the width of a contact in one step
 TENSION = 0.1  # tension allowed at free ends, over the mean pressure and the root of the tolerance
-BEGUN, _ROUNDING_SHARE = 1e-6, 1e-9  # shares of the load
+# Shares of the load: contacts below `BEGUN` need less accuracy, and the smallest are rounding.
+BEGUN, _ROUNDING_SHARE = 1e-6, 1e-9
 _MIN_STEP = 1e-13  # over a contact's width; shorter steps are rounding errors
 N_PLACES, _N_REFINEMENTS = 17, 8  # on a segment; each refinement divides the spacing by eight
 _MIN_WIDTH = 1e-11  # of a contact, over its segment's width
@@ -40,9 +41,9 @@ class ContactSet:
     def begin(
         self, W: float, start: Mapping[RigidSegment, tuple[float, float]], spared: float
     ) -> None:
-        """Start with the ends of a similar solution, or with the part of ridges in Hertz's contact.
+        """Start from the ends of a similar solution, or from the ridges inside Hertz's contact.
 
-        A width `spared` on both sides of each ridge is left out of it, for round corners.
+        The start excludes a width `spared` on both sides of each ridge, for round corners.
         """
         hertz = math.sqrt(2 * W)
         tops = [segment for segment in self._segments if segment.ridge is not None]
@@ -53,7 +54,7 @@ class ContactSet:
                 if low < high:
                     self._ends[segment] = self._within(segment, low, high)
         if not self._ends:
-            # The nearest corner, with the width for which the body's slope there carries the load.
+            # Start at the nearest corner; the slope of the body determines the width.
             tops = tops or self._segments
             near = min(tops, key=lambda segment: min(abs(segment.start), abs(segment.stop)))
             self._ends[near] = self._initial_contact(near, W)
@@ -66,7 +67,7 @@ class ContactSet:
         width = 0.5 * min(segment.stop - segment.start, guess)
         if low < 0 < high:
             return self._within(segment, -width, width)
-        into = width if segment.corner else 0.0  # at a sharp corner contact begins
+        into = width if segment.corner else 0.0  # sharp corners are ends of contact
         if at == low:
             return self._within(segment, low - into, low + width)
         return self._within(segment, high - width, high + into)
@@ -82,7 +83,7 @@ class ContactSet:
         """Move free ends by Newton steps, and remove vanishing contacts; return if any changed."""
         touched = self.touched
         ends = np.array([self._ends[segment] for segment in touched]).T
-        moved = self._stepped(pressing, touched, ends)
+        moved = self._next_ends(pressing, touched, ends)
         for segment, (low, high) in zip(touched, moved.T.tolist(), strict=True):
             if high - low <= _MIN_WIDTH * (segment.stop - segment.start) and len(self._ends) > 1:
                 del self._ends[segment]
@@ -93,10 +94,10 @@ class ContactSet:
         return len(self._ends) < len(touched) or not np.array_equal(moved, ends)
 
     def forget_steps(self) -> None:
-        """Remove the limits on the next steps, which follow from the last ones."""
+        """Remove the limits that the last steps set on the next steps."""
         self._last_steps.clear()
 
-    def _stepped(
+    def _next_ends(
         self, pressing: PressureSolution, touched: list[RigidSegment], ends: FloatArray
     ) -> FloatArray:
         """Return ends after their steps, (2, n); equations of docs/derivations/contact.md."""
@@ -107,7 +108,7 @@ class ContactSet:
         width, mean = 2 * pressing.intervals.half_width, np.abs(pressing.coefficients[:, 0])
         strength = np.array(pressing.singular)
         step = end_steps(strength, np.nan_to_num(pressing.outward, nan=0.0), width, stuck)
-        near = np.abs(step) <= self._near_enough(width, math.pi * mean / pressing.load, layer)
+        near = np.abs(step) <= self._small_step(width, math.pi * mean / pressing.load, layer)
         stays = np.where(stuck, strength >= -self._tol * mean, near)  # (5), (10)
         last = np.array([self._last_steps.get(segment, (0.0, 0.0)) for segment in touched]).T
         most = np.where(step * last < 0, 0.5 * np.abs(last), np.inf)  # (9a)
@@ -116,8 +117,8 @@ class ContactSet:
         self._last_steps |= zip(touched, map(tuple, made.T.tolist()), strict=True)
         return np.where(stays, ends, np.where(step >= room, limits, ends + sign * step))
 
-    def _near_enough(self, width: FloatArray, share: FloatArray, layer: FloatArray) -> FloatArray:
-        """Return the step below which an end has converged, eq. (10), by its share of the load."""
+    def _small_step(self, width: FloatArray, share: FloatArray, layer: FloatArray) -> FloatArray:
+        """Return the step below which an end has converged, from its share of the load (eq. 10)."""
         bears = share > max(_ROUNDING_SHARE, 0.01 * self._tol)
         by_share = self._tol * width * np.maximum(1.0, BEGUN / np.where(bears, share, 1.0))
         # Beyond a kink the pressure falls to zero within the layer.
@@ -127,7 +128,7 @@ class ContactSet:
         return np.maximum(near, _MIN_STEP * width)
 
     def add_penetrated(self, pressing: PressureSolution) -> bool:
-        """Add a contact on every segment that the surface penetrates; return if there is any."""
+        """Add contacts on segments that the surface penetrates; return whether there are any."""
         before = len(self._ends)
         scale = max(self._tol * pressing.load, 1e-15)
         others = [segment for segment in self._segments if segment not in self._ends]
@@ -159,7 +160,7 @@ def end_steps(
     A negative strength of the edge singularity is tension. Equations (7) to (9) of
     docs/derivations/contact.md.
     """
-    # Half of the width if both ends can move inward, because they could pass each other.
+    # Half of the width if both ends can move inward, so that they cannot cross.
     most = (1 - SHRINK) * width * np.where(stuck.sum(axis=0) == 1, 1.0, 0.5)
     step = np.where((strength > 0) & (newton <= 0), width, newton)  # no zero of pressure ahead
     step = np.where((strength < 0) & (newton >= 0), -most, step)

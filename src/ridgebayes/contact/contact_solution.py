@@ -62,7 +62,7 @@ class ContactSolution:
 
     @property
     def Q(self) -> int:
-        """Number of ridges in contact, each from its proximal corner; any part of one below."""
+        """Number of ridges in contact, in whole or in part."""
         touched = [segment.ridge is not None for segment in self.segments]
         return int(np.sum(self.pressing.intervals.weight[touched]))
 
@@ -140,9 +140,9 @@ def solve_contact(
     start : ContactSolution, optional
         Solution at a similar load, as the initial guess.
     ridges : range, optional
-        Numbers of the ridges to include, for the behaviour until the next ridge is reached.
+        Numbers of the ridges to include. The solution holds until another ridge is reached.
     ahead : sequence of RigidSegment, optional
-        Ridges outside this range. The load at which the first of them is touched is sought.
+        Ridges outside this range. If given, solve for the load that touches the first of these.
 
     Returns
     -------
@@ -157,13 +157,13 @@ def solve_contact(
     """
     if not 0 < W < math.inf:
         raise InputError(f"W = {W!r}; expected finite and > 0")
-    if profile.corner < rel_tol * profile.a:  # loads change by less than the corner over a
+    if profile.corner < rel_tol * profile.a:  # the corner changes loads by less than corner/a
         profile = replace(profile, corner=0.0)
     half_width = bearing_half_width(profile, W)
     m = n_coefficients or coefficients_for(profile, rel_tol, half_width)
     hertz = math.sqrt(2 * W)
     if ridges is None and (first := hertz / profile.pitch) * m > 2 * MOST_UNKNOWNS:
-        # Too many ridges under Hertz's contact are not even listed, as there may be millions.
+        # The number of ridges is checked before they are listed, because it may be millions.
         return too_many(profile, first * m)
     within = profile.segments(1.3 * hertz + 3 * profile.pitch)
     if ridges is not None:

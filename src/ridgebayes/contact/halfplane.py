@@ -20,7 +20,7 @@ from ridgebayes.contact.ridge_row import RidgeRow
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 
-# 7,000 unknowns take 400 MB and some seconds; larger problems get a status instead.
+# 7,000 unknowns take 400 MB and a few seconds; larger problems get a status instead.
 MAX_UNKNOWNS = 7000
 _FIRST_BATCH = 4
 _NOT_CONVERGED = "not converged: estimated relative error {:.1e}"
@@ -128,8 +128,8 @@ def transition_loads(
     coefficients have decayed, every pressure is positive and the loads rise. Rounding limits the
     error to about 1e-13. Loads that need more unknowns than `MAX_UNKNOWNS` are not computed.
 
-    *Cost.* About 7 coefficients a strip at a = b, 144 at a = 1000 b (growing as sqrt(a/b)). A usual
-    texture up to Q = 20 takes a millisecond, and nothing when repeated.
+    *Cost.* About 7 coefficients per strip at a = b, and 144 at a = 1000 b (growing as sqrt(a/b)). A
+    usual texture up to Q = 20 takes a millisecond; repeated calls use the cache.
 
     References
     ----------
@@ -202,7 +202,7 @@ def smooth_load(half_width_over_R: ArrayLike, *, nu: float = 0.5) -> FloatArray:
 
 
 def forget_loads() -> None:
-    """Clear the cache of loads, for timing."""
+    """Clear the cache of loads, for measurements of time."""
     _table.cache_clear()
 
 
@@ -261,7 +261,7 @@ def _solve_checked(
     for k in range(n_transitions):
         if not rel_error[k] <= rel_tol:
             status.append(_NOT_CONVERGED.format(rel_error[k]))
-        elif not 0.01 * fine.tail[k] ** 2 <= rel_tol:  # the load errs by under 0.01 tail^2
+        elif not 0.01 * fine.tail[k] ** 2 <= rel_tol:  # the load's error is below 0.01 tail^2
             status.append(f"not converged: coefficient tail {fine.tail[k]:.1e}")
         elif not fine.smallest_pressure[k] > 0.0:
             status.append(f"pressure not positive: {fine.smallest_pressure[k]:.1e} of its mean")
@@ -337,7 +337,7 @@ def solve_strips(gap_ratio: float, n_transitions: int, n_coefficients: int) -> S
     1.0
     """
     row = RidgeRow.of(Profile(2.0, gap_ratio), n_transitions, n_coefficients, 1.0)
-    moments, _, lift = row.covered_in_full()
+    moments, _, lift = row.events_of_covered()
     k = np.arange(1, n_transitions + 1)
     mean = moments[:, 0].sum(axis=0) / k
     tail = np.abs(moments[:, -2:]).max(axis=(0, 1)) / mean

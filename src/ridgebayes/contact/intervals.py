@@ -146,8 +146,8 @@ class PressureSolution:
         """Return the recession at x (n_point,) for pressures with given coefficients."""
         step = max(2_000_000 // series.size, 1)
         parts = np.split(flat, range(step, len(flat), step))
-        felt = (potentials(self.intervals, part, series.shape[1]) for part in parts)
-        return np.concatenate([np.einsum("xin,in->x", block, series) for block in felt])
+        blocks = (potentials(self.intervals, part, series.shape[1]) for part in parts)
+        return np.concatenate([np.einsum("xin,in->x", block, series) for block in blocks])
 
     def _of_kinks(self, x: FloatArray) -> FloatArray:
         """Return the contribution of all orders of the kinks to the recession at x (n_point,)."""

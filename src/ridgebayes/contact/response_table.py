@@ -1,10 +1,10 @@
-"""Contacts of many bodies under many loads, interpolated on a grid of solved contacts.
+"""Contacts of many bodies under many loads, interpolated between solved contacts.
 
-Contact of sharp ridges without floors is a function of W/pitch^2, groove over ridge, and the offset
-in pitches (the scale law). Loads of one count make an interval, whose ends are the loads that reach
-this count and the next. The grid's nodes are shapes, and places in that interval. Places go with
-the root of the load, since a contact that begins grows like one, and lie close where a free end
-reaches its corner, the flat of a round one, or a floor is touched.
+By the scale law, contact of sharp ridges without floors depends on W/pitch^2, groove over ridge and
+the offset in pitches. The loads of a count are an interval between the loads that reach this count
+and the next. Nodes of the grid are shapes and places in the interval. Places are spaced by the root
+of the load, because a new contact grows with this root. They are refined where a free end reaches
+its corner or the flat of a round corner, and where a floor is touched.
 """
 
 import itertools
@@ -28,41 +28,42 @@ from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import ComputationError, InputError
 
-_N_PLACE, _N_BISECTION = 25, 10
-_INSIDE = 1e-5  # of an interval: at its very ends a contact is only rounding
-# Share of an interval by which loads keep off its ends; and of the load of the first change of the
-# count, where the table begins.
+_N_PLACE, _N_BISECTION = 25, 10  # nodes of an interval (or decade of loads); refinements
+_END_DISTANCE = 1e-5  # distance of nodes from ends of an interval, where contacts are too small
+# Distance of loads from the ends of an interval, over its length. Also the lowest load of the table
+# over the load at which the count first changes.
 CLOSEST = 1e-4
-_CLOSEST_BETWEEN = 0.01  # where ends are interpolated between offsets
-MOST_DISTINCT, _MOST_NODES = 32, 400
-_MOST_COEFFICIENTS = 64  # an interval, of shapes that vary: grooves of some 0.6 % of a sharp ridge
-_LAST_OFFSET = 0.499
-# Columns of `shapes_of`, and those of a shape: over the ridge, or over the radius.
+_CLOSEST_OFFSETS = 0.01  # the same, if ends are interpolated between offsets
+MOST_DISTINCT, _MAX_SHAPES = 32, 400  # shapes without interpolation; shapes of a grid
+_MAX_COEFFICIENTS = 64  # of a ridge in a grid: enough for grooves of 0.6 % of a sharp ridge
+_MAX_OFFSET = 0.499  # last node: at 0.5 counts are odd
+# Columns of `shapes_of`. A shape has lengths over the ridge, or over the radius.
 _SHAPE = ("groove/ridge", "offset", "depth", "corner/ridge", "ridge")
 _COLUMNS = (*_SHAPE, "groove", "corner")
 _OVER_RIDGE = [_COLUMNS.index(name) for name in _SHAPE]
 _OVER_RADIUS = [_COLUMNS.index(name.removesuffix("/ridge")) for name in _SHAPE]
-_N_SMOOTH, _N_OFFSET = 13, 17  # nodes along an axis
+_N_SMOOTH, _N_OFFSET = 13, 17  # nodes of a spline axis, and of the linear axis of offsets
 
 
 @dataclass(frozen=True, eq=False)
 class ContactValues:
-    """Contacts of n bodies, each with one count Q; lengths over R.
+    """Contacts of n bodies with a common count Q; lengths are over R.
 
     Parameters
     ----------
     W : ndarray of float, shape (n,)
-        The load nearest to the wanted one at which the mechanics counts Q.
+        Load at which the mechanics counts Q, nearest to the requested load.
     length : ndarray of float, shape (n,)
         Sum of touching widths.
     extent : ndarray of float, shape (n,)
-        Between the outermost ends of contact.
+        Distance between the outermost ends of contact.
     penetration : ndarray of float, shape (n,)
-        Deepest, into any groove; NaN where one ridge alone is touched.
+        Largest penetration into a groove; NaN if only one ridge is touched.
     share, largest_share : ndarray of float, shape (n,)
-        Share of the load on all ridges (less than 1 where floors are touched), and on one ridge.
+        Share of the load on all ridges (below 1 if floors are touched), and largest share on a
+        ridge.
     x, K : ndarray of float, shape (n, 2 Q)
-        Edges from left to right, as `edges.EdgeForces`; K at nu = 0.
+        Edges from left to right, as in `edges.EdgeForces`; K at nu = 0.
     """
 
     W: FloatArray
@@ -79,24 +80,24 @@ _FIXED = len({field.name for field in fields(ContactValues)} - {"W", "x", "K"}) 
 
 
 class ResponseTable:
-    """Contacts of many bodies.
+    """Table of the contacts of many bodies.
 
     Parameters
     ----------
     seen : Spread
-        Of `shapes_of` all of them, that keeps `MOST_DISTINCT`.
+        `shapes_of` all bodies, with up to `MOST_DISTINCT` distinct rows.
 
     Raises
     ------
     InputError
-        If so many of them vary that a table would take more than 400 shapes.
+        If a table would need more than 400 shapes, because too many values vary.
 
     Notes
     -----
-    *Accuracy.* Measured by whoever asks, with `solved`.
+    *Accuracy.* The caller measures errors with `solved`.
 
-    *Cost.* Some 0.1 s for each shape and count: up to 32 distinct shapes are solved each, more
-    are interpolated from 13 ratios of groove to ridge, or 17 offsets, or both.
+    *Cost.* About 0.1 s per shape and count. Up to 32 distinct shapes are solved; more shapes are
+    interpolated from 13 ratios of groove to ridge, or 17 offsets, or both.
     """
 
     def __init__(self, seen: Spread) -> None:
@@ -107,11 +108,11 @@ class ResponseTable:
             choices = [(columns, _axes(seen, columns)) for columns in (_OVER_RIDGE, _OVER_RADIUS)]
             sizes = [math.prod(axis.n for axis in axes) for _, axes in choices]
             self._columns, self._axes = choices[sizes.index(min(sizes))]
-            if min(sizes) > _MOST_NODES:
+            if min(sizes) > _MAX_SHAPES:
                 rule = "certain widths and radius where corners are round or floors are touched"
                 raise InputError(f"scene: too many values vary at once; expected {rule}")
             if self._axes[1].n > 1:
-                self._margin = _CLOSEST_BETWEEN
+                self._margin = _CLOSEST_OFFSETS
             mesh = np.meshgrid(*(axis.nodes for axis in self._axes), indexing="ij")
             rows = np.stack([choice.ravel() for choice in mesh], axis=1)
         else:
@@ -133,21 +134,21 @@ class ResponseTable:
         return weights
 
     def at(self, profiles: FloatArray, Q: int, W: FloatArray) -> ContactValues:
-        """Return the contacts of some bodies that all have the count Q, at loads near W.
+        """Return the contacts of bodies that have the count Q, at loads near W.
 
         Parameters
         ----------
         profiles : ndarray of float, shape (n, 5)
-            a, b, depth, corner and offset of each, as of `Profile`.
+            a, b, depth, corner and offset of each body, as in `Profile`.
         Q : int
             Even count.
         W : ndarray of float, shape (n,)
-            Loads wanted.
+            Requested loads.
 
         Raises
         ------
         InputError
-            If a body never touches Q ridges: over a ridge's centre counts are odd.
+            If a body never touches Q ridges, as for even counts over the centre of a ridge.
         ComputationError
             If a contact cannot be solved.
         """
@@ -156,26 +157,26 @@ class ResponseTable:
         weights, shapes = weights[:, used], [self._shapes[i] for i in used]
         ends = np.array([np.log(shape.interval(Q)) for shape in shapes])
         low, high = (weights @ ends).T
-        wanted = np.log(W / unit**2)
-        y = (wanted - low) / (high - low)
-        kept = np.clip(y, -np.inf if Q == 2 else self._margin, 1 - self._margin)
-        near = np.where(kept == y, W, np.exp(low + kept * (high - low)) * unit**2)
-        root = np.sqrt(np.maximum(kept, 0.0))
+        log_load = np.log(W / unit**2)
+        y = (log_load - low) / (high - low)
+        inside = np.clip(y, -np.inf if Q == 2 else self._margin, 1 - self._margin)
+        loads = np.where(inside == y, W, np.exp(low + inside * (high - low)) * unit**2)
+        root = np.sqrt(np.maximum(inside, 0.0))
         values = np.zeros((len(profiles), _FIXED + 4 * Q))
         for weight, shape in zip(weights.T, shapes, strict=True):
             of_shape = shape.values(Q)
             values += weight[:, None] * of_shape(np.clip(root, of_shape.x[0], of_shape.x[-1]))
         power = np.repeat([1.0, 1.0, 2.0, 0.0, 0.0, 1.0, 1.5], [1] * _FIXED + [2 * Q] * 2)
-        contact = _contacts(near, values * unit[:, None] ** power)
+        contact = _contacts(loads, values * unit[:, None] ** power)
         mirrored, x, K = (profiles[:, 4] < 0)[:, None], contact.x, contact.K
         x, K = np.where(mirrored, -x[:, ::-1], x), np.where(mirrored, K[:, ::-1], K)
         return replace(contact, x=x, K=K)
 
 
 def solved(profile: FloatArray, Q: int, W: float) -> ContactValues:
-    """Return the contact of one body solved on its own, as `ResponseTable.at` returns it."""
+    """Solve the contact of a single body, in the format of `ResponseTable.at`."""
     solution = solve_contact(Profile(*profile.tolist()), W)
-    return _contacts(np.array([W]), _measured(solution, Q)[None])
+    return _contacts(np.array([W]), _flat_values(solution, Q)[None])
 
 
 def _contacts(W: FloatArray, values: FloatArray) -> ContactValues:
@@ -183,12 +184,13 @@ def _contacts(W: FloatArray, values: FloatArray) -> ContactValues:
 
 
 def shapes_of(profiles: FloatArray) -> FloatArray:
-    """Return what contacts of profiles (n, 5), as of `ResponseTable.at`, depend on, (n, 7).
+    """Return the quantities (n, 7) on which contacts of profiles (n, 5) depend.
 
-    Logs of groove, depth, corner and ridge, and the offset. With sharp corners only the groove over
-    the ridge, and the depth over the pitch's square, matter. With round ones a groove is taken with
-    both its corners: contacts do not change where it closes. Groove and corner are there twice,
-    over the ridge and over R: with some lengths certain, fewer of the one or the other vary.
+    These are the logs of groove, depth, corner and ridge, and the offset. Contacts of sharp ridges
+    depend on groove over ridge and on depth over the square of the pitch. A groove with round
+    corners is measured with both corners, because contacts do not change when it closes. Groove and
+    corner are given over the ridge and over R; if some lengths are certain, fewer columns of one of
+    the two vary.
     """
     a, b, depth, corner, offset = profiles.T
     unit, groove, is_sharp = _units(profiles), b + 2 * corner, corner == 0
@@ -205,17 +207,17 @@ def _units(profiles: FloatArray) -> FloatArray:
 
 
 def _axes(seen: Spread, columns: list[int]) -> list[Axis]:
-    """Return axes over some columns of `shapes_of`, the second of them that of the offset."""
+    """Return axes for some columns of `shapes_of`; the second is the offset."""
     ranges = list(zip(seen.low[columns], seen.high[columns], strict=True))
     axes = [Axis.over(*ends, _N_SMOOTH) for ends in ranges]
-    # Which end is free changes with the offset: a cubic would swing.
-    near, far = (min(end, _LAST_OFFSET) for end in ranges[1])
+    # Free ends change with the offset, so cubic splines would oscillate.
+    near, far = (min(end, _MAX_OFFSET) for end in ranges[1])
     axes[1] = Axis.over(near, far, _N_OFFSET, degree=1)
     return axes
 
 
 def _profile(at: FloatArray, *, over_ridge: bool) -> Profile:
-    """Return the profile of a shape; of a sharp one that with a pitch of 1."""
+    """Return the profile of a shape; sharp profiles have a pitch of 1."""
     groove, offset, depth, corner, ridge = at.tolist()
     if corner == -math.inf:
         a = 1 / (1 + math.exp(groove))
@@ -231,25 +233,25 @@ def _profile(at: FloatArray, *, over_ridge: bool) -> Profile:
 
 
 def _refuse_narrow(profiles: list[Profile]) -> None:
-    """Refuse sharp grooves so narrow that a grid of them takes hours."""
+    """Refuse sharp grooves so narrow that a grid would take hours."""
     for profile in profiles:
         needed = coefficients_for(profile, DEFAULT_REL_TOL, 0.5 * profile.a)
-        if profile.corner == 0 and needed > _MOST_COEFFICIENTS:
+        if profile.corner == 0 and needed > _MAX_COEFFICIENTS:
             rule = "expected sharp grooves that vary to be wider than 0.6 % of ridge_width"
             share = f"{100 * profile.b / profile.a:.2g} %; truncated(..) keeps draws above"
             raise InputError(f"scene: groove_width: {rule}, got {share}")
 
 
 class _Shape:
-    """One profile: its loads of each count, and what is interpolated between them."""
+    """Loads and interpolated contacts of a profile, for each count."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
         self._events: tuple[FloatArray, IntArray] = np.empty(0), np.empty(0, dtype=np.int64)
-        self._kept: dict[int, PchipInterpolator] = {}
+        self._cache: dict[int, PchipInterpolator] = {}
 
     def interval(self, Q: int) -> tuple[float, float]:
-        """Return the loads between which the count is Q."""
+        """Return the smallest and largest load with count Q."""
         W, counts = self._events
         while not len(counts) or counts[-1] <= Q:
             top = max(4 * W[-1] if len(W) else 0.0, 0.5 * ((Q / 2 + 2) * self._profile.pitch) ** 2)
@@ -261,10 +263,10 @@ class _Shape:
         i = int(np.searchsorted(counts, Q, side="right"))
         if i == 0:
             if counts[0] - 1 < Q or self._first != Q:
-                raise _never(Q, self._profile)
+                raise _impossible_count(Q, self._profile)
             return float(W[0]) * CLOSEST, float(W[0])
         if counts[i - 1] != Q:
-            raise _never(Q, self._profile)
+            raise _impossible_count(Q, self._profile)
         return float(W[i - 1]), float(W[i])
 
     @cached_property
@@ -272,56 +274,56 @@ class _Shape:
         return solve_contact(self._profile, float(self._events[0][0]) * CLOSEST).Q
 
     def values(self, Q: int) -> PchipInterpolator:
-        """Return `_measured` as a function of the root of a place in the interval."""
-        if Q not in self._kept:
+        """Return an interpolator of `_flat_values` by the root of the place in the interval."""
+        if Q not in self._cache:
             low, high = self.interval(Q)
-            # More below the first change of the count, where loads go over decades.
+            # The first interval covers decades of loads and has more nodes.
             n = _N_PLACE * max(round(math.log10(high / low)), 1)
             nodes = dict(self._solve(Q, root**2) for root in np.linspace(0.0, 1.0, n).tolist())
-            for _ in range(_N_BISECTION):  # ever closer to where an end is free no more
+            for _ in range(_N_BISECTION):  # bisect towards the places where free ends change
                 for first, last in itertools.pairwise(sorted(nodes)):
                     if _free_ends(nodes[first]) != _free_ends(nodes[last]):
                         root = 0.5 * (math.sqrt(first) + math.sqrt(last))
                         nodes |= [self._solve(Q, root**2, nodes[first])]
             places = sorted(nodes)
-            values = np.array([_measured(nodes[place], Q) for place in places])
-            self._kept[Q] = PchipInterpolator(np.sqrt(places), values)
-        return self._kept[Q]
+            values = np.array([_flat_values(nodes[place], Q) for place in places])
+            self._cache[Q] = PchipInterpolator(np.sqrt(places), values)
+        return self._cache[Q]
 
     def _solve(
         self, Q: int, y: float, start: ContactSolution | None = None
     ) -> tuple[float, ContactSolution]:
-        """Return the contact at a place y, and the place: farther inside if it has to be."""
+        """Return a place at y, or farther inside if that cannot be solved, and its contact."""
         low, high = self.interval(Q)
-        inside = _INSIDE * max(1.0, 0.5 / math.log(high / low))
+        inside = _END_DISTANCE * max(1.0, 0.5 / math.log(high / low))
         while True:
             inside = min(inside, 0.25)
             place = min(max(y, inside), 1 - inside)
             W = low * (high / low) ** place
             solution = solve_contact(self._profile, W, start=start)
-            if start is not None and solution.status != "ok":  # it may lead round in circles
+            if start is not None and solution.status != "ok":  # the start may cause a cycle
                 solution = solve_contact(self._profile, W)
             inside *= 4
-            is_there = solution.status == "ok" and solution.Q == Q
-            if is_there or inside > 0.25 or inside <= y <= 1 - inside:
+            is_solved = solution.status == "ok" and solution.Q == Q
+            if is_solved or inside > 0.25 or inside <= y <= 1 - inside:
                 return place, solution
 
 
 def _free_ends(solution: ContactSolution) -> tuple[bool, ...]:
-    """Return whether each end lies on its segment's flat part."""
+    """Return whether each end of contact is on the flat part of its segment."""
     flats = ((segment.flat, ends) for segment, ends in solution.covered.items())
     return tuple(x for flat, (a, b) in flats for x in (a > flat[0], b < flat[1]))
 
 
-def _measured(solution: ContactSolution, Q: int) -> FloatArray:
-    """Return the fields of `ContactValues` from its length on, as one array, shape (5 + 4 Q,)."""
+def _flat_values(solution: ContactSolution, Q: int) -> FloatArray:
+    """Return the fields of `ContactValues` after W as one array, shape (5 + 4 Q,)."""
     if solution.status != "ok" or solution.Q != Q:
         at = solution.profile
         shape = f"groove_width {at.b / at.a:.3g}, corner_radius {at.corner / at.a:.3g}"
-        said = f"Q = {solution.Q} for {Q}, {solution.status}"
+        state = f"Q = {solution.Q} for {Q}, {solution.status}"
         raise ComputationError(
             f"scene: {shape} of ridge_width, offset {at.offset:.3g}: expected a contact that can "
-            f"be solved, got {said}; a truncated distribution keeps to values whose contact can be"
+            f"be solved, got {state}; a truncated distribution keeps to values whose contact can be"
         )
     first, last = solution.ends
     on_ridges = np.array([segment.ridge is not None for segment in solution.segments])
@@ -329,13 +331,13 @@ def _measured(solution: ContactSolution, Q: int) -> FloatArray:
     times = solution.pressing.intervals.weight[on_ridges]
     deepest = max(solution.penetrations.values(), default=math.nan)
     edges = edge_forces(solution, 0.0)
-    kept = ~edges.is_floor
+    on_ridge = ~edges.is_floor
     fixed = [solution.contact_fraction * (last - first), last - first, deepest]
     fixed += [share @ times, share.max()]
-    return np.concatenate([fixed, edges.x[kept], edges.K[kept]])
+    return np.concatenate([fixed, edges.x[on_ridge], edges.K[on_ridge]])
 
 
-def _never(Q: int, profile: Profile) -> InputError:
+def _impossible_count(Q: int, profile: Profile) -> InputError:
     return InputError(
         f"offset: expected one at which {Q} ridges are touched under some load, got "
         f"{profile.offset!r} (over a ridge's centre counts are odd)"

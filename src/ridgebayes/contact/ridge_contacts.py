@@ -1,9 +1,9 @@
-r"""Contacts on single ridges, many at once: each under a smooth field and a given force.
+r"""Contacts on many single ridges, each under a smooth field and a given force.
 
-On a ridge of half-width w, with t = -1 ... 1 over it, what all other contacts and the body's shape
-raise there is :math:`\sum e_n T_n(t)`. The pressure of the ridge's own contact is felt elsewhere
-through its moments, those of :math:`\sum A_n T_n(t)/(w \sqrt{1 - t^2})`, wherever it ends. Inside
-an interval pressures follow from the surface order by order (`intervals`): nothing is solved.
+A ridge has half-width w, and t = -1 ... 1 over it. The other contacts and the body's shape raise
+the surface by :math:`\sum e_n T_n(t)`. The pressure of the ridge's contact acts elsewhere through
+its moments, which are those of :math:`\sum A_n T_n(t)/(w \sqrt{1 - t^2})`, wherever it ends.
+Pressures follow from the surface order by order (`intervals`), without solving equations.
 """
 
 from dataclasses import dataclass
@@ -24,15 +24,15 @@ class RidgeContacts:
     Parameters
     ----------
     field : ndarray of float, shape (m, n)
-        e_n, over R.
+        Coefficients e_n, over R.
     force : ndarray of float, shape (n,)
-        Over pi: A_0.
+        Forces over pi, A_0.
     ends : ndarray of float, shape (2, n)
-        How far contact goes to the left and right of the middle, in half-widths, at most 1.
+        Extent of contact to the left and right of the centre, in half-widths, at most 1.
     radius : float
-        Radius of the corners, over the square of the half-width; 0 is sharp.
+        Radius of the corners over the square of the half-width; 0 for sharp corners.
     flat : float
-        Where the flat ends, in half-widths.
+        Distance from the centre to the end of the flat top, in half-widths.
     """
 
     field: FloatArray
@@ -49,7 +49,7 @@ class RidgeContacts:
 
     @cached_property
     def _places(self) -> tuple[FloatArray, FloatArray]:
-        """Chebyshev polynomials of t, shape (m, m, n), and of s, (m, m), at a contact's points."""
+        """Chebyshev polynomials of t, (m, m, n), and of s, (m, m), at the nodes of contacts."""
         m = len(self.field)
         angle = (np.arange(m) + 0.5) * (np.pi / m)
         t = 0.5 * (self.ends[1] - self.ends[0]) + self.share * np.cos(angle)[:, None]
@@ -57,12 +57,12 @@ class RidgeContacts:
 
     @cached_property
     def kinks(self) -> Kinks:
-        """Where the flats end, within the contacts."""
+        """Ends of the flat tops within the contacts."""
         return self._surfaces[1]
 
     @cached_property
     def _surfaces(self) -> tuple[FloatArray, Kinks]:
-        """Coefficients by T_n(s) of field and rigid surface, without kinks, (m, n); and these."""
+        """Coefficients in T_n(s) of field and rigid surface without kinks, (m, n), and kinks."""
         of_t, of_s = self._places
         m = len(of_s)
         smooth = of_s @ np.einsum("nk,njk->jk", self.field, of_t) * (2.0 / m)
@@ -74,7 +74,7 @@ class RidgeContacts:
 
     @cached_property
     def _regular(self) -> FloatArray:
-        """Coefficients of the pressure without those of kinks, (m, n)."""
+        """Coefficients of the pressure without kinks, (m, n)."""
         smooth = self._surfaces[0]
         regular = smooth * (-np.arange(len(smooth)) / np.pi)[:, None]
         regular[0] = self.force
@@ -82,12 +82,12 @@ class RidgeContacts:
 
     @cached_property
     def _series(self) -> FloatArray:
-        """Coefficients by T_n(s) of the rigid surface beyond kinks, (m, n)."""
+        """Coefficients in T_n(s) of the kinks of the rigid surface, (m, n)."""
         return self.kinks.series(len(self.field)).T
 
     @cached_property
     def moments(self) -> FloatArray:
-        """A_n, shape (m, n)."""
+        """Moments A_n, shape (m, n)."""
         of_t, of_s = self._places
         m = len(of_s)
         a = self._regular - (np.arange(m) / np.pi)[:, None] * self._series
@@ -97,20 +97,20 @@ class RidgeContacts:
 
     @cached_property
     def level(self) -> FloatArray:
-        """Mean height under the contact, lengths in half-widths of a ridge; the same for all."""
+        """Mean height under each contact, (n,), with lengths in half-widths of a ridge."""
         by_force = np.pi * self.force * (np.log(2.0) - np.log(self.share))
         level: FloatArray = by_force + self._surfaces[0][0] + self._series[0]
         return level
 
     @cached_property
     def steps(self) -> FloatArray:
-        """Return how far ends move outward, shape (2, n): Newton's step, kept to a contact's size.
+        """Newton steps of the ends outward, shape (2, n), limited by the size of the contact.
 
         Equations (5) to (9) of docs/derivations/contact.md.
         """
         order = np.arange(len(self.field))
         at_ends = np.stack([(-1.0) ** order, np.ones(len(order))])
-        # Strengths of the edge singularity: negative is tension.
+        # Strengths of the edge singularities; tension is negative.
         strength = at_ends @ self._regular - self.kinks.at_ends() / np.pi
         slopes = (at_ends * order**2) @ self._regular - self.kinks.slopes() / np.pi
         width = 2 * self.share
@@ -122,7 +122,7 @@ class RidgeContacts:
 
     @property
     def tail(self) -> FloatArray:
-        """Last coefficient of what a field adds to the pressure, over the mean pressure, (n,)."""
+        """Last coefficient of the field's pressure over the mean pressure, (n,)."""
         m = len(self.field)
         tail: FloatArray = (m - 1) / np.pi * np.abs(self._surfaces[0][-1] / self.force)
         return tail

@@ -1,9 +1,9 @@
-r"""Interaction of the ridges of a row, through moments of their pressures.
+"""Interaction of the ridges of a row, through moments of their pressures.
 
-Wherever contact on a ridge ends, its pressure acts on others through its moments alone
-(`ridge_contacts`): the matrix between ridges is the same at all loads. Ridges stand in the order in
-which they are touched, so that the matrix of the first few is a leading block of that of all, and
-so is its Cholesky factor.
+The pressure on a ridge acts on other ridges through its moments (`ridge_contacts`), wherever the
+contact ends, so the interaction matrix is the same at all loads. Ridges are ordered as they are
+touched. The matrix of the first ridges is therefore a leading block of the full matrix, and the
+Cholesky factors are related in the same way.
 """
 
 import math
@@ -21,35 +21,36 @@ from ridgebayes.contact.intervals import potentials_around
 from ridgebayes.contact.logkernel import cross_blocks, log_ellipse, self_energies
 from ridgebayes.contact.rigid_profile import Profile
 
-# Neighbours feel the m-th moments by rho^-2m: below e^-6 rounds of `all_events` take them along.
-_FELT = 3.0
-_AHEAD = 2  # ridges that no event touches: the next ones on either side
+# The m-th moments act on neighbours by rho^-2m. Below e^-6 the iteration of `all_events` suffices.
+_MAX_DECAY = 3.0  # m ln(rho) of the highest moments in the factor
+_N_AHEAD = 2  # ridges that no event touches: the next ridge on either side
 
 
 @dataclass(frozen=True, eq=False)
 class RidgeRow:
-    """The first n ridges, and two more that they act on.
+    """The first n ridges, and the two ridges that follow.
 
-    Events are numbered from 0: the n-th touches the first n + 1 ridges (or pairs of them), and
-    reaches the next. Moments are arrays (n, m, n_event), 0 where an event does not touch a ridge.
-    Potentials are in units in which the capacity of all ridges is below 1: definite matrices.
+    Events count from 0. Event n touches the first n + 1 ridges (or pairs of ridges), and reaches
+    the next. Moments are arrays (n, m, n_event), with 0 for ridges that an event does not touch. In
+    the unit of length of potentials the capacity of all ridges is below 1, so that matrices are
+    positive definite.
 
     Parameters
     ----------
     profile : Profile
-        The rigid side.
+        Rigid profile.
     numbers : ndarray of int, shape (n + 2,)
-        Numbers of the ridges.
+        Numbers of the ridges in the profile.
     half_width : float
-        Half-width of the part of a ridge that contact may cover.
+        Largest half-width of contact on a ridge.
     unit : float
         Unit of length.
     by_distance : ndarray of float, shape (2 n_distance + 1, m, m)
-        Projections on a ridge of the potentials of another's moments, from n_distance pitches to
-        its left to as many to its right.
+        Projections on a ridge of the potentials of another ridge's moments, at distances from
+        -n_distance to n_distance pitches.
     factor : ndarray of float, shape (n m_far, n m_far)
-        Cholesky's, of the first moments of ridges that are covered in full, scaled: the others
-        hardly act on neighbours.
+        Cholesky factor of the scaled matrix of the first moments of fully covered ridges. Higher
+        moments hardly act on neighbours.
     """
 
     profile: Profile
@@ -61,14 +62,14 @@ class RidgeRow:
 
     @classmethod
     def of(cls, profile: Profile, n: int, m: int, half_width: float) -> "RidgeRow":
-        """Return the row of n ridges, m moments each, of which contact may cover a half-width.
+        """Return the row of n ridges with m moments each.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            If rounding has cost the matrix its positive definiteness.
+            If the matrix is not positive definite, because of rounding.
         """
-        numbers = touch_order(profile, n + _AHEAD)
+        numbers = touch_order(profile, n + _N_AHEAD)
         reach = max(abs(profile.ridge(k).start) for k in numbers.tolist())
         free, none = profile.b + (profile.a - 2 * half_width), np.empty((0, 0))
         right = cross_blocks(free / half_width, 2 * int(np.abs(numbers).max()) + 1, m)
@@ -77,8 +78,8 @@ class RidgeRow:
         row = cls(profile, numbers, half_width, reach + profile.a, by_distance, none)
         by_distance[:, 0, 0] += math.pi * row.shift
         by_distance[len(right)] = 0.0
-        m_far = min(math.ceil(_FELT / log_ellipse(free / half_width)) + 1, m)
-        m_far = m_far if profile.corner else m  # sharp ridges are solved for at once
+        m_far = min(math.ceil(_MAX_DECAY / log_ellipse(free / half_width)) + 1, m)
+        m_far = m_far if profile.corner else m  # sharp ridges are solved without iteration
         rows, columns = row._scales(m_far)
         matrix = row._matrix(m_far) / (rows[:, None] * columns)
         matrix[np.arange(n * m_far), np.arange(n * m_far)] += 1.0
@@ -89,30 +90,30 @@ class RidgeRow:
 
     @property
     def n(self) -> int:
-        """Ridges that are touched at the last event."""
-        return len(self.numbers) - _AHEAD
+        """Number of ridges in contact at the last event."""
+        return len(self.numbers) - _N_AHEAD
 
     @property
     def m(self) -> int:
-        """Moments of a ridge."""
+        """Number of moments of a ridge."""
         return int(self.by_distance.shape[1])
 
     @cached_property
-    def over_ridge(self) -> bool:
+    def has_own_image(self) -> bool:
         """Whether the first ridge is its own mirror image."""
         return abs(self.profile.offset) == 0.5
 
     @cached_property
     def centre(self) -> FloatArray:
-        """Middles of ridges, (n + 2,)."""
+        """Centres of the ridges, (n + 2,)."""
         starts = [self.profile.ridge(k).start for k in self.numbers.tolist()]
         return np.array(starts) + 0.5 * self.profile.a
 
     @cached_property
     def weight(self) -> FloatArray:
-        """How often each ridge is there, (n,): twice where it has a mirror image."""
+        """Multiplicity of each ridge, (n,): 2 if it has a mirror image, else 1."""
         weight = np.full(self.n, 2.0 if self.profile.mirrored else 1.0)
-        if self.over_ridge:
+        if self.has_own_image:
             weight[0] = 1.0
         return weight
 
@@ -123,7 +124,7 @@ class RidgeRow:
 
     @cached_property
     def energies(self) -> FloatArray:
-        """Projections on a ridge covered in full of its own potentials, (m,)."""
+        """Projections on a fully covered ridge of its own potentials, (m,)."""
         by_order = self_energies(self.m)
         by_order[0] += math.pi * self.shift
         return by_order
@@ -146,24 +147,24 @@ class RidgeRow:
 
     @cached_property
     def within(self) -> BoolArray:
-        """Which ridges an event touches, (n, n_event)."""
+        """Whether an event touches a ridge, (n, n_event)."""
         return np.arange(self.n)[:, None] <= np.arange(self.n)
 
     @cached_property
     def _images(self) -> IntArray:
-        """Numbers of the ridges' mirror images, (n,); none unless the profile is mirrored."""
+        """Numbers of the mirror images of ridges, (n,); empty without mirror symmetry."""
         if not self.profile.mirrored:
             return np.empty(0, dtype=np.int64)
-        return -self.numbers[: self.n] - (0 if self.over_ridge else 1)
+        return -self.numbers[: self.n] - (0 if self.has_own_image else 1)
 
     def _matrix(self, m: int) -> FloatArray:
-        """Return projections on each ridge of the first moments of each other, (n m, n m)."""
+        """Return projections on each ridge of the other ridges' first moments, (n m, n m)."""
         numbers, n, middle = self.numbers[: self.n], self.n, len(self.by_distance) // 2
         blocks = self.by_distance[numbers[:, None] - numbers + middle, :m, :m]
         if self.profile.mirrored:
             signs = (-1.0) ** np.arange(m)
             blocks += self.by_distance[numbers[:, None] - self._images + middle, :m, :m] * signs
-            if self.over_ridge:  # the first ridge is its own image, and has nothing of odd order
+            if self.has_own_image:  # the first ridge is its own image, without odd orders
                 blocks[:, 0] = self.by_distance[numbers + middle, :m, :m]
                 blocks[:, 0, :, 1::2] = blocks[0, :, 1::2] = 0.0
         value: FloatArray = blocks.transpose(0, 2, 1, 3).reshape(n * m, n * m)
@@ -175,10 +176,10 @@ class RidgeRow:
         scale = np.sqrt(np.tile(self.energies[:m], self.n))
         return scale / root, scale * root
 
-    def covered(self, potentials: FloatArray) -> FloatArray:
-        """Return moments of ridges covered in full that make given potentials' projections.
+    def solve(self, potentials: FloatArray) -> FloatArray:
+        """Return the moments of fully covered ridges with given projections of potentials.
 
-        As if moments beyond the factor's were not felt elsewhere.
+        Moments above the order of the factor are taken to act on their own ridge only.
         """
         n, m_far = self.n, len(self.factor) // self.n
         rows, columns = self._scales(m_far)
@@ -190,26 +191,26 @@ class RidgeRow:
         value[:, :m_far] = (first / columns[:, None]).reshape(n, m_far, -1)
         return value
 
-    def covered_in_full(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return what ridges covered in full carry where the surface meets the corner ahead.
+    def events_of_covered(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Solve for fully covered ridges, with the surface touching the corner of the next ridge.
 
-        Moments at events, (n, m, n_event); what an approach of 1 adds to them; and by how much that
-        lifts the surface over the corner, (n_event,).
+        Return the moments at events, (n, m, n_event), their derivatives by the approach, and the
+        derivatives of the surface at the corner, (n_event,).
         """
         n = self.n
         x = self.places(np.full(n, -1.0), np.arange(n) + 1)
         charge = np.zeros((n, self.m, n))
         charge[:, 0] = math.pi * self.within
-        by_approach = self.covered(charge)
-        moments = -self.covered((self.shape[:n] * self.norms)[..., None] * self.within[:, None])
+        by_approach = self.solve(charge)
+        moments = -self.solve((self.shape[:n] * self.norms)[..., None] * self.within[:, None])
         potentials = self.potentials(x)
-        lift = felt(potentials, by_approach)
-        approach = (0.5 * x**2 + felt(potentials, moments)) / (1 - lift)
+        lift = total_potential(potentials, by_approach)
+        approach = (0.5 * x**2 + total_potential(potentials, moments)) / (1 - lift)
         return moments + by_approach * approach, by_approach, lift
 
     @cached_property
     def _spectrum(self) -> tuple[NDArray[np.complex128], int]:
-        """Fourier's transform of `by_distance` on a circle of ridges, and how many it has."""
+        """Fourier transform of `by_distance` on a periodic row, and the number of its ridges."""
         numbers, middle = self.numbers, len(self.by_distance) // 2
         sources = np.concatenate([numbers, self._images])
         apart = np.arange(numbers.min() - sources.max(), numbers.max() - sources.min() + 1)
@@ -219,43 +220,43 @@ class RidgeRow:
         return fft.rfft(line, axis=0), size
 
     def fields(self, moments: FloatArray) -> FloatArray:
-        """Return coefficients of the potentials felt on each ridge, (n + 2, m, n_event).
+        """Return coefficients of the potentials on each ridge, (n + 2, m, n_event).
 
-        Ridges stand evenly: all sums over them are one convolution.
+        Ridges are evenly spaced, so that the sums over ridges are a convolution.
         """
         spectrum, size = self._spectrum
         numbers, of_first = self.numbers, moments
-        if self.over_ridge:
+        if self.has_own_image:
             of_first = moments.copy()
             of_first[0, 1::2] = 0.0
         line = np.zeros((size, *moments.shape[1:]))
         line[numbers[: self.n] % size] = of_first
         if self.profile.mirrored:
-            alone = int(self.over_ridge)
+            alone = int(self.has_own_image)
             signs = (-1.0) ** np.arange(self.m)[:, None]
             line[self._images[alone:] % size] = of_first[alone:] * signs
-        felt = fft.irfft(spectrum @ fft.rfft(line, axis=0), size, axis=0)
-        value: FloatArray = felt[numbers % size]
-        if self.over_ridge:
+        sums = fft.irfft(spectrum @ fft.rfft(line, axis=0), size, axis=0)
+        value: FloatArray = sums[numbers % size]
+        if self.has_own_image:
             value[0, 1::2] = 0.0
         return value
 
     def places(self, t: FloatArray, ridges: IntArray) -> FloatArray:
-        """Return x at t on some ridges, which rises away from the centre, (n_ridge,)."""
+        """Return x at places t on some ridges, (n_ridge,); t increases away from the centre."""
         out = np.where(self.numbers[ridges] < 0, -1.0, 1.0)
         value: FloatArray = self.centre[ridges] + out * self.half_width * t
         return value
 
     def potentials(self, x: FloatArray) -> FloatArray:
         """Return potentials of all moments at x, (n_x, n, m)."""
-        alone = int(self.over_ridge) if self.profile.mirrored else self.n
+        alone = int(self.has_own_image) if self.profile.mirrored else self.n
         half = np.full(self.n, self.half_width)
         sums = potentials_around(self.centre[: self.n], half, x, self.m, alone=alone)
         sums[..., 0] += math.pi * math.log(self.unit) * self.weight
         return sums
 
     def outward(self, coefficients: FloatArray, ridges: IntArray) -> FloatArray:
-        """Return coefficients on some ridges, (n_ridge, m), by t that rises from the centre."""
+        """Return coefficients on some ridges, (n_ridge, m), for t away from the centre."""
         left = self.numbers[ridges] < 0
         signs = np.where(left[:, None], (-1.0) ** np.arange(self.m), 1.0)
         value: FloatArray = coefficients * signs
@@ -266,8 +267,8 @@ class RidgeRow:
         value: FloatArray = math.pi * (self.weight @ moments[:, 0])
         return value
 
-    def hanging(self, moments: FloatArray, approach: FloatArray) -> FloatArray:
-        """Return how deep the surface hangs into the grooves next to the centre, (n_event,)."""
+    def depth(self, moments: FloatArray, approach: FloatArray) -> FloatArray:
+        """Return the depth of the surface in the grooves next to the centre, (n_event,)."""
         first = int(self.numbers[0])
         floors = [self.profile.floor_after(k) for k in range(first - 1, first + 1)]
         x = np.concatenate([np.linspace(floor.start, floor.stop, N_PLACES) for floor in floors])
@@ -277,19 +278,20 @@ class RidgeRow:
         return value
 
 
-def felt(potentials: FloatArray, moments: FloatArray) -> FloatArray:
-    """Return the potential of each event's moments, (n, m, n_event), at its own place."""
+def total_potential(potentials: FloatArray, moments: FloatArray) -> FloatArray:
+    """Return the potential of the moments (n, m, n_event) of each event at its place."""
     value: FloatArray = np.einsum("knm,nmk->k", potentials, moments)
     return value
 
 
 def touch_order(profile: Profile, n: int) -> IntArray:
-    """Return numbers of the first n ridges that are touched; of a mirrored profile its right half.
+    """Return the numbers of the first n ridges in the order of contact.
 
-    Otherwise the nearest to the centre first, then one on either side by turns.
+    A mirrored profile has its right half only. Other profiles start with the ridge nearest to the
+    centre and alternate between the sides.
     """
     k = np.arange(n)
     if profile.mirrored:
         return k
-    first = 0 if profile.offset > 0 else 1  # whether ridge 0 is the nearest, or -1
+    first = 0 if profile.offset > 0 else 1  # number 0 is nearest, else -1
     return np.where(k % 2 == first, k // 2, -1 - k // 2)

@@ -1,4 +1,4 @@
-"""Quantities that scale the loads of every texture: its two widths, and Poisson's ratio."""
+"""Scaling of loads: widths of a texture, and the factor of Poisson's ratio."""
 
 import numpy as np
 from numpy.typing import ArrayLike

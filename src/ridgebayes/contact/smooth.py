@@ -12,7 +12,7 @@ from ridgebayes.contact.cylinder.newton import NotConvergedError
 # Share of a contact's segments that determine its end, and number of partly covered last segments.
 _FITTED_SHARE, _SEGMENTS_SKIPPED = 0.4, 3
 _LOADS = Path(__file__).with_name("stiffening_loads.csv")  # largest load of each mesh, and loads
-# The ratio of two materials needs few edges.
+# Few edges suffice for the ratio of two materials.
 _EDGES, _ORDER = 16.0, 5
 
 
@@ -22,7 +22,7 @@ def half_width(x: FloatArray, pressure: FloatArray) -> float:
     Parameters
     ----------
     x, pressure : ndarray of float, shape (n_segment,)
-        Middles of segments from the axis outwards, over R, and pressures on them, over E.
+        Centres of segments from the axis outwards, over R, and their pressures, over E.
     """
     on = np.flatnonzero(pressure > 0)
     inside = on[int(len(on) * (1 - _FITTED_SHARE)) : -_SEGMENTS_SKIPPED]
@@ -67,7 +67,7 @@ def stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
     -----
     *Accuracy.* 2e-3 of the ratio, from the smoothed scatter of three meshes.
 
-    *Cost.* Some 15 CPU seconds.
+    *Cost.* About 15 CPU seconds.
     """
     p: list[float] = []
     ratio: list[float] = []

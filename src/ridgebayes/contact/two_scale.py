@@ -24,14 +24,14 @@ from ridgebayes.contact.contact_solution import bearing_half_width, load_factor
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 
-LEAST_NU = 0.3
+LEAST_NU = 0.3  # smallest Poisson's ratio of the table
 REACH = 0.5  # largest p/E of the smooth cylinder's table, from data/make_smooth_cylinder.py
 CHECKED = 0.33  # p/E to which loads on ridges were compared with finite elements: docs/two-scale.md
 CHECKED_STIFFENING = 0.2  # the same limit for materials other than neo-Hookean
 UNCHECKED = "not checked: no finite elements at this load to compare with"
 BEYOND = f"not computed: p/E above {REACH:g}, or nu under {LEAST_NU:g}"
 TABLE = Path(__file__).with_name("smooth_cylinder.csv")
-# r - 1 is a polynomial in sqrt(p) and nu, without a constant because r = 1 at p = 0.
+# Orders of the polynomial r - 1 in sqrt(p) and nu, which is 0 at p = 0.
 _ORDER_P, _ORDER_NU = 6, 4
 _NEWTON_STEPS = 12
 # Standard errors, from a comparison of loads with finite elements (docs/two-scale.md).
@@ -63,7 +63,7 @@ def stiffening_of(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
     return stiffening(nu, ogden)
 
 
-def _body(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:
+def _material_factor(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:
     """Return the material's factor on r, as coefficients of powers of sqrt(p), and its limit."""
     if ogden == NEO_HOOKEAN or not nu.size:
         return np.array([1.0]), REACH
@@ -77,7 +77,7 @@ def _body(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:
 
 def reach(nu: float = 0.5, ogden: Ogden = NEO_HOOKEAN) -> float:
     """Return the largest p/E with known r: 0.5, or less if the material has no equilibrium."""
-    return min(_body(np.array(nu), ogden)[1], REACH)
+    return min(_material_factor(np.array(nu), ogden)[1], REACH)
 
 
 def checked(ogden: Ogden = NEO_HOOKEAN) -> float:
@@ -120,11 +120,11 @@ def width_ratio(p_over_E: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOO
 
     Notes
     -----
-    *Validity.* A body between two flat plates, or with a flat mid-plane: the same by symmetry.
+    *Validity.* Bodies between two flat plates or, equivalently by symmetry, with a flat mid-plane.
 
     *Accuracy.* 2e-4; 1e-3 above p/E = 0.2 if nu is below 0.4; 2e-3 for other materials.
 
-    *Cost.* Some 15 CPU seconds for a material other than neo-Hookean, once in a process.
+    *Cost.* About 15 CPU seconds for a material other than neo-Hookean, once per process.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def width_ratio(p_over_E: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOO
     [0.986, 0.906]
     """
     p, nu = np.broadcast_arrays(np.asarray(p_over_E, float), np.asarray(nu, float))
-    by_material, reach = _body(nu, ogden)
+    by_material, reach = _material_factor(nu, ogden)
     ratio, _ = _polynomial(np.sqrt(p), nu, by_material)
     return np.where((p <= reach) & (nu >= LEAST_NU), ratio, np.nan)
 
@@ -152,7 +152,7 @@ def half_plane_load(
     Returns
     -------
     ndarray of float, shape (...), dimensionless
-        By broadcasting; NaN above p/E = 0.5.
+        p r^2 over E, by broadcasting; NaN above p/E = 0.5.
     """
     return np.asarray(p_over_E, float) * width_ratio(p_over_E, nu, ogden) ** 2
 
@@ -163,7 +163,7 @@ def load_of(half_plane: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKE
     Parameters
     ----------
     half_plane : array_like of float, shape (...), dimensionless
-        p r^2.
+        Half-plane load p r^2 over E.
     nu : array_like of float, shape (...), dimensionless
         Poisson's ratio, 0.3 to 0.5.
     ogden : tuple of (float, float), optional
@@ -180,7 +180,7 @@ def load_of(half_plane: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKE
     0.2
     """
     loads, nu = np.broadcast_arrays(np.asarray(half_plane, float), np.asarray(nu, float))
-    by_material, reach = _body(nu, ogden)
+    by_material, reach = _material_factor(nu, ogden)
     within = loads <= half_plane_load(reach, nu, ogden)
     p = np.where(within, loads, np.nan)
     for _ in range(_NEWTON_STEPS):
@@ -196,8 +196,8 @@ def relative_error(
 ) -> FloatArray:
     """Return the relative standard error of loads due to the separation of scales.
 
-    Ridges lower the load at which a contact reaches as far, large deformation raises it. Both are
-    taken into account; what deformation changes in the ridges' effect is not.
+    Ridges lower the load of a contact of given width, and large deformation raises it. Loads
+    include both effects, but not the change of the ridges' effect by large deformation.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def relative_error(
     Returns
     -------
     ndarray of float, shape (...), dimensionless
-        By broadcasting; NaN above p/E = 0.5.
+        Relative standard error, by broadcasting; NaN above p/E = 0.5.
 
     Notes
     -----
@@ -237,6 +237,6 @@ def relative_error(
     share = errors["width"] * width**2 + errors["body"] * by_body + errors["pressure"] * pressure
     share = share + errors["material"] * np.sqrt(by_material)
     error = np.hypot(errors["table"] + errors["table and body"] * by_body, by_ridges * share)
-    # Over the middle of a groove or a ridge there is no lateral force, and no such error.
+    # Over the centre of a groove or ridge the lateral force and its error are 0.
     by_offset = errors["offset"] * math.sin(2 * math.pi * profile.offset)
     return np.asarray(np.hypot(error, by_offset))

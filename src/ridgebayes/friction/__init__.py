@@ -1,4 +1,5 @@
-"""Input to friction models: joint draws of counts and of the contacts that go with them.
+"""Friction: joint draws of counts and contacts, a friction model, and its calibration.
 
-`inputs.friction_inputs` gives them as an xarray Dataset, `files.write_inputs` writes them.
+`inputs.friction_inputs` returns the draws as an xarray Dataset, and `files.write_inputs` writes
+them. `friction_model` predicts the coefficient of friction, and `calibration` fits the model.
 """

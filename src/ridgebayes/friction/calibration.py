@@ -1,4 +1,4 @@
-"""`calibrate_friction`: a friction model's parameters from measured friction."""
+"""`calibrate_friction`: fit the parameters of a friction model to measured friction."""
 
 import json
 import os
@@ -36,30 +36,30 @@ from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of, stream
 from ridgebayes.scene.scene import Scene
 
-_N_INPUT = 512  # draws of each texture's contact
-_MOST_DRAWS = 1_024  # up to which they are doubled where importance weights fail a check
-_NEGLIGIBLE = 1e-3  # relative deviation of the contact below which a component is left out
+_N_INPUT = 512  # draws of the contact of each texture
+_MAX_DRAWS = 1_024  # effort stops doubling here if importance weights fail a check
+_MIN_DEVIATION = 1e-3  # components with smaller relative deviations of the contact are omitted
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrictionFit(Tabular):
-    """The posterior of a friction model's parameters, with its predictions and its file.
+    """Posterior of the parameters of a friction model.
 
     Parameters
     ----------
     model : FrictionModel
-        The model with its priors.
+        Model with its priors.
     chains : Chains
         Thinned draws, as normal scores of the unknown parameters.
     summary : pandas.DataFrame
         One row per parameter: mean, sd, interval, effective sample sizes, R-hat.
     convergence_failures : tuple of str
-        Rules of convergence that were not met; empty if it converged.
+        Convergence rules that were not met; empty if sampling converged.
     evidence : LogEvidence
         Natural log evidence of ln mu, by importance sampling.
     rows : pandas.DataFrame
-        The table, held-out rows too, with mu_median, mu_lower and mu_upper: bands of 90 % for a
-        measurement of that standard error on a new subject, session and rig.
+        The table with its held-out rows, and mu_median, mu_lower and mu_upper: 90 % bands of a
+        measurement with the row's standard error on a new subject, session and rig.
     seed : int
         Seed of the run.
     table_digest : str
@@ -97,12 +97,12 @@ class FrictionFit(Tabular):
 
     @property
     def converged(self) -> bool:
-        """Whether every convergence rule was met."""
+        """Whether all convergence rules were met."""
         return not self.convergence_failures
 
     @property
     def theta(self) -> FloatArray:
-        """Draws of all nine parameters, known ones too, shape (n_draw, 9)."""
+        """Draws of all nine parameters, with known values, shape (n_draw, 9)."""
         return self.model.theta(self.chains.u.reshape(-1, self.chains.u.shape[-1]))
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -125,7 +125,7 @@ class FrictionFit(Tabular):
         Parameters
         ----------
         inputs : xarray.Dataset
-            What `friction_inputs` returns; with its edges, unless the model's kappa is 0.
+            Draws of `friction_inputs`, with edges unless the model's kappa is 0.
         prob : float, optional
             Probability inside the bands.
         rng : int or numpy.random.Generator, optional
@@ -134,8 +134,8 @@ class FrictionFit(Tabular):
         Returns
         -------
         FrictionBands
-            Bands, and the shares of terms and inputs in their variance; the calibrated parameters
-            depend on each other and have one share.
+            Bands, and the shares of terms and inputs in their variance. Calibrated parameters
+            depend on each other and share one index.
 
         Raises
         ------
@@ -175,12 +175,12 @@ class FrictionFit(Tabular):
         }
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
-        """Write what `to_arviz` returns, so that the fit can be read again, and arviz opens it.
+        """Write the fit as a NetCDF file, which arviz also opens.
 
         Parameters
         ----------
         path : path
-            File to write, whole or not at all; one that is there is replaced.
+            File to write, atomically. An existing file is overwritten.
         """
         attrs = {
             "ridgebayes_version": __version__,
@@ -198,24 +198,23 @@ class FrictionFit(Tabular):
 
     @classmethod
     def from_netcdf(cls, path: str | os.PathLike[str]) -> "FrictionFit":
-        """Read what `to_netcdf` wrote.
+        """Read a file written by `to_netcdf`.
 
         Parameters
         ----------
         path : path
-            File.
+            File to read.
 
         Returns
         -------
         FrictionFit
-            The fit.
 
         Raises
         ------
         InputError
             If the file is missing, damaged, or not written by this package.
         """
-        return read_tree(path, _fit_of)
+        return read_tree(path, _read_fit)
 
 
 def calibrate_friction(
@@ -226,17 +225,17 @@ def calibrate_friction(
     nu: float = 0.5,
     rng: Rng = 0,
 ) -> FrictionFit:
-    """Sample the posterior of friction's parameters given measured friction.
+    """Sample the posterior of friction parameters given measured friction.
 
     Parameters
     ----------
     table : FrictionTable, path or pandas.DataFrame
-        Rows of role calibration are fitted, all are predicted.
+        Measurements. Rows of role ``calibration`` are fitted; all rows are predicted.
     inputs : Fit, Comparison or None
-        Posterior that the contact of rows on ridges is drawn from, as by `friction_inputs`; None
-        if all rows are of smooth surfaces.
+        Posterior from which `friction_inputs` draws the contact of rows on ridges; None if all
+        surfaces are smooth.
     model : FrictionModel, optional
-        Priors, and which parameters are known.
+        Priors, and known parameters.
     nu : float, optional
         Poisson's ratio of the body.
     rng : int or numpy.random.Generator, optional
@@ -245,7 +244,7 @@ def calibrate_friction(
     Returns
     -------
     FrictionFit
-        Draws, diagnostics, evidence, and what is missing if it did not converge.
+        Draws, diagnostics, evidence, and the convergence rules that were not met.
 
     Raises
     ------
@@ -257,9 +256,9 @@ def calibrate_friction(
     -----
     ln mu is normal about the model's value. Effects of subjects, sessions of a subject and rigs are
     integrated out. The uncertainty of a row's contact is added to its error, to first order. Rows
-    without a label share one.
+    without a label share one subject, session or rig.
 
-    *Cost.* Some seconds for a hundred rows of a few textures.
+    *Cost.* A few seconds for a hundred rows of a few textures.
 
     Examples
     --------
@@ -286,10 +285,10 @@ def calibrate_friction(
 
 
 def sampled(density: FrictionDensity, seed: int) -> tuple[Chains, pd.DataFrame, LogEvidence]:
-    """Return draws of a density by importance sampling, their summary and evidence."""
+    """Return importance-sampled draws of a density, their summary, and the evidence."""
     target, names, effort = density.target, density.model.unknown, Effort()
     drawn = importance_sample(target, effort, seed)
-    while not drawn.evidence.ok and effort.n_draw < _MOST_DRAWS:
+    while not drawn.evidence.ok and effort.n_draw < _MAX_DRAWS:
         effort = effort.doubled
         drawn = importance_sample(target, effort, seed)
     drawn = at_least(drawn, target, N_KEPT, effort, seed)
@@ -300,12 +299,12 @@ def sampled(density: FrictionDensity, seed: int) -> tuple[Chains, pd.DataFrame, 
 def rows_of(
     frame: pd.DataFrame, source: Fit | Comparison | None, nu: float, seed: int, *, edges: bool
 ) -> FrictionRows:
-    """Return the rows of a friction table's frame with the contact of each.
+    """Return the rows of a friction table's frame, with their contacts.
 
     Raises
     ------
     InputError
-        If rows on ridges come without a posterior.
+        If rows are on ridges and there is no posterior.
     """
     p, smooth = frame["p_over_E"].to_numpy(), frame["a_over_R"].isna().to_numpy()
     width = half_width(p, nu=nu)
@@ -322,9 +321,9 @@ def rows_of(
         contacts = FrictionInputs.of(drawn, edges=edges).contact
         mean = contacts.mean(axis=0)
         scale = np.where(mean > 0, mean, 1.0)
-        off = ((contacts - mean) / scale).reshape(_N_INPUT, -1) / np.sqrt(_N_INPUT)
-        _, size, direction = np.linalg.svd(off, full_matrices=False)
-        components = (size[:, None] * direction)[size > _NEGLIGIBLE].T.reshape(*mean.shape, -1)
+        deviation = ((contacts - mean) / scale).reshape(_N_INPUT, -1) / np.sqrt(_N_INPUT)
+        _, size, direction = np.linalg.svd(deviation, full_matrices=False)
+        components = (size[:, None] * direction)[size > _MIN_DEVIATION].T.reshape(*mean.shape, -1)
         contact[here] = mean[at]
         spread.append(np.zeros((len(p), 3, components.shape[-1])))
         spread[-1][here] = (scale[..., None] * components)[at]
@@ -334,13 +333,13 @@ def rows_of(
 def _row_bands(
     rows: FrictionRows, theta: FloatArray, rng: np.random.Generator
 ) -> dict[str, FloatArray]:
-    """Return bands of every row's mu on a new subject, session and rig."""
+    """Return bands of mu of each row on a new subject, session and rig."""
     scales = theta[:, PARAMETERS.index("tau_subject") :]
     effect = (scales * rng.standard_normal(scales.shape)).sum(axis=1)
-    open_ = rng.standard_normal((len(theta), rows.spread.shape[2]))
+    score = rng.standard_normal((len(theta), rows.spread.shape[2]))
     bands = np.empty((3, len(rows.mu)))
     for r, relative_se in enumerate(rows.se / rows.mu):
-        contact = rows.contact[r] + open_ @ rows.spread[r].T
+        contact = rows.contact[r] + score @ rows.spread[r].T
         error = relative_se * rng.standard_normal(len(theta))
         mu = terms(contact, theta).sum(axis=1) * np.exp(effect + error)
         bands[:, r] = np.quantile(mu, (0.5, 0.05, 0.95))
@@ -352,8 +351,8 @@ def _to_json(model: FrictionModel) -> Json:
     return {k: to_dict(v) if isinstance(v, Distribution) else float(v) for k, v in priors.items()}
 
 
-def _fit_of(stored: Stored) -> FrictionFit:
-    """Return the fit in a file; an error of any kind if there is none."""
+def _read_fit(stored: Stored) -> FrictionFit:
+    """Return the fit in a file; the caller converts errors of any type."""
     about = stored.attrs
     values = json.loads(about["friction_model"]).items()
     priors = {k: from_dict(v) if isinstance(v, dict) else float(v) for k, v in values}

@@ -1,8 +1,8 @@
-"""The posterior of a friction model's parameters: subjects, sessions and rigs integrated out.
+"""Posterior density of friction parameters, with subjects, sessions and rigs integrated out.
 
-ln mu of row r is ln m_r + effects + error. Effects are normal, and what draws of the contact leave
-open is taken to first order: both enter the rows' covariance D + U U', with D diagonal and few
-columns in U. A row is of three groups: a call costs O(rows + columns^3).
+ln mu of row r is ln m_r + effects + error. Effects are normal, and the uncertainty of the contact
+is linearised. Both enter the covariance of the rows, D + U U', in which D is diagonal and U has few
+columns. A row belongs to three groups, so a call costs O(rows + columns^3).
 """
 
 import math
@@ -22,14 +22,14 @@ from ridgebayes.inference.target import PlainTarget
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.table.rules import row_codes
 
-_LEAST_VARIANCE = 1e-10  # of ln mu: nothing is measured to 1e-5; below, rounding would show
-_AT_ONCE = 2_000_000  # numbers in arrays that are held at a time
-_GROUPED = slice(PARAMETERS.index("tau_subject"), PARAMETERS.index("sigma"))
+_MIN_VARIANCE = 1e-10  # of ln mu: well below errors of measurement, and above rounding
+_MAX_NUMBERS = 2_000_000  # numbers in the arrays of one batch, to limit memory
+_GROUP_SCALES = slice(PARAMETERS.index("tau_subject"), PARAMETERS.index("sigma"))
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionRows:
-    """Measured friction, and the contact of each row.
+    """Measured friction, and the contacts of its rows.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class FrictionRows:
     contact : ndarray of float, shape (n_row, 3)
         Means of E A/W, w/R and I/W.
     spread : ndarray of float, shape (n_row, 3, k)
-        Their deviations along k independent standard normals.
+        Deviations of the contact along k independent standard normals.
     groups : sequence of ndarray of int, each of shape (n_row,)
         Codes of subjects, of sessions of a subject, and of rigs.
     """
@@ -58,7 +58,7 @@ class FrictionRows:
         return cls(mu, se, contact, spread, groups)
 
     def where(self, keep: BoolArray) -> "FrictionRows":
-        """Return some of the rows."""
+        """Return a subset of the rows."""
         columns = (self.mu, self.se, self.contact, self.spread)
         mu, se, contact, spread = (column[keep] for column in columns)
         return FrictionRows(mu, se, contact, spread, [codes[keep] for codes in self.groups])
@@ -81,7 +81,7 @@ class FrictionDensity:
 
     @cached_property
     def _member(self) -> tuple[FloatArray, np.ndarray, sparse.csr_array]:
-        """Return each row's groups, (n_row, n_group), pairs of them, and the kinds of groups."""
+        """Return indicators of rows in groups, the kinds of groups, and products of indicators."""
         kinds = [np.unique(codes, return_inverse=True) for codes in self.rows.groups]
         member = np.concatenate([np.eye(len(names))[codes] for names, codes in kinds], axis=1)
         kind = np.repeat(np.arange(len(kinds)), [len(names) for names, _ in kinds])
@@ -95,34 +95,34 @@ class FrictionDensity:
         return value
 
     def log_likelihood(self, theta: FloatArray) -> FloatArray:
-        """Return the log-likelihood of ln mu, shape (n,), of parameters (n, 9)."""
+        """Return the log-likelihood of ln mu for parameters (n, 9), shape (n,)."""
         n_row, _, k = self.rows.spread.shape
         size = (self._member[0].shape[1] + k) ** 2 + n_row * (k + 1)
-        n_part = math.ceil(len(theta) * size / _AT_ONCE)
+        n_part = math.ceil(len(theta) * size / _MAX_NUMBERS)
         parts = np.array_split(theta, max(n_part, 1))
         return np.concatenate([self._log_likelihood(part) for part in parts])
 
     def _log_likelihood(self, theta: FloatArray) -> FloatArray:
         rows, (member, kind, pairs) = self.rows, self._member
-        factors, scale = coefficients(theta), theta[:, _GROUPED][:, kind]
+        factors, scale = coefficients(theta), theta[:, _GROUP_SCALES][:, kind]
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             mean = factors[:, :3] @ rows.contact.T + factors[:, 3:]
             residual = np.log(rows.mu) - np.log(mean)
-            open_ = np.einsum("tj,njk->tnk", factors[:, :3], rows.spread) / mean[:, :, None]
+            spread = np.einsum("tj,njk->tnk", factors[:, :3], rows.spread) / mean[:, :, None]
             variance = theta[:, -1:] ** 2 + (rows.se / rows.mu) ** 2
-        variance = np.maximum(variance, _LEAST_VARIANCE)
-        finite = (residual, variance, scale, open_.reshape(len(theta), -1))
+        variance = np.maximum(variance, _MIN_VARIANCE)
+        finite = (residual, variance, scale, spread.reshape(len(theta), -1))
         usable = np.logical_and.reduce([np.isfinite(part).all(axis=1) for part in finite])
-        for part in (residual, scale, open_):
+        for part in (residual, scale, spread):
             part[~usable] = 0.0
         variance[~usable] = 1.0
         weight, n = 1.0 / variance, member.shape[1]
-        weighted = np.swapaxes(weight[:, :, None] * open_, 1, 2)
-        precision = np.eye(n + open_.shape[2]) + np.zeros((len(theta), 1, 1))
+        weighted = np.swapaxes(weight[:, :, None] * spread, 1, 2)
+        precision = np.eye(n + spread.shape[2]) + np.zeros((len(theta), 1, 1))
         within = (weight @ pairs).reshape(-1, n, n)
         precision[:, :n, :n] += scale[:, :, None] * within * scale[:, None, :]
-        precision[:, n:, :n] = (weighted @ member) * scale[:, None, :]  # its lower half is read
-        precision[:, n:, n:] += weighted @ open_
+        precision[:, n:, :n] = (weighted @ member) * scale[:, None, :]  # lower half only
+        precision[:, n:, n:] += weighted @ spread
         right = [(weight * residual) @ member * scale, (weighted @ residual[:, :, None])[:, :, 0]]
         root = cholesky_or_nan(precision)
         explained = solve_lower(root, np.concatenate(right, axis=1)[:, :, None])[:, :, 0]
@@ -134,5 +134,5 @@ class FrictionDensity:
 
     @property
     def target(self) -> PlainTarget:
-        """Target of importance sampling and walks."""
+        """Target of importance sampling and random walks."""
         return PlainTarget("friction model", self.model.unknown, self.log_density)

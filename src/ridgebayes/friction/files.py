@@ -1,4 +1,4 @@
-"""Joint draws as files: NetCDF, Parquet and CSV."""
+"""Write joint draws to NetCDF, Parquet and CSV files."""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -15,38 +15,38 @@ from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import extra
 
 SUFFIXES = (".nc", ".parquet", ".csv")
-LARGEST_NETCDF = 2**30  # bytes of variables: a file of HDF5 is made in memory, three times that
+LARGEST_NETCDF = 2**30  # bytes of variables; an HDF5 file takes three times as much memory
 
 
 def check_name(path: Path) -> None:
-    """Refuse a file of another kind."""
+    """Refuse a file name with another suffix."""
     if path.suffix not in SUFFIXES:
         raise InputError(f"{path}: expected a file of {', '.join(SUFFIXES)}")
 
 
 def write_inputs(blocks: xr.Dataset | Iterable[xr.Dataset], path: str | os.PathLike[str]) -> None:
-    """Write draws; those that come in blocks go to Parquet and CSV one by one.
+    """Write draws to a file; blocks are written to Parquet and CSV one by one.
 
     Parameters
     ----------
     blocks : xarray.Dataset or iterable of xarray.Dataset
-        What `friction_inputs` returns, or `InputDraws.blocks` yields.
+        Draws from `friction_inputs`, or blocks from `InputDraws.blocks`.
     path : str or path
-        File to write, whole or not at all: .nc; .parquet or .csv, a row a draw and load (with edges
-        a row an edge). Attributes go into NetCDF and into the metadata of Parquet.
+        File to write, atomically: .nc, or .parquet or .csv with one row per draw and load (with
+        edges, one row per edge). NetCDF files and the metadata of Parquet have the attributes.
 
     Raises
     ------
     InputError
-        If the suffix is another, pyarrow is missing for Parquet, or blocks would make more than
-        1 GiB of variables for NetCDF: that is made in memory.
+        If the suffix is not supported, pyarrow is missing for Parquet, or the variables of a NetCDF
+        file, which is built in memory, would exceed 1 GiB.
     """
     target = Path(path)
     check_name(target)
     parts = [blocks] if isinstance(blocks, xr.Dataset) else blocks
     with replacing(target) as part:
         if target.suffix == ".nc":
-            kept = parts if isinstance(parts, list) else _bounded(parts, target)
+            kept = parts if isinstance(parts, list) else _limited(parts, target)
             joined(list(kept)).to_netcdf(part, engine="h5netcdf")
         elif target.suffix == ".csv":
             for i, block in enumerate(parts):
@@ -55,8 +55,8 @@ def write_inputs(blocks: xr.Dataset | Iterable[xr.Dataset], path: str | os.PathL
             _write_parquet(parts, part)
 
 
-def _bounded(parts: Iterable[xr.Dataset], path: Path) -> Iterator[xr.Dataset]:
-    """Yield blocks, unless all together would be too large."""
+def _limited(parts: Iterable[xr.Dataset], path: Path) -> Iterator[xr.Dataset]:
+    """Yield blocks, and refuse draws that are too large together."""
     for block in parts:
         n, size = int(block.attrs["n_draw"]), block.nbytes / block.sizes["draw"]
         if n * size > LARGEST_NETCDF:
@@ -82,6 +82,6 @@ def _write_parquet(parts: Iterable[xr.Dataset], path: Path) -> None:
 
 
 def _frame(block: xr.Dataset) -> pd.DataFrame:
-    """Return a row a draw and load, or an edge of it."""
+    """Return a table with one row per draw and load, or per edge."""
     frame = block.to_dataframe().reset_index()
     return frame[frame["edge_side"] != 0] if "edge" in block.dims else frame

@@ -1,11 +1,11 @@
-"""A worked friction model: adhesion, deformation loss and interlocking, and who measures.
+"""`FrictionModel`: adhesion, deformation loss, interlocking, and effects of measurements.
 
     mu = (tau0 f A/W + alpha + (2/(3 pi)) beta w/R + kappa I/W) exp(u)
 
-A is the touching area at rest, f what sliding leaves of it, w the contact half-width, I the sum of
-the forces G on the proximal edges of one side, W the load, all of a unit length along the ridges; u
-adds up effects of subject, session, rig and repeat. `docs/friction.md` says where each term comes
-from and where it ends.
+A is the touching area at rest, f the share of A in sliding, w the contact half-width, I the sum of
+the forces G on the proximal edges of one side, and W the load, all per unit length of the ridges; u
+is the sum of the effects of subject, session, rig and repeat. `docs/friction.md` gives the source
+and the limits of each term.
 """
 
 import math
@@ -27,10 +27,10 @@ Prior = Distribution | float | str
 
 @dataclass(frozen=True)
 class FrictionModel:
-    """A friction model with priors of its parameters.
+    """A friction model with priors on its parameters.
 
     Each parameter is a distribution, its text as in a file of priors (``lognormal(0.1, 50 %)``), or
-    a number (a known value). A term whose coefficient is 0 is left out. Stresses are divided by
+    a number (a known value). Terms with a coefficient of 0 are omitted. Stresses are divided by
     Young's modulus.
 
     Parameters
@@ -38,13 +38,14 @@ class FrictionModel:
     tau0 : Distribution, str or float, optional
         Shear stress of the adhesive contact.
     alpha : Distribution, str or float, optional
-        Increase of the shear stress per mean contact pressure; it adds the same amount to mu.
+        Increase of the shear stress per mean contact pressure, which adds directly to mu.
     area_factor : Distribution, str or float, optional
-        Touching area in sliding over that at rest.
+        Touching area in sliding over touching area at rest.
     beta : Distribution, str or float, optional
         Share of the elastic work that is lost.
     kappa : Distribution, str or float, optional
-        Resistance of the proximal edges of one side over the sum of their forces G: an assumption.
+        Resistance of the proximal edges of one side over the sum of their forces G (an
+        assumption).
     tau_subject, tau_session, tau_rig : Distribution, str or float, optional
         Standard deviations of ln mu between subjects, sessions of a subject, and rigs.
     sigma : Distribution, str or float, optional
@@ -53,7 +54,7 @@ class FrictionModel:
     Raises
     ------
     InputError
-        If a number is negative or not finite, a distribution has mass below 0, or no term is left.
+        If a number is negative or not finite, a distribution has mass below 0, or all terms are 0.
 
     Examples
     --------
@@ -91,17 +92,17 @@ class FrictionModel:
             if not isinstance(low, int | float | np.number) or not 0 <= low < math.inf:
                 rule = "expected a distribution of positive values, or a number >= 0"
                 raise InputError(f"{field.name}: {rule}, got {value!r}")
-        if not any(self._given[name] for name in COEFFICIENTS):
+        if not any(self._values[name] for name in COEFFICIENTS):
             raise InputError(f"expected one of {', '.join(COEFFICIENTS)} above 0, got none")
 
     @property
-    def _given(self) -> dict[str, Distribution | float]:
+    def _values(self) -> dict[str, Distribution | float]:
         return {name: getattr(self, name) for name in PARAMETERS}
 
     @property
     def priors(self) -> dict[str, Distribution]:
         """Priors of the unknown parameters."""
-        values = self._given.items()
+        values = self._values.items()
         return {name: prior for name, prior in values if isinstance(prior, Distribution)}
 
     @property
@@ -110,7 +111,7 @@ class FrictionModel:
         return tuple(self.priors)
 
     def theta(self, scores: FloatArray) -> FloatArray:
-        """Return all nine parameters at normal scores of the unknown ones.
+        """Return all nine parameters at normal scores of the unknown parameters.
 
         Parameters
         ----------
@@ -124,7 +125,7 @@ class FrictionModel:
         """
         out = np.empty((*scores.shape[:-1], len(PARAMETERS)))
         unknown = iter(np.moveaxis(scores, -1, 0))
-        for i, value in enumerate(self._given.values()):
+        for i, value in enumerate(self._values.values()):
             out[..., i] = (
                 value.value_at(next(unknown)) if isinstance(value, Distribution) else value
             )
@@ -133,12 +134,12 @@ class FrictionModel:
     def predict(
         self, inputs: xr.Dataset | FrictionInputs, *, prob: float = 0.9, rng: Rng = 0
     ) -> FrictionBands:
-        """Predict the coefficient of friction before anything was measured.
+        """Predict the coefficient of friction from the priors.
 
         Parameters
         ----------
         inputs : xarray.Dataset
-            What `friction_inputs` returns; with its edges, unless kappa is 0.
+            Draws of `friction_inputs`, with edges unless kappa is 0.
         prob : float, optional
             Probability inside the bands.
         rng : int or numpy.random.Generator, optional
@@ -153,7 +154,7 @@ class FrictionModel:
         Raises
         ------
         InputError
-            If a variable is missing, or ridges are round, which have no forces on edges.
+            If a variable is missing, or edges of round ridges, which have no forces, are needed.
         """
         k = len(self.unknown)
         columns = {name: [PARAMETERS.index(name)] for name in self.unknown}

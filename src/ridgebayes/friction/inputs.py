@@ -1,4 +1,4 @@
-"""Draw counts, contacts and forces on ridges and edges of a body on a texture, jointly."""
+"""Draw counts, contacts, and forces on ridges and edges of a body on a texture jointly."""
 
 import json
 import math
@@ -31,18 +31,18 @@ from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.scene.typed import MOST_LOADS
 from ridgebayes.table.columns import LARGEST_LOAD
 
-SMALL_STRAIN = 0.015  # p/E up to which contact of moderate grooves is within 1 % of finite strain
-_BLOCK = 1_000
-_N_CHECKED = 24
-_LEAST_ERROR = 1e-4
+SMALL_STRAIN = 0.015  # p/E: small strain is within 1 % of finite strain, for moderate grooves
+_BLOCK = 1_000  # draws in memory at a time
+_N_CHECKED = 24  # contacts solved to measure the error of interpolation
+_MIN_ERROR = 1e-4  # smallest reported error of interpolation
 _PROFILE = ("a", "b", "depth", "corner", "offset")
 _CORNER = _PROFILE.index("corner")
 # Name: dimensions, unit, meaning.
 _VARIABLES = {
     "Q": ("dl", "1", "proximal edges in contact, drawn from the posterior predictive"),
-    "form": ("d", "", "form that the draw is of"),
-    "error_model": ("d", "", "its error model"),
-    "draw_index": ("d", "1", "which draw of that posterior"),
+    "form": ("d", "", "form of the draw"),
+    "error_model": ("d", "", "error model of the draw"),
+    "draw_index": ("d", "1", "index of the posterior's draw"),
     "p_over_E": ("dl", "E", "load per projected area"),
     "p_over_E_mechanics": ("dl", "E", "nearest load at which the mechanics counts Q"),
     "contact_length_over_R": ("dl", "R", "sum of touching widths"),
@@ -50,8 +50,8 @@ _VARIABLES = {
     "ridge_force_mean": ("dl", "E R", "mean force on a touched ridge, per length"),
     "ridge_force_max": ("dl", "E R", "largest force on a ridge, per length"),
     "penetration_over_R": ("dl", "R", "deepest, into any groove"),
-    "extrapolation": ("dl", "", "whether anything lies beyond what was calibrated"),
-    "extrapolation_of": ("dl", "", "what does; strain: p/E above 0.33, above 0.015 if nu < 0.3"),
+    "extrapolation": ("dl", "", "whether a quantity is beyond the calibrated range"),
+    "extrapolation_of": ("dl", "", "their names; strain: p/E above 0.33, or 0.015 if nu < 0.3"),
     "a_over_R": ("d", "R", "ridge width"),
     "b_over_R": ("d", "R", "groove width"),
     "nu": ("d", "1", "Poisson's ratio"),
@@ -84,9 +84,9 @@ def friction_inputs(
     scene : Scene or path
         Scene of one texture. Its values may be distributions.
     loads : int or array_like of float, shape (n_load,), dimensionless
-        Loads p/E, or their number: equal steps up to the largest load of each draw's scene.
+        Loads p/E, or the number of equal steps up to each draw's largest load of the scene.
     n : int, optional
-        Draws.
+        Number of draws.
     rng : int or numpy.random.Generator, optional
         Seed; the same seed gives the same draws.
     edges : bool, optional
@@ -95,14 +95,14 @@ def friction_inputs(
     Returns
     -------
     xarray.Dataset
-        Coordinates draw, load and, with `edges`, edge. Each variable has its unit and meaning;
-        attributes are scene, seed, version, the rows that were fitted, and
-        ``contact_relative_error``.
+        Coordinates draw, load and, with `edges`, edge. Each variable has its unit and meaning as
+        attributes. The dataset has the scene, seed, version, digest of the fitted rows, and
+        ``contact_relative_error`` as attributes.
 
     Raises
     ------
     InputError
-        If the scene has several textures, a load or `n` is not positive, or counts pass 2,000.
+        If the scene has several textures, a load or `n` is not positive, or a count exceeds 2,000.
     ComputationError
         If a contact cannot be solved, or the comparison has no form with an evidence.
 
@@ -110,21 +110,21 @@ def friction_inputs(
     -----
     Q is drawn with one score of the error model for all loads of a draw, so it never falls as the
     load rises. At each load it has the distribution of `predict`. The contact is computed at
-    ``p_over_E_mechanics``, the load nearest to p at which the mechanics count Q, inside the ends of
-    that interval by 0.01 % of its length (1 % if very many offsets are drawn). Forces and K are
-    scaled by p over that load, so that they balance p; G follows from K. If the body is off centre,
-    Q is that of a centred one, because forms have no offset. For net forces, which are differences
-    of G, use `edge_forces`.
+    ``p_over_E_mechanics``, the load nearest to p at which the mechanics count Q. It is inside the
+    interval of such loads by 0.01 % of its length (1 % for more than 32 distinct shapes with
+    different offsets). Forces and K are scaled by p over that load, so that they balance p; G
+    follows from K. If the body is off centre, Q is the count of a centred body, because forms have
+    no offset. For net forces, which are differences of G, use `edge_forces`.
 
-    *Validity.* No friction. The body's large deformation is that of a smooth cylinder, as with the
-    two-scale solver of `contact_at_loads`; nu under 0.3 is taken at small strain. Above p/E = 0.33,
-    or 0.015 at small strain, ``extrapolation`` is set.
+    *Validity.* Contacts are frictionless. Large deformation is that of a smooth cylinder, as with
+    the two-scale solver of `contact_at_loads`; for nu under 0.3, strain is small. Above
+    p/E = 0.33, or 0.015 at small strain, ``extrapolation`` is set.
 
-    *Accuracy.* Contacts are interpolated: ``contact_relative_error`` is three times the largest
-    error seen where 24 of them were solved, 1e-4 at least, of every quantity (of edges over the
-    largest x and K of the contact).
+    *Accuracy.* Contacts are interpolated. ``contact_relative_error`` is three times the largest
+    error of any quantity in 24 contacts that are also solved, and at least 1e-4. Errors of edges
+    are relative to the largest x and K of the contact.
 
-    *Cost.* Some seconds for the table, then 0.1 ms a draw of 20 loads.
+    *Cost.* A few seconds for the table, then 0.1 ms per draw of 20 loads.
 
     Examples
     --------
@@ -139,16 +139,16 @@ def friction_inputs(
 
 
 def joined(blocks: list[xr.Dataset]) -> xr.Dataset:
-    """Return blocks of draws as one."""
+    """Concatenate blocks of draws."""
     if len(blocks) == 1:
         return blocks[0]
-    # Blocks differ in their largest number of edges; missing numbers are NaN.
+    # Blocks differ in their number of edges; missing edges have NaN, and side 0.
     blank = {"edge_side": np.int8(0)}
     return xr.concat(blocks, "draw", join="outer", fill_value=blank, combine_attrs="override")
 
 
 class InputDraws:
-    """What `friction_inputs` draws, in blocks of 1,000 draws; parameters are the same."""
+    """Draws of `friction_inputs` in blocks of 1,000; parameters are the same."""
 
     def __init__(
         self,
@@ -165,11 +165,10 @@ class InputDraws:
         self._seed, self.n, self._edges = seed_of(rng), int(n), edges
         self._scene = scene = as_scene(scene)
         self._ogden = scene.ogden
-        self._loads, self._is_share = _steps(loads)
+        self._loads, self._is_share = _read_loads(loads)
         self._shapes, textures = Spread(MOST_DISTINCT), Spread(MOST_TEXTURES)
-        for (
-            bodies
-        ) in self._bodies():  # drawn again when they are used, so that memory holds a block only
+        # Bodies are drawn twice, here and in `blocks`, so that memory holds a single block.
+        for bodies in self._bodies():
             self._shapes.add(shapes_of(_profiles(bodies)))
             textures.add(textures_of(bodies.profile["a"], bodies.profile["b"]))
         self._table = ResponseTable(self._shapes)
@@ -248,16 +247,16 @@ class InputDraws:
         nu: FloatArray,
         rng: np.random.Generator,
     ) -> dict[str, np.ndarray]:
-        """Return the variables that the mechanics gives, at the counts drawn."""
+        """Return the variables of the mechanics at the drawn counts."""
         names = ["p_over_E_mechanics", "contact_length_over_R", "contact_fraction"]
         names += ["ridge_force_mean", "ridge_force_max", "penetration_over_R"]
         out = {name: np.empty(p.shape) for name in names}
         if self._edges:
-            of_edges = (*p.shape, 2 * int(Q.max()))
-            out |= {f"edge_{name}": np.full(of_edges, np.nan) for name in ("x", "K", "G")}
-            out["edge_side"] = np.zeros(of_edges, dtype=np.int8)
+            edge_shape = (*p.shape, 2 * int(Q.max()))
+            out |= {f"edge_{name}": np.full(edge_shape, np.nan) for name in ("x", "K", "G")}
+            out["edge_side"] = np.zeros(edge_shape, dtype=np.int8)
         factor = np.broadcast_to(load_factor(0.0) * (1 - nu**2)[:, None], p.shape)
-        # A half-plane under this load behaves as the body does under p.
+        # Load at which the half-plane behaves as the body does under p.
         half_plane = two_scale.half_plane_load(p, nu[:, None], self._ogden)
         is_large = np.isfinite(half_plane)
         W = factor * np.where(is_large, half_plane, p)
@@ -265,7 +264,7 @@ class InputDraws:
             i, j = here = np.nonzero(count == Q)
             contact = self._table.at(profiles[i], count, W[here])
             if math.isnan(self.contact_relative_error):
-                self.contact_relative_error = self._measure(profiles, Q, W, rng)
+                self.contact_relative_error = self._table_error(profiles, Q, W, rng)
             at, line = contact.W / factor[here], 2 * p[here]
             large = two_scale.load_of(at, nu[i], self._ogden)
             p_mechanics = np.where(is_large[here] & np.isfinite(large), large, at)
@@ -284,18 +283,18 @@ class InputDraws:
                 out["edge_side"][i, j, : 2 * count] = np.tile([-1, 1], count)
         return out
 
-    def _measure(
+    def _table_error(
         self, profiles: FloatArray, Q: IntArray, W: FloatArray, rng: np.random.Generator
     ) -> float:
-        """Return three times the largest error of the table where some contacts are solved."""
-        worst = _LEAST_ERROR / 3
+        """Return three times the largest error of the table in some solved contacts."""
+        worst = _MIN_ERROR / 3
         for i, j in zip(*(rng.integers(size, size=_N_CHECKED) for size in Q.shape), strict=True):
             contact = self._table.at(profiles[[i]], int(Q[i, j]), W[i, [j]])
             try:
                 exact = solved(profiles[i], int(Q[i, j]), float(contact.W[0]))
             except ComputationError:  # the count differs from the table's
                 return math.inf
-            worst = max(worst, _apart(contact, exact))
+            worst = max(worst, _largest_error(contact, exact))
         return 3 * worst
 
     def _dataset(self, index: IntArray, values: dict[str, np.ndarray]) -> xr.Dataset:
@@ -315,8 +314,8 @@ def _profiles(bodies: SceneDraws) -> FloatArray:
     return np.stack([bodies.profile[name] for name in _PROFILE], axis=1)
 
 
-def _steps(loads: int | ArrayLike) -> tuple[FloatArray, bool]:
-    """Return loads, and whether they are shares of the scene's largest."""
+def _read_loads(loads: int | ArrayLike) -> tuple[FloatArray, bool]:
+    """Return loads, and whether they are shares of the scene's largest load."""
     if isinstance(loads, int | np.integer) and not isinstance(loads, bool):
         if not 1 <= loads <= MOST_LOADS:
             raise InputError(f"loads: expected 1 to {MOST_LOADS} of them, got {loads}")
@@ -333,12 +332,12 @@ def _steps(loads: int | ArrayLike) -> tuple[FloatArray, bool]:
     return p_over_E, False
 
 
-def _apart(table: ContactValues, exact: ContactValues) -> float:
-    """Return the largest relative error of a contact's quantities; of edges over their largest."""
+def _largest_error(table: ContactValues, exact: ContactValues) -> float:
+    """Return the largest error of a contact's quantities, over their largest values."""
     worst = 0.0
     for name in ("length", "extent", "penetration", "share", "largest_share", "x", "K"):
         value, other = getattr(table, name), getattr(exact, name)
         scale = np.abs(other).max()
-        if scale > 0:  # neither NaN, where one ridge alone is touched, nor round corners' K
+        if scale > 0:  # False for NaN: penetration of a single ridge, K of round corners
             worst = max(worst, float(np.abs(value - other).max() / scale))
     return worst

@@ -1,4 +1,4 @@
-"""`FrictionTable`: measured coefficients of friction, validated once, at the door."""
+"""`FrictionTable`: a validated table of measured coefficients of friction."""
 
 import os
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ _RULES = {column.name: column.rule for column in COLUMNS}
 class FrictionTable(ValidatedTable):
     """Validated rows of measured friction.
 
-    `read_friction_table` makes it. Your own columns follow those of the contract:
+    `read_friction_table` returns it. Other columns follow the columns of the contract:
 
     ================== ============================================================================
     a_over_R, b_over_R ridge and groove width over the radius: finite, > 0; both empty: smooth
@@ -57,7 +57,7 @@ class FrictionTable(ValidatedTable):
 
     Notes
     -----
-    Rows without a label have one unnamed subject (session, rig) in common.
+    Rows without a label share one unnamed subject, session or rig.
 
     Examples
     --------
@@ -86,7 +86,7 @@ class FrictionTable(ValidatedTable):
 
     @property
     def is_fitted(self) -> BoolArray:
-        """Where rows are of role calibration, shape (n_row,)."""
+        """Whether each row has the role calibration, shape (n_row,)."""
         return (self._frame["role"] == CALIBRATION).to_numpy(dtype=bool)
 
 
@@ -99,19 +99,19 @@ def read_friction_table(
     ----------
     source : str, path, pandas.DataFrame or FrictionTable
         A ``.csv`` file (UTF-8, commas, one header line), a ``.parquet`` file, or the rows
-        themselves. `FrictionTable` describes the columns; one is returned as it is.
+        themselves. `FrictionTable` describes the columns; a `FrictionTable` is returned unchanged.
 
     Returns
     -------
     FrictionTable
-        The validated table; defaults are filled in, and nothing is dropped or repaired.
+        Validated table with defaults filled in; rows are neither dropped nor repaired.
 
     Raises
     ------
     InputError
-        If the source is none of these, the file cannot be read, or a rule is broken; the message
-        names file, row, column, value and rule of every bad cell (the first twenty shown, the rest
-        counted).
+        If the source has another type, the file cannot be read, or a rule is broken. The message
+        gives file, row, column, value and rule of the first twenty invalid cells, and counts the
+        rest.
 
     Examples
     --------
@@ -122,11 +122,11 @@ def read_friction_table(
     if isinstance(source, FrictionTable):
         return source
     raw = raw_cells(source, "friction table", "FrictionTable", COLUMNS)
-    return FrictionTable(validated(raw, _checked, COLUMNS), raw.where)
+    return FrictionTable(validated(raw, _check, COLUMNS), raw.where)
 
 
-def _checked(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
-    """Return the canonical frame, and every cell that breaks a rule."""
+def _check(raw: RawTable) -> tuple[pd.DataFrame, Findings]:
+    """Return the canonical frame, and the cells that break a rule."""
     typed, empty, findings = read_cells(raw.frame, COLUMNS)
     for name in ("p_over_E", "mu"):
         findings.add(empty[name], name, "must not be empty or NaN")

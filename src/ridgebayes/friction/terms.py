@@ -1,4 +1,4 @@
-"""The terms of friction, on plain arrays."""
+"""Terms of the friction model, on plain arrays."""
 
 import math
 
@@ -6,18 +6,18 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 
-_OF_TERMS = ("tau0", "alpha", "area_factor", "beta", "kappa")
-PARAMETERS = (*_OF_TERMS, "tau_subject", "tau_session", "tau_rig", "sigma")
-COEFFICIENTS = ("tau0", "alpha", "beta", "kappa")  # one of them has to be there
+_TERM_PARAMETERS = ("tau0", "alpha", "area_factor", "beta", "kappa")
+PARAMETERS = (*_TERM_PARAMETERS, "tau_subject", "tau_session", "tau_rig", "sigma")
+COEFFICIENTS = ("tau0", "alpha", "beta", "kappa")  # at least one must not be 0
 TERMS = ("adhesion", "deformation", "interlocking")
 EFFECTS = ("subject", "session", "rig", "repeat")
 
 
 def coefficients(theta: FloatArray) -> FloatArray:
-    """Return what the contact's three quantities and 1 are multiplied by, shape (..., 4).
+    """Return the factors of E A/W, w/R, I/W and 1, shape (..., 4).
 
-    The quantities are E A/W, w/R and I/W. Deformation: a cylinder that rolls or slides without
-    adhesion loses beta of the work (2/(3 pi)) W w/R a unit length (Johnson 1985, section 9.4).
+    A cylinder that rolls or slides without adhesion loses a share beta of the elastic work,
+    (2/(3 pi)) W w/R per unit length (Johnson 1985, section 9.4).
     """
     tau0, alpha, area_factor, beta, kappa = np.moveaxis(theta[..., :5], -1, 0)
     return np.stack([tau0 * area_factor, 2 / (3 * math.pi) * beta, kappa, alpha], axis=-1)

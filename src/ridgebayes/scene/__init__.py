@@ -1,7 +1,7 @@
-"""Scenes to simulate, their TOML files and units, and the effects that a scene calls for.
+"""Scenes to simulate: records, TOML files, units, and the effects to include.
 
-Knows the mechanics (`contact`) and the bounds of tables; no solver's settings, no statistics. Its
-record is `Scene`; `estimates.plan` says which effects its transition loads depend on:
+The package imports the mechanics (`contact`) and the bounds of tables, but no solver settings and
+no statistics. `Scene` is its record; `estimates.plan` decides which effects are simulated:
 
 >>> from ridgebayes.scene.estimates import plan
 >>> from ridgebayes.scene.scene import Scene

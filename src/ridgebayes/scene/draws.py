@@ -1,4 +1,4 @@
-"""Draws of a scene's values: all alike where it is certain of them."""
+"""Joint draws of a scene's values; certain values are constant."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ class SceneDraws:
     Parameters
     ----------
     profile : dict of str to ndarray of float
-        a, b, depth, corner (over R) and offset (pitches), as of `contact.rigid_profile.Profile`.
+        a, b, depth, corner (over R) and offset (pitches), as in `contact.rigid_profile.Profile`.
     nu : ndarray of float
         Poisson's ratio.
     p_over_E : ndarray of float
         Highest load.
     physical : dict of str to ndarray of float
-        Radius and length (m) and Young's modulus (Pa), where the scene has units.
+        Radius and length (m) and Young's modulus (Pa), if the scene has units.
     """
 
     profile: dict[str, FloatArray]
@@ -48,10 +48,10 @@ def draw_scene(
     n : int
         Draws.
     random : Streams or int
-        Streams that go on from one block of draws to the next, or their seed; the same seed gives
-        the same draws.
+        Random streams, continued from one block of draws to the next, or a seed. Equal seeds give
+        equal draws.
     draws : mapping of str to ndarray of float, shape (n,), optional
-        Draws of the values that are not certain, as `Uncertain.draw` returns them.
+        Draws of the uncertain values, as returned by `Uncertain.draw`.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def draw_scene(
     Raises
     ------
     InputError
-        If there are several textures, or a draw breaks a rule of a scene.
+        If the scene has several textures, or a draw breaks a rule of a scene.
     """
     if len(scene.textures) != 1:
         raise InputError(f"scene: expected one texture, got {len(scene.textures)}")
@@ -73,7 +73,7 @@ def draw_scene(
         derived = scene.uncertain.derived(drawn)
         if texture.max_p_over_E is not None:
             derived["p_over_E"] = texture.max_p_over_E
-        # A ratio of values that are certain stays the exact one: it names a calibrated texture.
+        # Certain values keep their exact ratios, which identify calibrated textures.
         values |= {name: value for name, value in derived.items() if np.ndim(value)}
         physical = {
             place.partition(".")[2]: drawn.get(place, float(median))
@@ -83,8 +83,8 @@ def draw_scene(
     if isinstance(values["offset"], str):
         values["offset"] = random("scene", "offset").uniform(-0.5, 0.5, n)
     values, physical = (
-        {name: np.array(np.broadcast_to(value, n), float) for name, value in some.items()}
-        for some in (values, physical)
+        {name: np.array(np.broadcast_to(value, n), float) for name, value in group.items()}
+        for group in (values, physical)
     )
     _check(values)
     nu, p_over_E = values.pop("nu"), values.pop("p_over_E")

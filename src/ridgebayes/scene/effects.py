@@ -1,4 +1,4 @@
-"""Which effects a scene calls for, as records, and how far solvers go; `estimates` decides."""
+"""Records of the effects of a scene, and the highest loads that solvers reach."""
 
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING
@@ -17,12 +17,12 @@ from ridgebayes.table.rules import texture_label
 if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
 
-# Without a wanted accuracy only what has no effect at all is left out.
+# Scenes without a required accuracy neglect only effects below the tolerance of the solver.
 DEFAULT_RELATIVE = DEFAULT_REL_TOL
 BEYOND_HALF_PLANE = ("finite body and large deformation", "friction")
-# Finite elements themselves are right to about this: a smaller effect is not worth them.
+# Relative error of finite elements, which therefore cannot resolve a smaller effect.
 FINITE_ELEMENT_ERROR = 0.002
-HIGHEST_LOAD = 0.1  # p/E to which finite elements go: docs/validation/cylinder.md
+HIGHEST_LOAD = 0.1  # p/E, of finite elements: docs/validation/cylinder.md
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,17 @@ class Effect:
     Parameters
     ----------
     name : str
-        Such as ``corner radius``.
+        Name, such as ``corner radius``.
     number : float
-        Dimensionless number that the effect depends on; NaN where a scene does not give it.
+        Dimensionless number that the effect depends on; NaN if the scene does not give it.
     estimate : float
-        Largest relative change of a transition load when it is neglected; NaN where unknown.
+        Largest relative change of a transition load if the effect is neglected; NaN if unknown.
     simulated : bool
-        Whether loads take it into account.
+        Whether loads include the effect.
     reason : str
-        Reason, with the number's definition.
+        Reason for the decision, with the definition of `number`.
     cost_s : float
-        CPU seconds that simulating it takes or would take; NaN where nothing here can.
+        CPU seconds of simulating the effect; NaN if no solver can.
     """
 
     name: str
@@ -64,21 +64,20 @@ class Plan(Tabular):
     effects : tuple of Effect
         All effects considered.
     profile : Profile or None
-        The rigid side with the effects that are simulated; None where even the ridges are
-        neglected.
+        Rigid profile with the simulated effects; None if even the ridges are neglected.
     relative : float
-        Accuracy wanted.
+        Required relative accuracy.
     solver : {"half-plane", "two-scale", "cylinder-fe"}
-        Solver that computes loads to that accuracy at the least cost.
+        Cheapest solver that reaches the required accuracy.
 
     Examples
     --------
     >>> from ridgebayes.scene.estimates import plan
     >>> import ridgebayes as rb
-    >>> (found,) = plan(rb.Scene.of([(0.022, 0.02)]))
-    >>> found.simulated, [effect.name for effect in found.left_out], found.solver
+    >>> (first,) = plan(rb.Scene.of([(0.022, 0.02)]))
+    >>> first.simulated, [effect.name for effect in first.left_out], first.solver
     (('ridges', "Poisson's ratio"), ['finite body and large deformation'], 'half-plane')
-    >>> len(found.to_dataframe()), found.plot().get_xlabel()
+    >>> len(first.to_dataframe()), first.plot().get_xlabel()
     (13, 'relative change of a transition load (filled: simulated)')
     """
 
@@ -97,18 +96,18 @@ class Plan(Tabular):
         Returns
         -------
         pandas.DataFrame
-            A row an effect: columns effect, number, estimated_rel_change, simulated, reason,
-            cost_s, texture.
+            One row per effect, with columns effect, number, estimated_rel_change, simulated,
+            reason, cost_s, texture.
         """
         return plan_table([self])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the size of each effect as a bar, against the wanted accuracy.
+        """Draw the estimate of each effect as a bar, with the required accuracy.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure's if not given.
+            Axes to draw on; those of a new figure if not given.
 
         Returns
         -------
@@ -120,18 +119,18 @@ class Plan(Tabular):
 
     @property
     def simulated(self) -> tuple[str, ...]:
-        """Names of the effects that loads take into account."""
+        """Names of the simulated effects."""
         return tuple(effect.name for effect in self.effects if effect.simulated)
 
     @property
     def left_out(self) -> tuple[Effect, ...]:
-        """Effects that are not simulated although they exceed the wanted accuracy."""
+        """Effects that are not simulated although they exceed the required accuracy."""
         missing = [e for e in self.effects if e.name in BEYOND_HALF_PLANE and not e.simulated]
         return tuple(effect for effect in missing if effect.estimate > self.relative)
 
 
 def plan_table(plans: list[Plan]) -> pd.DataFrame:
-    """Return plans as a table: a row an effect of a texture."""
+    """Return plans as a table with one row per effect of each texture."""
     rows = [asdict(e) | {"texture": plan_label(p.texture)} for p in plans for e in p.effects]
     names = {"name": "effect", "estimate": "estimated_rel_change"}
     columns = [*(field.name for field in fields(Effect)), "texture"]
@@ -139,36 +138,37 @@ def plan_table(plans: list[Plan]) -> pd.DataFrame:
 
 
 def plan_label(texture: Texture) -> str:
-    """Return the label of a plan's texture: with its offset, if it has one."""
+    """Return the label of a plan's texture, with its offset if that is not 0."""
     label = texture_label(texture.a_over_R, texture.b_over_R)
     return f"{label}_offset{texture.offset}" if texture.offset else label
 
 
 def full_profile(texture: Texture) -> Profile:
-    """Return the rigid side with all that a texture gives; a uniform offset is the largest."""
+    """Return the rigid profile with all features of a texture; a uniform offset becomes 0.5."""
     offset = 0.5 if texture.offset == "uniform" else float(texture.offset)
     return Profile(**texture.shape | {"offset": offset})
 
 
 def beyond_reach(scene: Scene, solver: str = "auto") -> str:
-    """Say that the highest load of a scene is beyond its solver's reach; nothing if it is not.
+    """Return a warning if the highest load of a scene exceeds the reach of its solver.
 
     Parameters
     ----------
     scene : Scene
-        Scene with its loads.
+        Scene.
     solver : str, optional
         As for `ridgebayes.generate`.
 
     Returns
     -------
     str
-        Warning about loads beyond finite elements and small strain; empty if there is none.
+        Warning about a load beyond finite elements and small strain; empty if a solver covers it.
 
     Raises
     ------
     InputError
-        If no solver goes as far, or the one that is named does not, and "half-plane" is not named.
+        If `solver` is "auto" or "two-scale" and no solver reaches the load, or if "two-scale" is
+        named for a Poisson's ratio that it does not cover.
     """
     highest = max(scene.highest_load(texture) for texture in scene.textures)
     written = scene.body.load
@@ -176,18 +176,18 @@ def beyond_reach(scene: Scene, solver: str = "auto") -> str:
     if solver == "two-scale" and scene.nu < two_scale.LEAST_NU:
         rule = f"expected {two_scale.LEAST_NU:g} to 0.5 for two-scale"
         raise InputError(f"poissons_ratio = {scene.nu:g}: {rule}")
-    two_scales = scene.nu >= two_scale.LEAST_NU
-    reach = two_scale.REACH if two_scales else HIGHEST_LOAD
+    has_two_scale = scene.nu >= two_scale.LEAST_NU
+    reach = two_scale.REACH if has_two_scale else HIGHEST_LOAD
     if solver in ("auto", "two-scale") and highest > reach:
         number, _, unit = written.partition(" ")
-        most = f"p/E = {reach:g}"
+        limit = f"p/E = {reach:g}"
         if number and written == f"{number} {unit}":
-            most += f", {float(number) * reach / highest:.3g} {unit}"
+            limit += f", {float(number) * reach / highest:.3g} {unit}"
         why = "no solver goes further"
-        why += "" if two_scales else f" where poissons_ratio is under {two_scale.LEAST_NU:g}"
-        raise InputError(f"load: {load}; expected at most {most}: {why}")
-    goes_on = not scene.friction and two_scales
-    if highest <= HIGHEST_LOAD or (solver in ("auto", "two-scale") and goes_on):
+        why += "" if has_two_scale else f" where poissons_ratio is under {two_scale.LEAST_NU:g}"
+        raise InputError(f"load: {load}; expected at most {limit}: {why}")
+    two_scale_applies = not scene.friction and has_two_scale
+    if highest <= HIGHEST_LOAD or (solver in ("auto", "two-scale") and two_scale_applies):
         return ""
     return (
         f"{load}; expected at most p/E = {HIGHEST_LOAD:g}. Above it finite elements often end "

@@ -1,9 +1,9 @@
 """Estimate each effect of a scene, and decide whether to simulate it.
 
-Effects are neglected, the smallest first, while half as much again as all their estimates together
-stays within the wanted accuracy. Estimates come from one or two solutions at chosen loads, not from
-the simulation that they shall save: the shift of an event is the gap that the effect leaves at the
-load of the event without it, over the slope of that gap.
+The smallest effects are neglected while 1.5 times the sum of their estimates stays within the
+required accuracy. An estimate takes one or two solutions at chosen loads, which is cheaper than a
+simulation. It is the gap that the effect opens at an event's load without the effect, divided by
+the slope of the gap.
 """
 
 import math
@@ -30,15 +30,15 @@ from ridgebayes.scene.effects import (
 )
 from ridgebayes.scene.scene import Scene, Texture
 
-_SAFETY = 1.5  # the truth may be half as much again as an estimate
-_ROUGH = 1e-5  # tolerance of the solutions behind estimates
-# Where there are no two scales: loads at finite strain over those of the half-plane are
-# 1 + 0.3 (w/R)^2, up to a half-width w of 0.26 R (data/fea).
-_FINITE_BODY = 0.3
-_PER_PRESS, _PER_CUBE = 8e-4, 3e-11  # CPU seconds of a solution: fixed, and times unknowns cubed
-_MOST_LOOKED_AT = 64
-_PER_TRANSITION = 5.0  # CPU seconds, of finite elements; two-scale takes a solution
-_PER_MATERIAL = 15.0  # CPU seconds, of a smooth body
+_SAFETY = 1.5  # bound of a change over its estimate
+_ESTIMATE_REL_TOL = 1e-5  # relative tolerance of the solutions behind estimates
+# Below the Poisson's ratios of two-scale loads, finite strain multiplies half-plane loads by
+# 1 + 0.3 (w/R)^2, fitted for half-widths w up to 0.26 R (data/fea).
+_FINITE_STRAIN_FACTOR = 0.3
+_SOLUTION_S, _UNKNOWN_CUBED_S = 8e-4, 3e-11  # CPU seconds: constant, per unknown^3
+_MAX_TRANSITIONS = 64  # transitions per texture
+_FE_TRANSITION_S = 5.0  # CPU seconds per transition, by finite elements
+_SMOOTH_BODY_S = 15.0  # CPU seconds, of a smooth body by finite elements
 
 
 def plan(scene: Scene) -> list[Plan]:
@@ -47,12 +47,12 @@ def plan(scene: Scene) -> list[Plan]:
     Parameters
     ----------
     scene : Scene
-        Textures, highest load, wanted accuracy.
+        Scene with its textures, highest load and required accuracy.
 
     Returns
     -------
     list of Plan
-        One per texture, in the scene's order.
+        One plan per texture, in the scene's order.
 
     Raises
     ------
@@ -62,10 +62,10 @@ def plan(scene: Scene) -> list[Plan]:
 
     Notes
     -----
-    *Accuracy.* All that is neglected changes loads by no more than the accuracy wanted, and
-    estimates above a tenth of it are within a factor of two of the truth: checked on scenes all
-    over the space (`studies/plan.py`).
-    *Cost.* Some tens of milliseconds a texture.
+    *Accuracy.* All neglected effects together change loads by at most the required accuracy.
+    Estimates above a tenth of it are within a factor of two of the true change, as checked on
+    scenes across the input space (`studies/plan.py`).
+    *Cost.* Tens of milliseconds per texture.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def plan(scene: Scene) -> list[Plan]:
     >>> plan(scene)[0].simulated
     ('ridges', "Poisson's ratio")
     """
-    return [_planned(_Base.of(scene, texture)) for texture in scene.textures]
+    return [_plan_texture(_Base.of(scene, texture)) for texture in scene.textures]
 
 
 def _too_narrow(texture: Texture, status: str) -> InputError:
@@ -84,51 +84,51 @@ def _too_narrow(texture: Texture, status: str) -> InputError:
     )
 
 
-def _planned(base: "_Base") -> Plan:
-    large, solver = _finite_body(base)
+def _plan_texture(base: "_Base") -> Plan:
+    finite_body, solver = _finite_body(base)
     friction, material = _friction(base), _material(base)
     if material.simulated and solver == "half-plane":
         solver = "two-scale" if base.two_scale_error < math.inf else "cylinder-fe"
-        large = replace(large, simulated=True)
-    neglected = [e.estimate for e in (large, friction, material) if not e.simulated]
-    ridged = [_ridges(base), _offset(base), _floor(base), _corner(base)]
-    effects = _decided(base, ridged, base.tolerance - _SAFETY * math.fsum(neglected))
+        finite_body = replace(finite_body, simulated=True)
+    neglected = [e.estimate for e in (finite_body, friction, material) if not e.simulated]
+    geometric = [_ridges(base), _offset(base), _floor(base), _corner(base)]
+    effects = _decide(base, geometric, base.tolerance - _SAFETY * math.fsum(neglected))
     effects.insert(1, _partial_contact(base))
-    effects += [_poisson(base), large, material, friction, *_not_modelled()]
+    effects += [_poisson(base), finite_body, material, friction, *_not_modelled()]
     solver = "cylinder-fe" if friction.simulated else solver
     chosen = {effect.name for effect in effects if effect.simulated}
     fields = {"groove floor": "depth", "corner radius": "corner", "offset": "offset"}
-    shape = {fields[name]: getattr(base.given, fields[name]) for name in chosen & fields.keys()}
+    shape = {fields[name]: getattr(base.profile, fields[name]) for name in chosen & fields.keys()}
     profile = replace(base.sharp, **shape) if shape or "ridges" in chosen else None
     return Plan(base.texture, tuple(effects), profile, base.tolerance, solver)
 
 
 @dataclass(frozen=True, eq=False)
 class _Base:
-    """A texture without any further effect, and the loads at which effects are looked at."""
+    """A texture with sharp ridges only, and the loads at which effects are estimated."""
 
     scene: Scene
     texture: Texture
     sharp: Profile
-    W: FloatArray  # of all transitions under the scene's load, at least one
-    last: ContactSolution  # at the highest of them
-    W_max: float  # of the scene, or of the first transition if that is higher
+    W: FloatArray  # loads of the transitions below the scene's load, at least one
+    last: ContactSolution  # at the highest load considered
+    W_max: float  # load of the scene, or of the first transition if that is higher
 
     @classmethod
     def of(cls, scene: Scene, texture: Texture) -> "_Base":
         a, b = texture.a_over_R, texture.b_over_R
         sharp = Profile(a, b)
         W_max = load_factor(scene.nu) * scene.highest_load(texture)
-        n = min(max(int(math.sqrt(2 * W_max) / (a + b)) + 2, 4), _MOST_LOOKED_AT)
+        n = min(max(int(math.sqrt(2 * W_max) / (a + b)) + 2, 4), _MAX_TRANSITIONS)
         loads = halfplane.transition_loads(a, b, n, rel_tol=1e-6)
         W = load_factor(0) * loads.F * (a + b) ** 2
         W = W[np.isfinite(W)]
         if not W.size:
             raise _too_narrow(texture, loads.status[0])
         W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
-        # Among very many ridges the first represent all: effects on later ones are smoother.
+        # Beyond the last transition considered, effects vary little from ridge to ridge.
         top = min(max(W_max, float(W[-1])), 1.2 * float(W[-1]) + sharp.pitch**2)
-        last = solve_contact(sharp, top, rel_tol=_ROUGH)
+        last = solve_contact(sharp, top, rel_tol=_ESTIMATE_REL_TOL)
         return cls(scene, texture, sharp, W, last, max(W_max, float(W[-1])))
 
     @property
@@ -136,44 +136,44 @@ class _Base:
         return self.scene.relative or DEFAULT_RELATIVE
 
     @property
-    def wanted(self) -> str:
-        """The required accuracy in words."""
+    def requirement(self) -> str:
+        """Required accuracy in words."""
         relative = self.scene.relative
-        return f"the wanted {percent(relative)}" if relative else "0, and no accuracy is stated"
+        return f"the required {percent(relative)}" if relative else "0, and no accuracy is stated"
 
     @property
     def p_max(self) -> float:
-        """The highest load looked at, over E."""
+        """Highest load considered, over E."""
         return self.W_max / load_factor(self.scene.nu)
 
     @cached_property
     def two_scale_error(self) -> float:
-        """Largest relative standard error of two-scale loads; infinite where there are none."""
+        """Largest relative standard error of two-scale loads; infinite where nu is too small."""
         nu = self.scene.nu
         if nu < two_scale.LEAST_NU:
             return math.inf
         loads = np.minimum(self.W / load_factor(nu), two_scale.REACH)
-        profile = self.given
-        if self.texture.offset == "uniform":  # the error is largest at a quarter
+        profile = self.profile
+        if self.texture.offset == "uniform":  # the error is largest at a quarter pitch
             profile = replace(profile, offset=0.25)
         return float(np.max(two_scale.relative_error(loads, profile, nu, self.scene.ogden)))
 
     @cached_property
-    def given(self) -> Profile:
+    def profile(self) -> Profile:
         return full_profile(self.texture)
 
     @cached_property
     def penetration(self) -> float:
-        """Largest depth of the surface in a groove at the highest load, corners included."""
+        """Largest depth of the surface in a groove at the highest load, with round corners."""
         rounded = self.last
-        if self.given.corner:
-            round_ones = replace(self.sharp, corner=self.given.corner)
-            rounded = solve_contact(round_ones, self.last.W, rel_tol=_ROUGH)
+        if self.profile.corner:
+            round_profile = replace(self.sharp, corner=self.profile.corner)
+            rounded = solve_contact(round_profile, self.last.W, rel_tol=_ESTIMATE_REL_TOL)
         solutions = [solution for solution in (self.last, rounded) if solution.status == "ok"]
         if not solutions:
             raise _too_narrow(self.texture, rounded.status)
         deepest = max(max(solution.penetrations.values()) for solution in solutions)
-        # Beyond these ridges it grows as the pressure in the middle does: with the root of W.
+        # On later ridges it grows with the pressure at the centre, proportional to sqrt(W).
         return deepest * math.sqrt(self.W_max / self.last.W)
 
     @property
@@ -182,24 +182,24 @@ class _Base:
 
     @cached_property
     def shifts(self) -> dict[tuple[bool, bool], FloatArray]:
-        """Relative shifts of the first transition, the last and one between, by (floor, corner).
+        """Relative shifts of the first, middle and last transition, by (floor, corner).
 
-        Effects interact: a floor bears the load that round corners give up.
+        Effects interact: the floor carries load that round corners give up.
         """
         n = len(self.W)
-        looked_at = sorted({1, (n + 1) // 2, n})
-        depth, corner = self.given.depth, self.given.corner
-        shifts = {(False, False): np.zeros(len(looked_at))}
+        transitions = sorted({1, (n + 1) // 2, n})
+        depth, corner = self.profile.depth, self.profile.corner
+        shifts = {(False, False): np.zeros(len(transitions))}
         for floor, is_round in ((True, False), (False, True), (True, True)):
             if (floor and self.penetration < depth) or (is_round and not corner):
                 continue
-            deep, sharp = depth if floor else math.inf, corner if is_round else 0.0
-            other = replace(self.sharp, depth=deep, corner=sharp)
-            shifts[floor, is_round] = np.array([self._shift_of(other, k) for k in looked_at])
+            floor_depth, corner_radius = depth if floor else math.inf, corner if is_round else 0.0
+            other = replace(self.sharp, depth=floor_depth, corner=corner_radius)
+            shifts[floor, is_round] = np.array([self._shift_of(other, k) for k in transitions])
         return shifts
 
     def change(self, which: int) -> float:
-        """Return the largest change by floor (0) or corners (1), with the other effect present."""
+        """Return the largest change by floor (0) or corners (1), with and without the other."""
         sizes = [0.0]
         for key, with_it in self.shifts.items():
             without = (False, key[1]) if which == 0 else (key[0], False)
@@ -208,34 +208,34 @@ class _Base:
         return float(np.max(sizes))
 
     def _shift_of(self, other: Profile, k: int) -> float:
-        """Gap at the load of event k, over its slope: one Newton step from here to there."""
+        """Return the relative load shift of event k from one Newton step on its gap."""
         W, ridge = float(self.W[k - 1]), other.ridge(k)
-        first = solve_contact(other, W, rel_tol=_ROUGH, ridges=range(k))
-        if first.status != "ok":
+        solution = solve_contact(other, W, rel_tol=_ESTIMATE_REL_TOL, ridges=range(k))
+        if solution.status != "ok":
             return math.nan
-        return first.rise_to_touch([ridge]) / W
+        return solution.rise_to_touch([ridge]) / W
 
     def cost(self, n_solution: float, n_interval: float, m: float) -> float:
         unknowns = n_interval * m
-        return n_solution * (_PER_PRESS + _PER_CUBE * unknowns**3 + 4e-8 * unknowns**2)
+        return n_solution * (_SOLUTION_S + _UNKNOWN_CUBED_S * unknowns**3 + 4e-8 * unknowns**2)
 
 
-def _decided(base: _Base, effects: list[Effect], left: float) -> list[Effect]:
-    """Neglect the smallest effects, as long as all of them together stay within what is left."""
-    said = {}
+def _decide(base: _Base, effects: list[Effect], allowance: float) -> list[Effect]:
+    """Neglect the smallest effects while their sum stays within the allowance."""
+    decisions = {}
     for effect in sorted(effects, key=lambda item: (math.isnan(item.estimate), item.estimate)):
         if effect.estimate == 0.0:
-            said[effect.name] = replace(effect, simulated=False)
+            decisions[effect.name] = replace(effect, simulated=False)
             continue
-        simulated = not _SAFETY * effect.estimate <= left
-        reason = f"{effect.reason}; {'above' if simulated else 'within'} {base.wanted}"
+        simulated = not _SAFETY * effect.estimate <= allowance
+        reason = f"{effect.reason}; {'above' if simulated else 'within'} {base.requirement}"
         if math.isnan(effect.estimate):
             reason = f"{effect.reason}; size not known, simulated to be safe"
         elif simulated and effect.estimate <= base.tolerance:
-            reason = f"{effect.reason}; with all that is neglected above {base.wanted}"
-        left -= 0.0 if simulated else _SAFETY * effect.estimate
-        said[effect.name] = replace(effect, simulated=simulated, reason=reason)
-    return [said[effect.name] for effect in effects]
+            reason = f"{effect.reason}; with all neglected effects above {base.requirement}"
+        allowance -= 0.0 if simulated else _SAFETY * effect.estimate
+        decisions[effect.name] = replace(effect, simulated=simulated, reason=reason)
+    return [decisions[effect.name] for effect in effects]
 
 
 def _ridges(base: _Base) -> Effect:
@@ -257,9 +257,9 @@ def _partial_contact(base: _Base) -> Effect:
 
 
 def _offset(base: _Base) -> Effect:
-    number = abs(base.given.offset)
+    number = abs(base.profile.offset)
     n, sharp = len(base.W), base.sharp
-    # The further ridge of the first pair moves away by the offset; loads go as distance squared.
+    # The offset moves one ridge of the first pair away; loads grow with the distance squared.
     first = 0.5 * sharp.b + sharp.pitch
     estimate = (1 + number * sharp.pitch / first) ** 2 - 1
     cost = base.cost(24 * 2 * n, 2 * n, 10)
@@ -267,23 +267,23 @@ def _offset(base: _Base) -> Effect:
 
 
 def _floor(base: _Base) -> Effect:
-    depth, hang = base.given.depth, base.penetration
-    number = hang / depth
+    depth, penetration = base.profile.depth, base.penetration
+    number = penetration / depth
     cost = base.cost(40 * len(base.W), 2 * len(base.W), 12)
-    what = "deepest penetration into a groove over its depth"
+    reason = "deepest penetration into a groove over its depth"
     if number < 1:
-        what += "; the floor is not touched"
-        return Effect("groove floor", number, 0.0, False, what, cost)
+        reason += "; the floor is not touched"
+        return Effect("groove floor", number, 0.0, False, reason, cost)
     # If the floor is touched only beyond these transitions, its effect is unknown.
-    return Effect("groove floor", number, base.change(0) or math.nan, True, what, cost)
+    return Effect("groove floor", number, base.change(0) or math.nan, True, reason, cost)
 
 
 def _corner(base: _Base) -> Effect:
-    corner = base.given.corner
+    corner = base.profile.corner
     number = corner / base.sharp.a
     cost = base.cost(120 * len(base.W), len(base.W), 12)
-    what = "radius over a" if corner else "radius over a; corners are sharp"
-    return Effect("corner radius", number, base.change(1), corner > 0, what, cost)
+    reason = "radius over a" if corner else "radius over a; corners are sharp"
+    return Effect("corner radius", number, base.change(1), corner > 0, reason, cost)
 
 
 def _poisson(base: _Base) -> Effect:
@@ -294,11 +294,11 @@ def _poisson(base: _Base) -> Effect:
 
 
 def _finite_body(base: _Base) -> tuple[Effect, str]:
-    """Return the effect, and the solver that it calls for."""
+    """Return the effect of the finite body, and the solver that it requires."""
     width, nu, p = base.half_width, base.scene.nu, base.p_max
     count = max(base.last.Q, 2 * width / base.sharp.pitch)
     strain = 2 * p / (count * base.sharp.a)
-    hang = base.penetration / base.sharp.b
+    depth_over_b = base.penetration / base.sharp.b
     estimate = math.nan
     if nu >= two_scale.LEAST_NU:
         loads = base.W / load_factor(nu)
@@ -306,75 +306,74 @@ def _finite_body(base: _Base) -> tuple[Effect, str]:
         if np.isfinite(change).any():
             estimate = float(np.nanmax(change))
     if math.isnan(estimate):
-        # A compressible surface draws in by (1 - 2 nu)(1 + nu) times its pressure, and loads go as
-        # distances squared. One that hangs into a groove by its own width is bent by as much as a
-        # body can be.
-        drawn = 2 * (1 - 2 * nu) * (1 + nu) * p / width
-        estimate = _FINITE_BODY * width**2 + 0.2 * hang**2 + drawn
+        # Pressure draws a compressible surface in by (1 - 2 nu)(1 + nu) p, and loads grow with
+        # distances squared. The second term is the bending of the surface into a groove.
+        draw_in = 2 * (1 - 2 * nu) * (1 + nu) * p / width
+        estimate = _FINITE_STRAIN_FACTOR * width**2 + 0.2 * depth_over_b**2 + draw_in
     solver, why = _solver_for(base, estimate)
     reason = f"contact half-width over R; load per ridge over E a is {strain:.2g}, "
-    reason += f"penetration over b {hang:.2g}; {why}"
-    cost = (_PER_TRANSITION if solver == "cylinder-fe" else _PER_PRESS) * len(base.W)
-    is_there = solver != "half-plane"
-    return Effect(BEYOND_HALF_PLANE[0], width, estimate, is_there, reason, cost), solver
+    reason += f"penetration over b {depth_over_b:.2g}; {why}"
+    cost = (_FE_TRANSITION_S if solver == "cylinder-fe" else _SOLUTION_S) * len(base.W)
+    simulated = solver != "half-plane"
+    return Effect(BEYOND_HALF_PLANE[0], width, estimate, simulated, reason, cost), solver
 
 
 def _solver_for(base: _Base, estimate: float) -> tuple[str, str]:
-    """Return the cheapest solver that is right to a stated accuracy, or else the best, and why.
+    """Return the cheapest solver within the required accuracy, and the reason.
 
     Parameters
     ----------
     base : _Base
-        With the loads.
+        Texture and its loads.
     estimate : float
-        Error of the half-plane.
+        Estimated relative error of half-plane loads.
     """
-    error, goes_on = base.two_scale_error, base.p_max > HIGHEST_LOAD
+    error, is_beyond_fe = base.two_scale_error, base.p_max > HIGHEST_LOAD
     if _SAFETY * estimate <= base.tolerance:
-        return "half-plane", f"within {base.wanted}"
-    if base.scene.relative is None and not (goes_on and error < math.inf):
+        return "half-plane", f"within {base.requirement}"
+    if base.scene.relative is None and not (is_beyond_fe and error < math.inf):
         why = f"a scene without a stated accuracy uses the half-plane to p/E = {HIGHEST_LOAD:g}"
         return "half-plane", why
     if estimate <= min(error, FINITE_ELEMENT_ERROR):
         return "half-plane", f"below the error of finite elements, {percent(FINITE_ELEMENT_ERROR)}"
-    if error <= max(base.tolerance, FINITE_ELEMENT_ERROR) or (goes_on and error < math.inf):
-        return "two-scale", f"above {base.wanted}: two-scale, right to {percent(error)}"
-    return "cylinder-fe", f"above {base.wanted}: finite elements"
+    if error <= max(base.tolerance, FINITE_ELEMENT_ERROR) or (is_beyond_fe and error < math.inf):
+        return "two-scale", f"above {base.requirement}: two-scale, right to {percent(error)}"
+    return "cylinder-fe", f"above {base.requirement}: finite elements"
 
 
 def _material(base: _Base) -> Effect:
-    """Compare smooth bodies of the scene's material and of a neo-Hookean one, equally loaded."""
+    """Compare equally loaded smooth bodies of the scene's material and of a neo-Hookean one."""
     ogden, nu = base.scene.ogden, base.scene.nu
     exponent = sum(share * exponent for share, exponent in ogden)
-    what = "Ogden's exponents, weighed by their shares; "
+    reason = "Ogden's exponents, weighed by their shares; "
     if ogden == NEO_HOOKEAN:
-        return Effect("material", exponent, 0.0, False, f"{what}the body is neo-Hookean", 0.0)
+        return Effect("material", exponent, 0.0, False, f"{reason}the body is neo-Hookean", 0.0)
     estimate = math.nan
     if nu >= two_scale.LEAST_NU:
         p = min(base.p_max, two_scale.REACH)
         stiff, soft = (float(two_scale.width_ratio(p, nu, terms)) for terms in (ogden, NEO_HOOKEAN))
         estimate = abs((soft / stiff) ** 2 - 1)
-    what += "a smooth body's load against a neo-Hookean one's"
-    effect = Effect("material", exponent, estimate, True, what, _PER_MATERIAL)
-    return _decided(base, [effect], base.tolerance)[0]
+    reason += "a smooth body's load against a neo-Hookean one's"
+    effect = Effect("material", exponent, estimate, True, reason, _SMOOTH_BODY_S)
+    return _decide(base, [effect], base.tolerance)[0]
 
 
 def _friction(base: _Base) -> Effect:
-    """Simulate friction by finite elements where it exceeds both a stated accuracy and theirs."""
+    """Simulate friction if it exceeds the required accuracy and that of finite elements."""
     nu, friction = base.scene.nu, base.scene.friction
     beta = (1 - 2 * nu) / (2 * (1 - nu))
-    # Full stick raises the stiffness of a flat contact by (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) at most.
+    # Full stick multiplies the stiffness of a flat contact by (1 - nu) ln(3 - 4 nu)/(1 - 2 nu).
     stick = (1 - nu) * math.log(3 - 4 * nu) / (1 - 2 * nu) - 1 if nu < 0.5 else 0.0
     estimate = stick * min(friction / beta, 1.0) if beta > 0 and friction else 0.0
     reason = f"friction coefficient; tangential mismatch (1 - 2 nu)/(2 (1 - nu)) is {beta:.2g}; "
     simulated = estimate > max(base.tolerance, FINITE_ELEMENT_ERROR)
     if estimate <= base.tolerance:
-        reason += f"within {base.wanted}"
+        reason += f"within {base.requirement}"
     elif simulated:
-        reason += f"above {base.wanted}: finite elements"
+        reason += f"above {base.requirement}: finite elements"
     else:
         reason += f"below the error of finite elements, {percent(FINITE_ELEMENT_ERROR)}"
-    cost = _PER_TRANSITION * len(base.W)
+    cost = _FE_TRANSITION_S * len(base.W)
     return Effect(BEYOND_HALF_PLANE[1], friction, estimate, simulated, reason, cost)
 
 

@@ -1,4 +1,4 @@
-"""Rules that scene files and the records of a scene share, and messages about broken rules."""
+"""Rules shared by scene files and the records of a scene, and messages about broken rules."""
 
 import math
 import re
@@ -23,12 +23,12 @@ from ridgebayes.runtime.text import one_line_message, shown_value
 from ridgebayes.scene.units import with_point
 from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
 
-# A line that is no TOML but was meant as a quantity: a decimal comma, or a unit without quotes.
+# Matches a quantity that is invalid TOML: with a decimal comma, or a unit without quotes.
 _QUANTITY_LINE = re.compile(
     r"\s*([\w.]+\s*=\s*)([+-]?[0-9][0-9.,]*)[ \t]*([^\s\"'#\[\],][^\"'#]*)?(#.*)?"
 )
 
-_MOST_TERMS, _LEAST, _MOST = 3, 0.5, 30  # of Ogden's material, and sizes of its exponents
+_MAX_TERMS, _MIN_EXP, _MAX_EXP = 3, 0.5, 30  # of Ogden materials; exponents by size
 
 
 def _offset(raw: object) -> float | str:
@@ -42,21 +42,21 @@ def _offset(raw: object) -> float | str:
 
 def _ogden(raw: object) -> Ogden:
     rule = "must be one to three pairs [share, exponent]"
-    if not isinstance(raw, list | tuple) or not 1 <= len(raw) <= _MOST_TERMS:
+    if not isinstance(raw, list | tuple) or not 1 <= len(raw) <= _MAX_TERMS:
         raise ValueError(rule)
     numbers = [x for pair in raw if isinstance(pair, list | tuple) for x in pair]
     plain = all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers)
     if not plain or any(not isinstance(pair, list | tuple) or len(pair) != 2 for pair in raw):
         raise ValueError(rule)
     terms = tuple((float(share), float(exponent)) for share, exponent in raw)
-    if not all(share > 0 and _LEAST <= abs(exponent) <= _MOST for share, exponent in terms):
-        raise ValueError(f"{rule}, shares > 0, exponents from {_LEAST} to {_MOST} in size")
+    if not all(share > 0 and _MIN_EXP <= abs(exponent) <= _MAX_EXP for share, exponent in terms):
+        raise ValueError(f"{rule}, shares > 0, exponents from {_MIN_EXP} to {_MAX_EXP} in size")
     if not math.isclose(math.fsum(share for share, _ in terms), 1.0, abs_tol=1e-9):
         raise ValueError("shares must sum to 1")
     return terms
 
 
-# The rules of scene files and of the records below.
+# Field types of scene files and of records.
 Positive = PositiveFloat
 NotNegative = NonNegativeFloat
 PoissonsRatio = Annotated[float, Field(ge=0.0, le=0.5)]
@@ -67,7 +67,7 @@ Role = Literal["calibration", "held-out"]
 
 
 def shape_rules(values: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
-    """Return by name whether values of a texture fit together, and the rule.
+    """Return, by name, whether the values of a texture are valid, and the rule.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def shape_rules(values: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
 
 
 class Record(BaseModel):
-    """Frozen; no unknown names, no silent conversions, no NaN; errors are `InputError`."""
+    """Frozen model that refuses unknown names, other types and NaN with `InputError`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -99,7 +99,7 @@ class Record(BaseModel):
 def findings(
     error: ValidationError, where: str, hint: Callable[[tuple[int | str, ...]], str] | None = None
 ) -> list[str]:
-    """Say each finding of pydantic as place, key, value and rule.
+    """Format each error of pydantic as place, key, value and rule.
 
     Parameters
     ----------
@@ -108,41 +108,41 @@ def findings(
     where : str
         File or record name.
     hint : callable, optional
-        Function from the place of an unknown key to a hint at the key that was meant.
+        Function that returns a suggestion for an unknown key, given its place.
 
     Returns
     -------
     list of str
-        One line a finding.
+        One line per error.
     """
     lines = []
-    every = error.errors(include_url=False)
-    unknown = [finding["loc"] for finding in every if finding["type"] == "extra_forbidden"]
-    meant = {place: "" if hint is None else hint(place) for place in unknown}
-    for finding in every:
+    errors = error.errors(include_url=False)
+    unknown = [finding["loc"] for finding in errors if finding["type"] == "extra_forbidden"]
+    hints = {place: "" if hint is None else hint(place) for place in unknown}
+    for finding in errors:
         *table, name = finding["loc"] or ("",)
-        asked = f"did you mean {name}?"
+        suggestion = f"did you mean {name}?"
         if finding["type"] == "missing" and any(
-            list(place[:-1]) == table and text == asked for place, text in meant.items()
+            list(place[:-1]) == table and text == suggestion for place, text in hints.items()
         ):
-            continue  # reported once, as the unknown key that it was written as
+            continue  # reported as the unknown key
         key = ""
         for part in finding["loc"]:
             key += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if key else ''}{part}"
         rule = finding["msg"].removeprefix("Value error, ")
         if finding["type"] == "extra_forbidden":
-            rule = "; ".join(filter(None, ("unknown key", meant[finding["loc"]])))
+            rule = "; ".join(filter(None, ("unknown key", hints[finding["loc"]])))
         elif finding["type"] == "missing":
             rule = "missing; expected a value"
         shown = "" if finding["type"] == "missing" else f" = {shown_value(finding['input'])}"
-        # A rule between several keys names them itself.
+        # Rules between several keys have no place; their text names the keys.
         about = f"{key}{shown}: " if key else ""
         lines.append(f"{where}: {about}{rule[:1].lower()}{rule[1:]}")
     return lines
 
 
 def syntax_error(content: bytes, error: Exception) -> str:
-    """Say why a file is not TOML: in the words of a quantity where it was meant as one."""
+    """Return why a file is not TOML; a line meant as a quantity has a message of its own."""
     place = re.search(r"at line (\d+)", str(error))
     if isinstance(error, tomllib.TOMLDecodeError) and place is not None:
         number = int(place[1])

@@ -1,4 +1,4 @@
-"""`Scene`: which textures, pressed how hard, computed how accurately. Knows no solver."""
+"""`Scene`: textures, loads and required accuracy of a simulation, without solver settings."""
 
 import itertools
 import math
@@ -24,15 +24,16 @@ class Texture(fields.Record):
     a_over_R, b_over_R : float, scalar, dimensionless
         Ridge and groove width, 1e-50 to 1e50.
     groove_depth_over_R : float or None, scalar, dimensionless
-        None is a groove too deep to be touched.
+        None for grooves too deep to be touched.
     corner_radius_over_R : float, scalar, dimensionless
-        0 is a sharp corner.
+        0 for sharp corners.
     offset : float or "uniform", scalar, pitches
-        Position of the body's centre from a groove's centre; ``"uniform"`` is anywhere.
+        Position of the body's centre from a groove's centre; ``"uniform"`` for a random
+        position.
     role : {"calibration", "held-out"}
-        Whether rows of it are fitted, or predicted and compared.
+        Whether its rows are fitted, or held out and compared with predictions.
     max_p_over_E : float or None, scalar, dimensionless
-        Highest load on this texture; None is that of the scene.
+        Highest load on this texture; None for that of the scene.
     """
 
     a_over_R: fields.Positive
@@ -45,7 +46,7 @@ class Texture(fields.Record):
 
     @property
     def shape(self) -> Json:
-        """Its values over R by the names of `contact.rigid_profile.Profile`, and the offset."""
+        """Lengths over R by the names of `contact.rigid_profile.Profile`, and the offset."""
         depth = self.groove_depth_over_R
         return {
             "a": self.a_over_R,
@@ -64,28 +65,28 @@ class Texture(fields.Record):
 
 
 class Scene(fields.Record):
-    """A soft cylinder on ridged textures, free of units.
+    """A soft cylinder on ridged textures, in dimensionless numbers.
 
     Parameters
     ----------
     textures : tuple of Texture, shape (n_texture,)
-        One or more, no two alike.
+        At least one; no two textures have the same widths and offset.
     nu : float, scalar, dimensionless
         Poisson's ratio of the body, 0 to 0.5.
     ogden : tuple of (float, float)
-        Shares of the shear modulus, and exponents: as of `contact.cylinder.material.Material`.
-        Neo-Hookean if not given.
+        Shares of the shear modulus, and exponents, as in `contact.cylinder.material.Material`;
+        neo-Hookean if not given.
     p_over_E : float, scalar, dimensionless
         Highest load per projected area over Young's modulus.
     friction : float, scalar, dimensionless
-        Coulomb's coefficient.
+        Coulomb's friction coefficient.
     relative : float or None, scalar, dimensionless
-        Required relative accuracy of each transition load; that of the solver if None.
+        Required relative accuracy of each transition load; the solver's if None.
     uncertain : scene.uncertain.Uncertain or None, optional
-        Distributions of the values above, which are their medians; see `from_toml`, `from_dict`.
+        Distributions whose medians are the values above; see `from_toml` and `from_dict`.
     body : scene.units.Body, optional
-        Radius, modulus and length in SI units, for loads and lengths with units; empty if the
-        scene has none. Scenes that differ only in their body are equal.
+        Radius, modulus and length in SI units, to convert loads and lengths with units; empty if
+        the scene has no units. Scenes that differ only in their body are equal.
 
     Examples
     --------
@@ -93,18 +94,21 @@ class Scene(fields.Record):
     >>> scene.textures[0].a_over_R, scene.nu
     (0.032, 0.5)
 
-    In a file it is free of units; uncertain values stand beside their medians:
+    A scene file that `to_toml` writes has no units:
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     scene.to_toml(f"{folder}/scene.toml")
     ...     Scene.from_toml(f"{folder}/scene.toml") == scene
     True
+
+    The values of an uncertain scene are medians:
+
     >>> width = {"ridge_width": "normal(0.032, 5 %)", "groove_width": 0.01}
     >>> unsure = Scene.from_dict({"texture": width})
     >>> unsure.uncertain_names, unsure.at_medians().uncertain_names
     (('texture.ridge_width',), ())
-    >>> [one.textures[0].a_over_R for one in Scene.of([(0.03, 0.01), (0.02, 0.01)]).apart]
+    >>> [part.textures[0].a_over_R for part in Scene.of([(0.03, 0.01), (0.02, 0.01)]).apart]
     [0.03, 0.02]
     """
 
@@ -118,19 +122,19 @@ class Scene(fields.Record):
     body: Annotated[InstanceOf[Body], Field(exclude=True, repr=False)] = NO_UNITS
 
     def __eq__(self, other: object) -> bool:
-        alike = {"body": self.body}
-        return isinstance(other, Scene) and super().__eq__(other.model_copy(update=alike))
+        same_body = {"body": self.body}
+        return isinstance(other, Scene) and super().__eq__(other.model_copy(update=same_body))
 
     def __hash__(self) -> int:
         return hash((self.textures, self.nu, self.p_over_E))
 
     def highest_load(self, texture: Texture) -> float:
-        """Return the highest load on one of the textures: its own, or the scene's.
+        """Return the highest load on a texture: `max_p_over_E` if given, or that of the scene.
 
         Parameters
         ----------
         texture : Texture
-            One of them.
+            Texture of the scene.
 
         Returns
         -------
@@ -147,7 +151,7 @@ class Scene(fields.Record):
 
     @field_validator("textures")
     @classmethod
-    def _no_two_alike(cls, textures: tuple[Texture, ...]) -> tuple[Texture, ...]:
+    def _refuse_repeats(cls, textures: tuple[Texture, ...]) -> tuple[Texture, ...]:
         seen: dict[tuple[float, float, float | str], int] = {}
         for number, texture in enumerate(textures, start=1):
             key = (texture.a_over_R, texture.b_over_R, texture.offset)
@@ -165,12 +169,12 @@ class Scene(fields.Record):
         nu: float = 0.5,
         relative: float | None = None,
     ) -> "Scene":
-        """Make a scene of plain textures.
+        """Make a scene of textures with sharp ridges, deep grooves and no offset.
 
         Parameters
         ----------
         textures : iterable of (float, float), shape (n_texture, 2), dimensionless
-            Ridge and groove width over R of each.
+            Ridge and groove width over R of each texture.
         p_over_E, nu, relative : float, scalar, dimensionless
             As in `Scene`.
 
@@ -190,17 +194,18 @@ class Scene(fields.Record):
             ...
         ridgebayes.errors.InputError: Texture: b_over_R = -0.01: input should be greater than 0
         """
-        made = tuple(Texture(a_over_R=float(a), b_over_R=float(b)) for a, b in textures)
-        return cls(textures=made, p_over_E=p_over_E, nu=nu, relative=relative)
+        records = tuple(Texture(a_over_R=float(a), b_over_R=float(b)) for a, b in textures)
+        return cls(textures=records, p_over_E=p_over_E, nu=nu, relative=relative)
 
     @classmethod
     def paper(cls) -> "Scene":
-        """Return the study's textures: nine up to p/E 0.02, and a held-out one with wide grooves.
+        """Return the scene of the study: nine textures to p/E 0.02, and a held-out texture.
 
         Returns
         -------
         Scene
-            A in {0.012, 0.022, 0.032} x B in {0.01, 0.02, 0.03}, and (0.012, 0.09) to p/E 0.045.
+            a/R in {0.012, 0.022, 0.032} x b/R in {0.01, 0.02, 0.03}, and the held-out texture
+            (0.012, 0.09) to p/E 0.045.
 
         References
         ----------
@@ -223,7 +228,7 @@ class Scene(fields.Record):
         Parameters
         ----------
         path : str or path
-            TOML with the keys of `ridgebayes.scene.toml`, all quantities with units or none.
+            TOML file with the keys of `ridgebayes.scene.toml`; all quantities have units, or none.
 
         Returns
         -------
@@ -232,28 +237,28 @@ class Scene(fields.Record):
         Raises
         ------
         InputError
-            If the file cannot be read or a key breaks a rule: one message that names the file
-            and every such key with its value and rule.
+            If the file cannot be read or a key breaks a rule. The message names the file and all
+            invalid keys with their values and rules.
         """
         return cls._of_values(read_scene_file(Path(path)), str(path))
 
     @classmethod
     def from_dict(cls, data: Json) -> "Scene":
-        """Make a scene from a dict like a scene file, whose values may be Python objects.
+        """Make a scene from a dict with the tables of a scene file.
 
         Parameters
         ----------
         data : dict
             Tables and keys of a scene file. A value may also be a frozen distribution of
             scipy.stats, an array of draws, or a callable of a numpy generator that returns one
-            draw: in SI units where others have units. ``joint`` is a list of tables: ``of``, places
-            such as ``texture.ridge_width``, with ``correlation``, or with ``draws``: rows, or a
-            frozen multivariate distribution, instead of their own values.
+            draw, all in SI units if the scene has units. ``joint`` is a list of tables. In each,
+            ``of`` lists places such as ``texture.ridge_width``, and either ``correlation`` relates
+            their values, or ``draws`` (rows, or a frozen multivariate distribution) replaces them.
 
         Returns
         -------
         Scene
-            With medians; `uncertain` keeps what is drawn from.
+            Scene of the medians; `uncertain` keeps the distributions.
 
         Raises
         ------
@@ -285,18 +290,18 @@ class Scene(fields.Record):
         return () if self.uncertain is None else tuple(self.uncertain.texts)
 
     def at_medians(self) -> "Scene":
-        """Return the scene of the medians alone.
+        """Return the scene of the medians, without distributions.
 
         Returns
         -------
         Scene
-            Certain of everything.
+            Scene without uncertain values.
         """
         return self.model_copy(update={"uncertain": None})
 
     @property
     def apart(self) -> tuple["Scene", ...]:
-        """A scene for each of the textures, of the same body and load."""
+        """One scene per texture, with the same body and load."""
         scenes = []
         for number, texture in enumerate(self.textures, start=1):
             uncertain = self.uncertain and self.uncertain.of_texture(number)
@@ -304,19 +309,19 @@ class Scene(fields.Record):
         return tuple(scenes)
 
     def to_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the scene without units: `Scene.from_toml` reads an equal one.
+        """Write the scene without units; `Scene.from_toml` reads an equal scene.
 
         Parameters
         ----------
         path : str or path
-            The file to write; an existing one is replaced.
+            File to write. An existing file is overwritten.
 
         Raises
         ------
         OSError
             If the file cannot be written.
         InputError
-            If the scene is uncertain: distributions are not written back.
+            If the scene is uncertain: distributions cannot be written.
         """
         if self.uncertain is not None:
             raise InputError(
@@ -330,12 +335,12 @@ class Scene(fields.Record):
 
 
 def as_scene(scene: Scene | str | os.PathLike[str]) -> Scene:
-    """Return a scene, read from its TOML file where a path is given.
+    """Return a scene, read from its TOML file if a path is given.
 
     Raises
     ------
     InputError
-        If it is neither, or the file cannot be read or breaks a rule.
+        If `scene` is neither a scene nor a path, or the file cannot be read or breaks a rule.
     """
     if isinstance(scene, Scene):
         return scene

@@ -1,11 +1,11 @@
-"""Scene files: TOML with units or without, to the plain numbers of a `Scene`, and back.
+"""Read scene files (TOML, with or without units) into the numbers of a `Scene`, and write them.
 
 Keys: `[body]` radius, youngs_modulus, poissons_ratio, ogden; `[texture]` (or several `[[texture]]`)
 ridge_width, groove_width, groove_depth, corner_radius, offset, role, max_p_over_E; `[load]` one
 of max (p), line (P' = 2 R p), force with length (of the cylinder) and p_over_E, and friction;
-`[accuracy]` relative. Radius, modulus, ratio, widths, depth, radius of corners, offset and load may
-be distributions (`distributions.grammar`); those that go together are named by `[[joint]]`: `of`,
-their places such as body.radius, and `correlation`, the matrix of their normal scores.
+`[accuracy]` relative. Radius, modulus, ratio, widths, depth, corner radius, offset and load may be
+distributions (`distributions.grammar`). Each `[[joint]]` correlates some of them: `of` lists their
+places such as body.radius, and `correlation` is the matrix of their normal scores.
 """
 
 import json
@@ -36,7 +36,7 @@ from ridgebayes.scene import fields
 from ridgebayes.scene.units import LENGTHS, Body, Dimension, is_uncertain, over_body, to_si
 
 DEFAULT_LOAD = 0.02  # p/E of the study
-# Fields of a `Texture`, by their names in `over_body`; and those that a file has as they are.
+# Fields of `Texture` that follow from several keys of a file, by their names in `over_body`.
 DERIVED = {
     "a": "a_over_R",
     "b": "b_over_R",
@@ -44,32 +44,32 @@ DERIVED = {
     "corner": "corner_radius_over_R",
     "offset": "offset",
 }
-_ALIKE = ("role", "max_p_over_E")
+_COPIED = ("role", "max_p_over_E")  # fields of `Texture` that equal a key of the file
 
 
 @dataclass(frozen=True)
 class _Measure:
-    """A number in SI units, or the plain number of a file without units; and what was written.
+    """A number, in SI units if the file has units, and the value as written.
 
-    The value of a distribution is its median; the source is where its draws come from.
+    The value of a distribution is its median; its draws come from `source`.
     """
 
     value: Fraction
     raw: Any
     source: Any = None  # a `scene.uncertain.Source`
-    has_unit: bool | None = None  # None: neither, as numbers of a program
+    has_unit: bool | None = None  # None: unknown, as for Python objects
 
 
-def _measured(
+def _measure(
     dimension: Dimension, raw: object, info: ValidationInfo, *, may_be_zero: bool = False
 ) -> _Measure:
     """Read a quantity: text with a unit, a plain number, or a distribution of either."""
-    if (measure := _uncertain(dimension, raw, info, may_be_zero)) is not None:
+    if (measure := _read_uncertain(dimension, raw, info, may_be_zero)) is not None:
         return measure
     if not isinstance(raw, str | int | float) or isinstance(raw, bool):
         raise ValueError("must be a number, or text with a number and a unit")
     try:
-        # The decimal as written, so that ratios come out as a person would write them.
+        # Exact decimals: ratios of round numbers are round.
         value = to_si(raw, dimension) if isinstance(raw, str) else Fraction(repr(raw))
     except InputError as error:
         raise ValueError(str(error).removeprefix(f"{raw!r}: ")) from None
@@ -80,14 +80,14 @@ def _measured(
     return _Measure(value, raw, has_unit=isinstance(raw, str))
 
 
-def _uncertain(
+def _read_uncertain(
     dimension: Dimension | None, raw: object, info: ValidationInfo, may_be_zero: bool = True
 ) -> _Measure | None:
-    """Return the measure of a distribution; None if there is none."""
+    """Return the measure of a distribution; None if the value is plain."""
     is_text = isinstance(raw, str)
     if isinstance(raw, int | float | list | dict) or (is_text and not is_uncertain(str(raw))):
         return None
-    from ridgebayes.scene.uncertain import read_source  # loads scipy: not for certain scenes
+    from ridgebayes.scene.uncertain import read_source  # loads scipy, only if a value is uncertain
 
     try:
         read = read_source(dimension, raw, (info.context or {}).get("folder", Path()))
@@ -99,8 +99,8 @@ def _uncertain(
 
 
 def _or_uncertain(raw: object, plain: ValidatorFunctionWrapHandler, info: ValidationInfo) -> object:
-    """Read a number without a unit as the records do, or a distribution whose median they take."""
-    measure = _uncertain(None, raw, info)
+    """Read a number without a unit, or a distribution whose median is a valid number."""
+    measure = _read_uncertain(None, raw, info)
     if measure is None:
         return plain(raw)
     plain(float(measure.value))
@@ -108,15 +108,15 @@ def _or_uncertain(raw: object, plain: ValidatorFunctionWrapHandler, info: Valida
 
 
 _Uncertain = WrapValidator(_or_uncertain)
-_Length = Annotated[_Measure, PlainValidator(partial(_measured, "length"))]
-_LengthOrZero = Annotated[_Measure, PlainValidator(partial(_measured, "length", may_be_zero=True))]
-_Pressure = Annotated[_Measure, PlainValidator(partial(_measured, "pressure"))]
-_LineLoad = Annotated[_Measure, PlainValidator(partial(_measured, "line load"))]
-_Force = Annotated[_Measure, PlainValidator(partial(_measured, "force"))]
+_Length = Annotated[_Measure, PlainValidator(partial(_measure, "length"))]
+_LengthOrZero = Annotated[_Measure, PlainValidator(partial(_measure, "length", may_be_zero=True))]
+_Pressure = Annotated[_Measure, PlainValidator(partial(_measure, "pressure"))]
+_LineLoad = Annotated[_Measure, PlainValidator(partial(_measure, "line load"))]
+_Force = Annotated[_Measure, PlainValidator(partial(_measure, "force"))]
 
 
 def _key(description: str, default: Any = None) -> Any:
-    """Return a key that may be left out."""
+    """Return the field of an optional key."""
     return Field(default=default, description=description)
 
 
@@ -192,19 +192,19 @@ def read_scene_file(path: Path) -> Json:
     Returns
     -------
     dict
-        Keywords of `Scene`, each texture a dict of keywords of `Texture`; medians of what is
-        uncertain.
+        Keywords of `Scene`, with a dict of keywords of `Texture` for each texture. Uncertain
+        values are at their medians.
 
     Raises
     ------
     InputError
-        If the file cannot be read, is not TOML, has an unknown or a missing key, a value that
-        breaks its rule, units in one place and none in another, or more than one load: all such
-        findings in one message.
+        If the file cannot be read, is not TOML, has an unknown or missing key, a value that breaks
+        its rule, units for only some values, or more than one load. One message lists all errors.
 
     Notes
     -----
-    Without units a missing radius is 1. Without any load, p/E goes to the 0.02 of the study.
+    The radius is 1 if neither it nor units are given. Without a load, p/E is at most 0.02, as in
+    the study.
     """
     try:
         path.stat()
@@ -213,19 +213,19 @@ def read_scene_file(path: Path) -> Json:
     content = read_bytes(path, LARGEST_TEXT)
     try:
         data = tomllib.loads(content.decode("utf-8"))
-    # A thousand brackets in each other: RecursionError.
+    # Deeply nested brackets raise RecursionError.
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: {fields.syntax_error(content, error)}") from None
-    return _values(_validated(data, str(path), path.parent), str(path))
+    return _keywords(_validate(data, str(path), path.parent), str(path))
 
 
 def scene_values(data: Json) -> Json:
-    """Return the values of `read_scene_file` from a file's tables; errors name ``scene``."""
-    return _values(_validated(data, "scene", Path()), "scene")
+    """Return the keywords of a `Scene` from the tables of a file; errors name ``scene``."""
+    return _keywords(_validate(data, "scene", Path()), "scene")
 
 
-def _values(scene: _SceneFile, where: str) -> Json:
-    """Return the keywords of a `Scene`: over R and E, exactly until the last rounding."""
+def _keywords(scene: _SceneFile, where: str) -> Json:
+    """Return the keywords of a `Scene`, over R and E; only the exact ratios are rounded."""
     placed = [("body", scene.body), *zip(_places(scene), scene.texture, strict=True)]
     at = {
         f"{section}.{key}": value
@@ -239,9 +239,9 @@ def _values(scene: _SceneFile, where: str) -> Json:
     for place in _places(scene):
         shared = {name: _rounded(value) for name, value in over_body(exact, place).items()}
         named = {name: shared.pop(key) for key, name in DERIVED.items() if key in shared}
-        alike = {key: at[f"{place}.{key}"] for key in _ALIKE if f"{place}.{key}" in at}
-        textures.append(named | alike)
-    # All textures share the rest: nu and the load.
+        copied = {key: at[f"{place}.{key}"] for key in _COPIED if f"{place}.{key}" in at}
+        textures.append(named | copied)
+    # The rest, nu and the load, is the same for all textures.
     values = shared | {"textures": textures, "friction": scene.load.friction}
     values |= {"ogden": scene.body.ogden, "relative": scene.accuracy.relative}
     values["body"] = _body(scene, measures)
@@ -249,7 +249,7 @@ def _values(scene: _SceneFile, where: str) -> Json:
     sources = {place: (measure.source, measure.raw) for place, measure in drawn.items()}
     if not sources and not scene.joint:
         return values
-    # Here, not above: it loads scipy, which a scene that is certain does without.
+    # Imported here because it loads scipy, which certain scenes do not need.
     from ridgebayes.scene.uncertain import Uncertain
 
     medians = at | {place: float(measure.value) for place, measure in measures.items()}
@@ -267,30 +267,30 @@ def _places(scene: _SceneFile) -> list[str]:
 
 
 def _rounded(value: object) -> object:
-    """Return an exact number as a float; infinite where it is too large, which records refuse."""
+    """Return an exact number as a float; infinity, which records refuse, on overflow."""
     try:
         return float(value) if isinstance(value, Fraction) else value
     except OverflowError:
         return float("inf")
 
 
-def _validated(data: Json, where: str, folder: Path) -> _SceneFile:
+def _validate(data: Json, where: str, folder: Path) -> _SceneFile:
     single = isinstance(data.get("texture"), dict)
-    wanted = {**data, "texture": [data["texture"]]} if single else data
+    tables = {**data, "texture": [data["texture"]]} if single else data
     try:
-        scene = _SceneFile.model_validate(wanted, context={"folder": folder})
+        scene = _SceneFile.model_validate(tables, context={"folder": folder})
     except ValidationError as error:
-        lines = fields.findings(error, where, _meant)
+        lines = fields.findings(error, where, _suggest_key)
         text = "\n".join(lines)
         raise InputError(text.replace("texture[1]", "texture") if single else text) from None
-    problems = _clashes(scene)
+    problems = _conflicts(scene)
     if problems:
         raise InputError("\n".join(f"{where}: {problem}" for problem in problems))
     return scene
 
 
-def _meant(place: tuple[int | str, ...]) -> str:
-    """Say which key was meant by an unknown one."""
+def _suggest_key(place: tuple[int | str, ...]) -> str:
+    """Return a suggestion for an unknown key."""
     section, key = place[0], str(place[-1])
     keys = list(SECTIONS if len(place) == 1 else SECTIONS[str(section)].model_fields)
     longer = [name for name in keys if key.lower() in name]
@@ -301,23 +301,23 @@ def _meant(place: tuple[int | str, ...]) -> str:
     return f"it belongs to [{others[0]}]" if others else f"expected one of {', '.join(keys)}"
 
 
-def _clashes(scene: _SceneFile) -> list[str]:
-    """Find the rules broken between keys."""
+def _conflicts(scene: _SceneFile) -> list[str]:
+    """Return the broken rules between keys."""
     textures = zip(_places(scene), scene.texture, strict=True)
-    united: list[str] = []
+    with_units: list[str] = []
     plain: list[str] = []
     for section, model in (("body", scene.body), *textures, ("load", scene.load)):
         for key, value in model:
             if isinstance(value, _Measure) and value.has_unit is not None:
-                where = united if value.has_unit else plain
+                where = with_units if value.has_unit else plain
                 where.append(f"{section}.{key} = {value.raw!r}")
     problems = []
-    if united and plain:
+    if with_units and plain:
         problems.append(
-            f"{', '.join(united)}: with a unit, but {', '.join(plain)}: without; give units "
+            f"{', '.join(with_units)}: with a unit, but {', '.join(plain)}: without; give units "
             "everywhere or nowhere"
         )
-    if united and scene.body.radius is None:
+    if with_units and scene.body.radius is None:
         problems.append("body.radius: missing; widths with units need it")
     load = scene.load
     keys = ("max", "line", "force", "p_over_E")
@@ -332,35 +332,35 @@ def _clashes(scene: _SceneFile) -> list[str]:
 
 
 def _body(scene: _SceneFile, measures: Mapping[str, _Measure]) -> Body:
-    """Return the values of a scene with units; medians of uncertain values."""
+    """Return the body of a scene with units, at medians; an empty body without units."""
     if not any(measure.has_unit for measure in measures.values()):
         return Body()
     load = scene.load
-    words = next((str(measure.raw) for measure in (load.max, load.line, load.force) if measure), "")
+    text = next((str(measure.raw) for measure in (load.max, load.line, load.force) if measure), "")
     if load.force and load.length:
-        words += f" on {load.length.raw}"
+        text += f" on {load.length.raw}"
     radius, modulus, length = (
         measure.value if measure else None
         for measure in (scene.body.radius, scene.body.youngs_modulus, load.length)
     )
-    return Body(radius, modulus, length, words)
+    return Body(radius, modulus, length, text)
 
 
 def scene_text(values: Json) -> str:
-    """Write the numbers of a `Scene` as a scene file without units.
+    """Return the text of a scene file without units.
 
     Parameters
     ----------
     values : dict
-        Fields of `Scene`, textures as dicts without what stands at its default.
+        Fields of `Scene`, with textures as dicts without default values.
 
     Returns
     -------
     str
-        TOML; what stands at its default is left out where it means "not asked for".
+        TOML, without the keys whose default means "not given".
     """
     names = {LENGTHS.get(key, key): name for key, name in DERIVED.items()}
-    names |= {name: name for name in _ALIKE}
+    names |= {name: name for name in _COPIED}
     load = {"p_over_E": values["p_over_E"], "friction": values["friction"] or None}
     sections: list[tuple[str, Json]] = [
         ("[body]", {"radius": 1.0, "poissons_ratio": values["nu"], "ogden": values["ogden"]}),
@@ -373,7 +373,7 @@ def scene_text(values: Json) -> str:
     ]
     parts = []
     for title, keys in sections:
-        # A JSON string of ASCII words is a TOML string, and a float's repr is a TOML float.
+        # ASCII strings and floats are the same in JSON and TOML.
         lines = [f"{key} = {json.dumps(value)}" for key, value in keys.items() if value is not None]
         if lines:
             parts.append("\n".join([title, *lines]) + "\n")

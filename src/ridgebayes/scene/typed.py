@@ -1,4 +1,4 @@
-"""Textures and loads as they are typed: ``A,B`` and ``LO:HI:N``, with units or without."""
+"""Parse textures (``A,B``) and loads (``LO:HI:N``) typed by users, with or without units."""
 
 import re
 from collections.abc import Callable
@@ -9,27 +9,27 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.scene.units import Body
 
-MOST_LOADS = 10_000  # a larger number of loads is a slip
+MOST_LOADS = 10_000  # a larger number is probably a typing error
 
 
 def parse_texture(
     text: str, body: Body | str | None = None, where: str = "--texture"
 ) -> tuple[float, float]:
-    """Return the ridge and groove width of A,B over the radius.
+    """Return the ridge and groove width over the radius from ``A,B``.
 
     Parameters
     ----------
     text : str
-        Two shares of the radius, or two lengths with units.
+        Two fractions of the radius, or two lengths with units.
     body : Body or str, optional
-        Body, or its radius as typed, that lengths are divided by.
+        Body, or its radius as typed, to divide lengths by.
     where : str, optional
         Place that errors name.
 
     Raises
     ------
     InputError
-        If it is neither, a width is not finite and above 0, or lengths have no radius.
+        If the text is not a texture, a width is not finite and above 0, or lengths have no radius.
 
     Examples
     --------
@@ -59,14 +59,14 @@ def parse_texture(
 
 
 def has_unit(text: str) -> bool:
-    """Return whether a unit stands behind a number."""
+    """Return whether a text has a unit after a number."""
     return re.search(r"\d.*[^\W\d_eE]", text) is not None
 
 
 def parse_loads(
     text: str, option: str = "--p-over-E", number: Callable[[str], float] = float
 ) -> FloatArray:
-    """Return the loads of one load, LO:HI:N or log:LO:HI:N, shape (N,).
+    """Return the loads of a single number, LO:HI:N or log:LO:HI:N, shape (N,).
 
     Parameters
     ----------
@@ -75,12 +75,12 @@ def parse_loads(
     option : str, optional
         Place that errors name.
     number : callable, optional
-        Makes a number of what is typed for a load.
+        Function that converts the text of a load to a number.
 
     Raises
     ------
     InputError
-        If it is none of these, or N is above 10,000.
+        If the text has none of these forms, or N is above 10,000.
 
     Examples
     --------

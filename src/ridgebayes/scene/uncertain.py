@@ -1,4 +1,4 @@
-"""Values of a scene that are not certain, and how they are drawn jointly."""
+"""Uncertain values of a scene, and their joint draws."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -16,31 +16,32 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import Streams, stream, streams
 from ridgebayes.scene.units import Dimension, over_body, to_si, with_error
 
-_NO_MASS = 1e-12  # a probability that draws never meet
-_N_FOR_MEDIAN = 1_001
+_NEGLIGIBLE_PROBABILITY = 1e-12  # a probability too small to occur among draws
+_MEDIAN_DRAWS = 1_001  # draws of a callable
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Where draws of one value come from.
+    """Source of the draws of one value.
 
     Parameters
     ----------
     origin : object
-        A distribution, a frozen one of scipy.stats, an array of draws, or a callable of a numpy
-        generator that returns one draw.
+        A `Distribution`, a frozen distribution of scipy.stats, an array of draws, or a callable of
+        a numpy generator that returns one draw.
     """
 
     origin: Any
 
     @classmethod
     def of(cls, raw: object, number: Callable[[str], float], folder: Path) -> "Source | None":
-        """Return the source of a value of a scene; None if it is a plain value.
+        """Return the source of a value of a scene; None if the value is plain.
 
         Raises
         ------
         InputError
-            If it is a text with brackets that is no distribution, or an array of no numbers.
+            If a text with brackets is not a distribution, or an array is not a row of finite
+            numbers.
         """
         if isinstance(raw, str):
             text = with_error(raw)
@@ -63,7 +64,7 @@ class Source:
 
     @property
     def has_quantiles(self) -> bool:
-        """Whether a draw is a function of a normal score, as what is correlated has to be."""
+        """Whether a draw is a function of a normal score, as correlation requires."""
         return not callable(self.origin) or hasattr(self.origin, "ppf")
 
     def draw(self, score: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -86,14 +87,14 @@ class Source:
 
     @property
     def median(self) -> float:
-        """The median; of a callable that of a thousand draws."""
+        """Median; for a callable, the median of 1,001 draws."""
         if isinstance(self.origin, np.ndarray):
             return float(np.median(self.origin))
-        n = 1 if self.has_quantiles else _N_FOR_MEDIAN
+        n = 1 if self.has_quantiles else _MEDIAN_DRAWS
         return float(np.median(self.draw(np.zeros(n), stream(0, "median"))))
 
     def refuse_below(self, least: float, rule: str) -> None:
-        """Refuse a distribution that has mass at or below a value; draws are looked at later."""
+        """Refuse a distribution with mass at or below a value; callables are checked later."""
         if isinstance(self.origin, Distribution):
             low = self.origin.support[0]
             share = float(special.ndtr(self.origin.score(least))) if low < least else 0.0
@@ -101,7 +102,7 @@ class Source:
             share = float(self.origin.cdf(least))
         else:
             share = float(np.mean(self.origin <= least)) if self.has_quantiles else 0.0
-        if share > _NO_MASS:
+        if share > _NEGLIGIBLE_PROBABILITY:
             raise InputError(
                 f"{rule}; this distribution has {share:.2g} of its mass at or below {least:g}, "
                 "expected none: use a lognormal or truncated distribution"
@@ -111,12 +112,12 @@ class Source:
 def read_source(
     dimension: Dimension | None, raw: object, folder: Path
 ) -> tuple[Source, float, bool | None] | None:
-    """Return a source, its median, and whether it was written with units; None of a plain value.
+    """Return a source, its median, and whether it has units; None for a plain value.
 
     Raises
     ------
     InputError
-        If it is no distribution, a unit does not fit, or the median is not finite.
+        If a text is not a distribution, a unit does not fit, or the median is not finite.
     """
     with_unit: set[bool] = set()
 
@@ -144,18 +145,18 @@ def read_source(
 
 @dataclass(frozen=True, eq=False)
 class Uncertain:
-    """Values of a scene that are not certain.
+    """Uncertain values of a scene.
 
     Parameters
     ----------
     sources : mapping of str to Source
         Sources by place in a scene file, such as ``body.radius``.
     texts : mapping of str to str
-        Text as written at each place.
+        Values as written, by place.
     medians : mapping of str to object
         All values of the file by place, medians among them.
     joint : sequence of Joint
-        Places that are drawn together.
+        Groups of values that are drawn together.
     texture : str, optional
         Place of the texture whose values are derived.
     """
@@ -180,7 +181,7 @@ class Uncertain:
         medians : dict
             All values by place, medians among them.
         sources : mapping of str to (Source, object)
-            Sources by place, and what was written there.
+            Sources and the values as written, by place.
         joint : sequence of mapping
             The [[joint]] sections of the file.
 
@@ -199,15 +200,15 @@ class Uncertain:
         return cls(of_place, texts, medians, joints)
 
     def of_texture(self, number: int) -> "Uncertain":
-        """Return the uncertain values of the scene with only its texture of this number, from 1."""
+        """Return the uncertain values of the scene with one texture; `number` counts from 1."""
         return replace(self, texture=f"texture[{number}]")
 
     def derived(self, drawn: Mapping[str, FloatArray]) -> Json:
-        """Return values over R and E from draws by place, see `over_body`."""
+        """Return values over R and E from draws by place; see `over_body`."""
         return over_body({**self.medians, **drawn}, self.texture)
 
     def draw(self, n: int, random: Streams) -> dict[str, FloatArray]:
-        """Return the next n draws of the values that are not certain, by place."""
+        """Return the next n draws of the uncertain values, by place."""
         drawn = self.at_scores(self.scores(n, random), random)
         for entry in self.joint:
             if entry.draws is not None:
@@ -222,11 +223,11 @@ class Uncertain:
     def at_scores(
         self, score: Mapping[str, FloatArray], random: Streams | None = None
     ) -> dict[str, FloatArray]:
-        """Return values at independent standard normal scores, by place; callables draw theirs."""
+        """Return values at independent normal scores, by place; callables draw from `random`."""
         score, random = dict(score), random or streams(0)
         for entry in self.joint:
             if entry.correlation is not None:
-                # The root of a matrix that may be singular: of values that go together exactly.
+                # Unlike Cholesky's, this root exists for singular matrices (perfect correlation).
                 value, vector = np.linalg.eigh(entry.correlation)
                 root = vector * np.sqrt(np.maximum(value, 0.0))
                 mixed = root @ np.stack([score[name] for name in entry.of])
@@ -239,7 +240,7 @@ class Uncertain:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Values that are drawn together: by correlated normal scores, or as rows.
+    """Values that are drawn together, by correlated normal scores or as rows.
 
     Parameters
     ----------
@@ -259,19 +260,19 @@ class Joint:
     def read(
         cls, section: Mapping[str, Any], certain: Json, sources: Mapping[str, Source]
     ) -> "Joint":
-        """Return what a [[joint]] section says.
+        """Parse a [[joint]] section.
 
         Raises
         ------
         InputError
-            If a name is of no value that it may be of, a matrix is none of correlations, or rows
-            are not finite or of another length.
+            If a name is not allowed, a matrix is not a correlation matrix, or rows are not finite
+            or have the wrong length.
         """
         names, draws = tuple(section["of"]), section["draws"]
         if (draws is None) == (section["correlation"] is None):
             raise InputError("joint: expected either correlation or draws")
         allowed = [name for name, value in sources.items() if value.has_quantiles]
-        if draws is not None:  # instead of plain values
+        if draws is not None:  # replaces plain values
             allowed = [name for name, value in certain.items() if not isinstance(value, str)]
         for name in names:
             if name not in allowed or names.count(name) > 1:
@@ -296,7 +297,7 @@ class Joint:
         return cls(names, matrix)
 
     def rows(self, n: int, rng: np.random.Generator) -> FloatArray:
-        """Return n rows, shape (n, k)."""
+        """Return n joint draws, shape (n, k)."""
         if hasattr(self.draws, "rvs"):
             values = np.asarray(self.draws.rvs(size=n, random_state=rng), float).reshape(n, -1)
         elif self.draws.ndim == 2 and self.draws.dtype.kind in "iuf" and len(self.draws):
@@ -312,7 +313,7 @@ class Joint:
 
 
 def _array(rows: object) -> np.ndarray:
-    """Return rows as an array, an empty one if their lengths differ."""
+    """Return rows as an array; an empty array if their lengths differ."""
     try:
         return np.asarray(rows)
     except ValueError:

@@ -21,8 +21,8 @@ EXAMPLES: dict[Dimension, str] = {
 }
 _LOADS: tuple[Dimension, ...] = ("pressure", "line load", "force")
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
-# One number, then unit names with one-digit powers: pint's own parser would also take "2 * 3 mm",
-# and would compute "mm ** 999999".
+# A number, then unit names with one-digit powers. pint's parser would also accept "2 * 3 mm" and
+# would compute "mm ** 999999".
 _NUMBER = r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)"
 _POWER = r"[^\W\d]+(?:(?:\*\*|\^)-?[0-9])?"
 _QUANTITY = re.compile(rf"\s*{_NUMBER}\s*({_POWER}(?:\s*[*/\s]\s*{_POWER})*)\s*")
@@ -38,12 +38,12 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
     text : str
         A decimal number and a unit.
     dimension : {"length", "pressure", "line load", "force"}
-        Dimension that the unit has to measure; the results are in m, Pa, N/m and N.
+        Required dimension of the unit; results are in m, Pa, N/m or N.
 
     Returns
     -------
     fractions.Fraction, scalar, SI unit of the dimension
-        Exact, so that a ratio of two lengths is the number a person would write.
+        Exact, so that ratios of round numbers are round.
 
     Raises
     ------
@@ -66,14 +66,14 @@ def to_si(text: str, dimension: Dimension) -> Fraction:
         number, unit = _QUANTITY.fullmatch(text).groups()  # type: ignore[union-attr]
         factor = _registry().Quantity(1, unit).to(_SI[dimension]).magnitude
         return Fraction(number) * Fraction(factor)
-    # pint raises exceptions of many kinds for text that is no such unit (its own, tokenize's,
-    # AttributeError, TypeError ...); some cannot be formatted with fractions, so none is shown.
+    # pint raises exceptions of many types for an invalid unit (its own, tokenize's, AttributeError,
+    # TypeError); some cannot be formatted with fractions, so the message omits them.
     except Exception:
         raise InputError(f"{shown!r}: {rule}") from None
 
 
 def load_to_si(text: str) -> tuple[Fraction, Dimension]:
-    """Return a pressure, line load or force in its SI unit, and which of them it is.
+    """Return a pressure, line load or force in its SI unit, and its dimension.
 
     Examples
     --------
@@ -91,7 +91,7 @@ def load_to_si(text: str) -> tuple[Fraction, Dimension]:
 
 
 def number_and_unit(text: str) -> tuple[float, str]:
-    """Return the two parts of a quantity; InputError if it is none.
+    """Return the number and the unit of a quantity; raise InputError for other text.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def number_and_unit(text: str) -> tuple[float, str]:
 
 
 def first_quantity(text: str) -> str | None:
-    """Return the first number with a unit in the text of a load; None where there is none.
+    """Return the first number with a unit in the text of a load; None without a unit.
 
     Examples
     --------
@@ -117,14 +117,14 @@ def first_quantity(text: str) -> str | None:
 
 
 def with_error(text: str) -> str:
-    """Return the distribution of a value with an error; other text as it is.
+    """Return the distribution of a value with an error; other text unchanged.
 
-    The error is one standard deviation, of the value's logarithm: it keeps the value above 0.
+    The error is one standard deviation of the value's logarithm, which keeps the value above 0.
 
     Raises
     ------
     InputError
-        If the value or its error is no number with a unit, or is not above 0.
+        If the value or its error is not a number with a unit, or is not above 0.
 
     Examples
     --------
@@ -156,7 +156,7 @@ def is_uncertain(text: str) -> bool:
 
 
 def _size(text: str) -> tuple[Fraction, str]:
-    """Return a quantity of a body in its SI unit, and its kind; a plain number has no kind."""
+    """Return a quantity in its SI unit, and its dimension: empty for a plain number."""
     if re.fullmatch(rf"\s*{_NUMBER}\s*", text):
         return Fraction(text), ""
     try:
@@ -166,7 +166,7 @@ def _size(text: str) -> tuple[Fraction, str]:
 
 
 def with_point(text: str) -> str:
-    """Return text with decimal points for decimal commas.
+    """Replace decimal commas by decimal points.
 
     Examples
     --------
@@ -178,7 +178,7 @@ def with_point(text: str) -> str:
 
 @functools.cache
 def _registry() -> Any:
-    """Load pint's unit definitions, on first use only: 0.1 s and more."""
+    """Load pint's unit definitions on first use, because loading takes 0.1 s or more."""
     import pint
 
     return pint.UnitRegistry(non_int_type=Fraction)
@@ -191,14 +191,13 @@ class Body:
     Parameters
     ----------
     radius : Fraction or None
-        In m.
+        Radius in m.
     modulus : Fraction or None
         Young's modulus in Pa.
     length : Fraction or None
-        In m; a force is spread over it.
+        Length in m, over which a force is spread.
     load : str
-        A scene's highest load as it was written, such as ``5 N on 12 mm``; empty where it has no
-        unit.
+        Highest load of a scene as written, such as ``5 N on 12 mm``; empty without a unit.
 
     Examples
     --------
@@ -213,38 +212,38 @@ class Body:
 
     @classmethod
     def of(cls, radius: str | None, modulus: str | None, length: str | None = None) -> "Body":
-        """Return a body from values with units; InputError if a value is no length or modulus."""
+        """Return a body from values with units; raise InputError for an invalid value."""
         sizes = _positive("--R", radius, "length"), _positive("--E", modulus, "pressure")
         return cls(*sizes, _positive("--thickness", length, "length"))
 
     @property
     def sizes(self) -> dict[str, Fraction | None]:
-        """Its values by their places in a scene file."""
+        """Values by their places in a scene file."""
         places = ("body.youngs_modulus", "body.radius", "load.length")
         return dict(zip(places, (self.modulus, self.radius, self.length), strict=True))
 
     def over_radius(self, text: str) -> float:
-        """Return a length with a unit over the radius; InputError if that cannot be."""
+        """Return a length with a unit over the radius; raise InputError without a radius."""
         value = to_si(text, "length")
         if self.radius is None:
             raise InputError(f"{text!r}: needs the radius; expected --R, or a scene that has it")
         return float(value / self.radius)
 
     def p_over_E(self, text: str) -> float:
-        """Return p/E of a pressure, line load or force; InputError if that cannot be."""
+        """Return p/E of a load; raise InputError if a required value of the body is missing."""
         value, dimension = load_to_si(text)
         return float(value / self._unit(text, dimension))
 
     @property
     def load_unit(self) -> tuple[str, Dimension] | None:
-        """The unit of `load` and what it measures; None where it has none."""
+        """Unit and dimension of `load`; None without a unit."""
         quantity = first_quantity(self.load)
         if quantity is None:
             return None
         return number_and_unit(quantity)[1], load_to_si(quantity)[1]
 
     def _unit(self, text: str, dimension: Dimension) -> Fraction:
-        """Return the load of a kind at which p = E: 2 R E for a line load, for p is over 2 R."""
+        """Return the load of a dimension at which p = E, such as 2 R E for P' = 2 R p."""
         parts = {"Young's modulus (--E)": self.modulus}
         if dimension != "pressure":
             parts["the radius (--R)"] = self.radius
@@ -269,20 +268,20 @@ LENGTHS = {
 
 
 def over_body(at: Mapping[str, Any], texture: str = "texture[1]") -> dict[str, Any]:
-    """Return values of a scene over R and E from those of its file.
+    """Return values of a scene over R and E from the values of its file.
 
     Parameters
     ----------
     at : mapping of str to number or ndarray of float
-        Values by their place in the file, such as ``body.radius``. Exact numbers give exact ones,
-        draws give draws.
+        Values by place in the file, such as ``body.radius``. Exact numbers give exact results,
+        and draws give draws.
     texture : str, optional
-        Place of the texture, where there are several.
+        Place of the texture, if the file has several.
 
     Returns
     -------
     dict
-        nu and offset; a, b, depth, corner and p_over_E, those of them that are there.
+        nu and offset, and those of a, b, depth, corner and p_over_E that the file gives.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Uncertain inputs of a design besides the forms: widths as made, body and load."""
+"""Draws of manufactured widths, body and load of a design."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -16,22 +16,22 @@ from ridgebayes.scene.draws import SceneDraws, draw_scene
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.units import Body
 
-_FURTHEST = 4.9  # sds that a width leaves its nominal value by, so that it stays above 0
-_LARGEST_SHARE = 0.2  # of a width: largest sd
+_MAX_SCORE = 4.9  # standard deviations: widths stay above 0 for an sd of 20 %
+_MAX_TOLERANCE = 0.2  # over the width
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How ridges and grooves as made differ from those asked for.
+    """Manufacturing tolerance of ridge and groove widths.
 
     Parameters
     ----------
     size : float
-        Standard deviation of both widths, each on its own: a share of them, or a length over R.
+        Standard deviation of each width, over the width or over R; widths are independent.
     is_length : bool, optional
-        Whether it is a length.
+        Whether `size` is a length over R.
     is_worst : bool, optional
-        Whether it is no distribution but bounds, of which the worst counts.
+        Whether `size` bounds the widths instead; the worst corner of the bounds counts.
     """
 
     size: float = 0.0
@@ -42,19 +42,19 @@ class Tolerance:
     def parse(
         cls, text: "str | Tolerance | None", over_radius: Callable[[str], float] = float
     ) -> "Tolerance":
-        """Return the tolerance that a text states: ``5 %``, ``worst 5 %`` or a length.
+        """Parse a tolerance: ``5 %``, ``worst 5 %`` or a length.
 
         Parameters
         ----------
         text : str, Tolerance or None
-            None is exact widths.
+            Tolerance; None for exact widths.
         over_radius : callable, optional
-            Makes a length over R of a text such as ``10 um``.
+            Function that converts a text such as ``10 um`` to a length over R.
 
         Raises
         ------
         InputError
-            If it is none, or above 20 %.
+            If the text is not a tolerance, or is above 20 %.
 
         Examples
         --------
@@ -75,32 +75,32 @@ class Tolerance:
             raise InputError(
                 f"{where}: expected a tolerance such as '5 %', 'worst 5 %' or '10 um'"
             ) from None
-        if not 0 <= size < np.inf or (words[3] and size > _LARGEST_SHARE):
-            raise InputError(f"{where}: expected 0 to {_LARGEST_SHARE:.0%}")
+        if not 0 <= size < np.inf or (words[3] and size > _MAX_TOLERANCE):
+            raise InputError(f"{where}: expected 0 to {_MAX_TOLERANCE:.0%}")
         return cls(size, not words[3], bool(words[1]))
 
     def check(self, least: float) -> None:
-        """Refuse a length that is above a fifth of the smallest width."""
+        """Refuse a length above a fifth of `least`, the smallest width."""
         if least < self.least_width:
             raise InputError(
-                f"tolerance: expected at most {_LARGEST_SHARE:.0%} of the smallest width, "
+                f"tolerance: expected at most {_MAX_TOLERANCE:.0%} of the smallest width, "
                 f"{least:.4g} R, got {self.size:.4g} R"
             )
 
     @property
     def least_width(self) -> float:
-        """Width of which a length is a fifth: the smallest that it may be a tolerance of."""
-        return self.size / _LARGEST_SHARE if self.is_length else 0.0
+        """Smallest width that may have this tolerance: five times a length."""
+        return self.size / _MAX_TOLERANCE if self.is_length else 0.0
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:
-        """Scores of both widths at the ends of the bounds, and at their middle."""
+        """Scores of both widths at the middle and the corners of the bounds."""
         if not self.is_worst or not self.size:
             return ((0.0, 0.0),)
         return ((0.0, 0.0), *product((-1.0, 1.0), (-1.0, 1.0)))
 
     def made(self, width: float, score: FloatArray | float) -> FloatArray | float:
-        """Return widths as made at scores, in standard deviations."""
+        """Return manufactured widths at scores, in standard deviations."""
         return width + (self.size if self.is_length else self.size * width) * score
 
 
@@ -113,13 +113,13 @@ class Bodies:
     tolerance : Tolerance
         Tolerance of the widths.
     score : ndarray of float, shape (2, n)
-        Scores of both widths as made; of no meaning where the tolerance is bounds.
+        Scores of both manufactured widths; unused if the tolerance bounds the widths.
     factor : ndarray of float, shape (2, n)
-        Factors on a width over R, from distributions of the scene's widths and radius.
+        Factors on both widths over R, from distributions of the scene's widths and radius.
     nu : ndarray of float
         Poisson's ratio.
     units : mapping of str to ndarray of float
-        p/E of one of each unit that a load may have here, see `goals.Load`.
+        p/E of a load of 1 in each unit; see `goals.Load`.
     """
 
     tolerance: Tolerance
@@ -137,12 +137,12 @@ class Bodies:
         seed: int,
         draws: Mapping[str, FloatArray] | None = None,
     ) -> "Bodies":
-        """Draw n of them; `draws` as of `draw_scene`, with the scores of widths as ``tolerance``.
+        """Draw n bodies; `draws` as in `draw_scene`, with scores of widths as ``tolerance``.
 
         Raises
         ------
         InputError
-            As `draw_scene`; if both a tolerance and a distribution of the scene's widths are given.
+            As `draw_scene`, or if both a tolerance and distributions of widths are given.
         """
         widths = [name for name in scene.uncertain_names if name.endswith("_width")]
         if tolerance.size and widths:
@@ -154,16 +154,16 @@ class Bodies:
         if score is None:
             score = stream(seed, "tolerance").standard_normal((2, n))
         factor = np.stack([drawn.profile[name] / value for name, value in nominal.items()])
-        score = np.clip(score, -_FURTHEST, _FURTHEST)
+        score = np.clip(score, -_MAX_SCORE, _MAX_SCORE)
         return cls(tolerance, score, factor, drawn.nu, _units(drawn, scene.body))
 
     @property
     def is_certain(self) -> bool:
-        """Whether all have the widths that are asked for."""
+        """Whether manufactured widths equal nominal widths in all draws."""
         return not self.tolerance.size and not np.ptp(self.factor) and self.factor[0, 0] == 1
 
-    def some(self, index: slice | BoolArray) -> "Bodies":
-        """Return some of the draws."""
+    def subset(self, index: slice | BoolArray) -> "Bodies":
+        """Return a subset of the draws."""
         units = {unit: p[index] for unit, p in self.units.items()}
         score, factor = self.score[:, index], self.factor[:, index]
         return Bodies(self.tolerance, score, factor, self.nu[index], units)
@@ -171,7 +171,7 @@ class Bodies:
     def widths(
         self, a: float, b: float, corner: tuple[float, float] = (0.0, 0.0)
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the widths of a texture over R as made; numbers where they are certain."""
+        """Return the manufactured widths of a texture over R; numbers if they are certain."""
         if self.is_certain:
             return np.asarray(a), np.asarray(b)
         score = np.array(corner)[:, None] if self.tolerance.is_worst else self.score
@@ -179,8 +179,8 @@ class Bodies:
         return made[0] * self.factor[0], made[1] * self.factor[1]
 
     def ratios(self, textures: Sequence[Texture]) -> tuple[float, float]:
-        """Return a range that holds a/pitch of all of these textures as made."""
-        # It rises with a and falls with b, of every draw.
+        """Return the range of a/pitch of all manufactured textures."""
+        # a/pitch rises with a and falls with b in every draw, so extreme widths suffice.
         ridges, grooves = ((min(x), max(x)) for x in zip(*textures, strict=True))
         ends = []
         for a, b, corner in product(ridges, grooves, self.tolerance.corners):
@@ -191,7 +191,7 @@ class Bodies:
 
 
 def median_units(scene: Scene) -> dict[str, FloatArray]:
-    """Return the units of loads, see `Bodies`, where all of a scene is at its median, (1,)."""
+    """Return `Bodies.units` at the medians of a scene, each of shape (1,)."""
     return dict(Bodies.draw(scene.at_medians(), Tolerance(), 1, 0).units)
 
 

@@ -1,4 +1,4 @@
-"""Which of the textures is recommended, and which lie beyond what was calibrated."""
+"""Recommend a texture, and mark textures beyond the calibrated range."""
 
 from collections.abc import Sequence
 
@@ -11,8 +11,8 @@ from ridgebayes.predict.extrapolation import CalibratedRange, names_of
 from ridgebayes.predict.q_distribution import heavy_parts, shares
 from ridgebayes.texture_design.goals import Goal
 
-_ALIKE = 1e-4  # of margins
-_SURE = 2.0  # standard errors by which a recommended texture lies inside
+_MARGIN_TOL = 1e-4  # smaller differences between margins are ignored
+_N_SE = 2.0  # standard errors by which margins have to differ from 0 and from each other
 
 
 def _pitch(rows: pd.DataFrame) -> pd.Series:
@@ -20,14 +20,14 @@ def _pitch(rows: pd.DataFrame) -> pd.Series:
 
 
 OBJECTIVES = {
-    "margin": _pitch,  # of margins that cannot be told apart, the coarsest
+    "margin": _pitch,  # the coarsest texture among indistinguishable margins
     "max-pitch": _pitch,
     "min-pitch": lambda rows: -_pitch(rows),
     "max-ridge": lambda row: row["a_over_R"],
     "min-ridge": lambda row: -row["a_over_R"],
     "max-groove": lambda row: row["b_over_R"],
     "min-groove": lambda row: -row["b_over_R"],
-    "min-load": _pitch,  # as margin, at the smallest load at which any texture will do
+    "min-load": _pitch,  # as margin, at the smallest feasible load
 }
 
 
@@ -38,7 +38,7 @@ def mark_extrapolation(
     largest: float,
     nu: float,
 ) -> None:
-    """Add what lies beyond what was calibrated, as `predict` says it."""
+    """Add columns that name quantities beyond the calibrated range, as in `predict`."""
     a, b = designs["a_over_R"].to_numpy(), designs["b_over_R"].to_numpy()
     flags = np.zeros(len(designs), dtype=np.uint8)
     cases = [case for goal in goals for case in goal.cases]
@@ -57,23 +57,23 @@ def mark_extrapolation(
 def chosen(designs: pd.DataFrame, objective: str) -> Json:
     """Return the recommended row."""
     rows = designs[designs["feasible"]]
-    for wanted in (~rows["extrapolation"], rows["margin"] >= _SURE * rows["probability_se"]):
-        if wanted[rows.index].any():
-            rows = rows[wanted[rows.index]]
-    rows = alike(rows) if objective in ("margin", "min-load") else rows
-    # Sorted by margin, because `argmax` takes the first of equal rows.
+    for preferred in (~rows["extrapolation"], rows["margin"] >= _N_SE * rows["probability_se"]):
+        if preferred[rows.index].any():
+            rows = rows[preferred[rows.index]]
+    rows = tied(rows) if objective in ("margin", "min-load") else rows
+    # `argmax` takes the first of equal rows, so rows are sorted by margin.
     rows = rows.sort_values("margin", ascending=False, kind="stable")
     return plain(rows, int(np.argmax(OBJECTIVES[objective](rows).to_numpy().round(12))))
 
 
-def alike(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of the largest margin, and those that cannot be told apart from it."""
-    least = rows["margin"].max() - _SURE * (rows["probability_se"] + _ALIKE)
+def tied(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows whose margin equals the largest margin within errors."""
+    least = rows["margin"].max() - _N_SE * (rows["probability_se"] + _MARGIN_TOL)
     return pd.DataFrame(rows[rows["margin"] >= least])
 
 
 def plain(rows: pd.DataFrame, place: int) -> Json:
-    """Return a row as plain values."""
+    """Return a row as a dict of plain values."""
     row = rows.iloc[place].to_dict()
     return {
         str(name): value.item() if isinstance(value, np.generic) else value

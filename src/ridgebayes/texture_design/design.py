@@ -1,4 +1,4 @@
-"""`design`: the textures that meet a goal under all uncertainties, the best of them, and why."""
+"""`design`: find the textures that meet a goal under all uncertainties, and recommend one."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
-from ridgebayes.texture_design.choice import OBJECTIVES, alike, chosen, mark_extrapolation, plain
+from ridgebayes.texture_design.choice import OBJECTIVES, chosen, mark_extrapolation, plain, tied
 from ridgebayes.texture_design.drawn_loads import drawn_loads
 from ridgebayes.texture_design.goal_values import N_DRAW, GoalValues
 from ridgebayes.texture_design.goals import LARGEST, Goal, Load, parse_goals, read_loads
@@ -33,8 +33,8 @@ from ridgebayes.texture_design.sensitivity import (
     what_to_measure,
 )
 
-_N_SPREAD = 4_096  # draws for a bound on the spread, which looks at every count
-_N_LOADS = 20  # of the objective min-load, where none are given
+_N_SPREAD = 4_096  # draws for a bound on the spread, which sums over all counts
+_N_LOADS = 20  # default of the objective min-load
 
 
 def design(
@@ -58,17 +58,16 @@ def design(
         Body and load, whose values may be distributions. Distributions of the scene's widths
         describe manufactured widths, relative to the nominal ones.
     goal : str or sequence of str
-        Such as ``P(Q >= 8) >= 0.95``: see `ridgebayes.texture_design.goals` for what else.
+        Such as ``P(Q >= 8) >= 0.95``; `ridgebayes.texture_design.goals` lists all kinds of goals.
     sizes : mapping, optional
         ``a`` and ``b``: bounds (low, high) over R; the calibrated range if not given. ``step``:
-        only multiples of it (over R) are considered; a round number that gives some 60 widths if
-        not given.
+        widths are multiples of it (over R); if not given, a round number for about 60 widths.
     tolerance : str or Tolerance, optional
         Manufacturing tolerance: ``5 %`` or a length over R is the standard deviation of each width
         (normal); ``worst 5 %`` sets bounds, and the goal has to be met at the worst corner.
     loads : str or sequence of float, optional
-        Loads p/E for goals that name none, which have to be met at the worst of them: LO:HI:N, also
-        with units, or numbers. The scene's largest load if not given.
+        Loads p/E of goals without loads: LO:HI:N, also with units, or numbers. Goals have to be met
+        at the worst load. The scene's largest load if not given.
     objective : str, optional
         margin (the coarsest texture if margins are equal within error), max-pitch, min-pitch,
         max-ridge, min-ridge, max-groove, min-groove, or min-load: the smallest load at which a
@@ -79,7 +78,7 @@ def design(
     Returns
     -------
     Design
-        Map, recommended texture, check, and where the uncertainty comes from.
+        Map, recommended texture, check, and sources of the uncertainty.
 
     Raises
     ------
@@ -95,59 +94,59 @@ def design(
     are exact over the error of the load, and averaged over 16,384 draws of the rest, the same for
     every texture (4,096 for a bound on the spread).
     If possible, the recommended texture is inside the calibrated range, and its probability exceeds
-    the level by two standard errors. It is checked by 100,000 new counts, drawn one by one.
+    the level by two standard errors. It is checked with 100,000 independent draws of the count.
 
-    *Validity.* As `predict`; textures are new ones, but those calibrated on where widths, radius
-    and their making are certain.
+    *Validity.* As `predict`. Textures are new, with new offsets, except for calibrated textures
+    whose manufactured widths and radius are certain.
 
-    *Cost.* Some 2 ms a texture and posterior.
+    *Cost.* About 2 ms per texture and posterior.
 
     Examples
     --------
     >>> import ridgebayes as rb
     >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
     >>> scene = rb.Scene.of([(0.022, 0.02)], p_over_E=0.01)
-    >>> found = rb.design(
+    >>> result = rb.design(
     ...     fit, scene, "P(Q >= 8) >= 0.95", sizes={"step": 0.002}, tolerance="5 %",
     ...     objective="max-pitch",
     ... )
-    >>> found.recommended["feasible"], found.recommended["probability"] > 0.95
+    >>> result.recommended["feasible"], result.recommended["probability"] > 0.95
     (True, True)
     """
-    scene, seed, made = as_scene(scene), seed_of(rng), Tolerance.parse(tolerance)
+    scene, seed, tol = as_scene(scene), seed_of(rng), Tolerance.parse(tolerance)
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
     alternatives = _alternatives(loads, objective, scene.body)
-    asked = [parse_goals(goal, some, scene.body) for some in alternatives]
+    goals_by_load = [parse_goals(goal, some, scene.body) for some in alternatives]
     averaged = source.averaged
     textures, about = lattice(sizes or {}, [fit for fit, _ in averaged])
-    made.check(min(min(texture) for texture in textures))
-    draw = partial(Bodies.draw, scene, made, seed=seed)
+    tol.check(min(min(texture) for texture in textures))
+    draw = partial(Bodies.draw, scene, tol, seed=seed)
     loads_of = drawn_loads(averaged, draw(N_DRAW).ratios(textures))
-    n = _N_SPREAD if any(goal_.is_spread for goal_ in asked[0]) else N_DRAW
+    n = _N_SPREAD if any(goal_.is_spread for goal_ in goals_by_load[0]) else N_DRAW
     values = GoalValues(loads_of, draw, n)
-    for goals in asked:
+    for goals in goals_by_load:
         designs = _map(values, goals, textures)
-        loads_asked = _loads_of(goals, scene)
-        p_over_E = [load["p_over_E"] for load in loads_asked]
+        goal_loads = _loads_of(goals, scene)
+        p_over_E = [load["p_over_E"] for load in goal_loads]
         mark_extrapolation(designs, averaged, goals, max(p_over_E), scene.nu)
         if designs["feasible"].any():
             break
-    limited: Json | None = None
+    limits: Json | None = None
     if designs["feasible"].any():
         best = chosen(designs, objective)
     else:
         nearest = Limits(values, goals, p_over_E, two_scale.checked(scene.ogden))
-        rows = alike(_inside(designs))
+        rows = tied(_inside(designs))
         best = plain(rows, nearest.nearest(rows))
-        limited = nearest.at(best, made)
+        limits = nearest.at(best, tol)
     texture = (float(best["a_over_R"]), float(best["b_over_R"]))
     tightest = goals[int(best.get("goal", 1)) - 1]
     value = values.at(tightest, *texture)
-    sources = Sources(scene, made, loads_of, texture, value)
+    sources = Sources(scene, tol, loads_of, texture, value)
     about |= {
-        "loads": loads_asked,
-        "tolerance": vars(made),
+        "loads": goal_loads,
+        "tolerance": vars(tol),
         "averaged": [[fit.form.name, fit.noise.name, weight] for fit, weight in averaged],
         "seed": seed,
         "ridgebayes_version": __version__,
@@ -160,7 +159,7 @@ def design(
         designs,
         best,
         drawn_check(sources, tightest, seed + 1),
-        limited,
+        limits,
         *_why(sources, tightest, seed),
         next_simulation(_leading(source), textures_in(_inside(designs)), seed),
         about,
@@ -170,7 +169,7 @@ def design(
 def _alternatives(
     loads: str | Sequence[float] | None, objective: str, body: Body
 ) -> list[tuple[Load, ...]]:
-    """Return the loads of goals that name none; several of them for the smallest that will do."""
+    """Return the loads of goals without loads; several alternatives for the objective min-load."""
     if loads is None:
         alternatives: tuple[Load, ...] = (LARGEST,)
         if objective == "min-load":
@@ -187,14 +186,14 @@ def _alternatives(
 
 
 def _loads_of(goals: Sequence[Goal], scene: Scene) -> list[Json]:
-    """Return the loads of goals, each once, with p/E at the scene's medians."""
+    """Return the distinct loads of goals, with p/E at the scene's medians."""
     units = median_units(scene)
     loads = dict.fromkeys(load for goal in goals for case in goal.cases for load in case.loads)
     return [{"load": str(load), "p_over_E": float(load.p_over_E(units)[0])} for load in loads]
 
 
 def _map(values: GoalValues, goals: Sequence[Goal], textures: Sequence[Texture]) -> pd.DataFrame:
-    """Return the value of the goal with the least margin at each texture."""
+    """Return a table with the value of the goal with the least margin at each texture."""
     rows = []
     for a, b in textures:
         at_goals = [values.at(goal, a, b) for goal in goals]
@@ -207,7 +206,7 @@ def _map(values: GoalValues, goals: Sequence[Goal], textures: Sequence[Texture])
 
 
 def _inside(designs: pd.DataFrame) -> pd.DataFrame:
-    """Return the textures inside the calibrated range; all if there is none."""
+    """Return the textures inside the calibrated range; all textures if none is inside."""
     inside = designs[~designs["extrapolation"]]
     return inside if len(inside) else designs
 
@@ -221,6 +220,6 @@ def _leading(source: Fit | Comparison) -> list[list[tuple[Posterior, float]]]:
 
 
 def _why(sources: Sources, goal: Goal, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return shares and what to measure, at one texture; a bound on the spread has no failure."""
+    """Return Sobol shares and what to measure; a bound on the spread has no failures."""
     sobol, measure = sobol_shares(sources, seed + 2), what_to_measure(sources, seed + 4)
     return (sobol[sobol["of"] == "Q"], measure.iloc[:0]) if goal.is_spread else (sobol, measure)

@@ -1,4 +1,4 @@
-"""Log loads of each draw of a posterior, at any texture of a pitch of 1."""
+"""Log loads of each draw of a posterior, at any texture with a pitch of 1."""
 
 import math
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ from ridgebayes.predict.joint_draws import RatioLoads
 from ridgebayes.predict.posterior_loads import PosteriorLoads
 from ridgebayes.predict.q_distribution import shares
 
-_LEAST_SCALE = 1e-12
+_MIN_SCALE = 1e-12  # avoids division by 0 in draws without error
 
 
 class DrawnLoads:
-    """Location and scale of the log load of a count, of each draw of one posterior, at nu = 0.5.
+    """Location and scale of the log load of a count at nu = 0.5, for each draw of a posterior.
 
     Parameters
     ----------
@@ -28,11 +28,11 @@ class DrawnLoads:
     Raises
     ------
     InputError
-        If the form's loads do not go with the square of the pitch.
+        If the form's loads are not proportional to the square of the pitch.
 
     Notes
     -----
-    Textures are new ones, with offsets of their own. `at_calibrated` gives those that keep theirs.
+    Textures are new, with new offsets. In `at_calibrated`, textures keep their inferred offsets.
     """
 
     def __init__(self, fit: Posterior, low: float, high: float) -> None:
@@ -42,15 +42,15 @@ class DrawnLoads:
 
     @property
     def n_draw(self) -> int:
-        """Draws."""
+        """Number of draws."""
         return len(self._loads)
 
     def at(
         self, count: int, which: IntArray | slice, ratio: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return location and scale of draws at a pitch of 1, each at its own a/pitch, (n,)."""
+        """Return location and scale of draws at a pitch of 1, each with its a/pitch, (n,)."""
         location, scale = self._new.at(ratio, which, [count])
-        return location[:, 0], np.maximum(scale[:, 0], _LEAST_SCALE)
+        return location[:, 0], np.maximum(scale[:, 0], _MIN_SCALE)
 
     def mean_log_load(self, texture: Texture, count: int) -> float:
         """Return the mean of a count's log load at a texture; infinite if a draw has none."""
@@ -61,7 +61,7 @@ class DrawnLoads:
         return float(location.mean()) + 2 * math.log(a + b)
 
     def at_calibrated(self, texture: Texture, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return location and scale at a texture that was calibrated on, shape (n_draw,)."""
+        """Return location and scale at a calibrated texture, shape (n_draw,)."""
         location, scale = self._loads.at(texture, np.array([count]))
         return location[:, 0], np.array(scale[:, 0])
 
@@ -69,7 +69,7 @@ class DrawnLoads:
 def drawn_loads(
     averaged: Sequence[tuple[Posterior, float]], ratios: tuple[float, float]
 ) -> list[tuple[DrawnLoads, float]]:
-    """Return the loads of posteriors over a range of a/pitch, with weights that sum to 1."""
+    """Return the loads of posteriors for a range of a/pitch, with weights that sum to 1."""
     weights = shares([weight for _, weight in averaged]).tolist()
     loads = [DrawnLoads(fit, *ratios) for fit, _ in averaged]
     return list(zip(loads, weights, strict=True))

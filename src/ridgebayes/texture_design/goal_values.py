@@ -1,8 +1,8 @@
-"""Values of goals at textures: exact given all that is drawn but the error of a load.
+"""Values of goals at textures.
 
-Given coefficients, body and widths, a load is reached with the probability that the error model
-gives. This probability is averaged over the same draws at every texture: the error is
-smaller than that of counts, and differences between textures are surer than values.
+Given coefficients, body and widths, the error model gives the exact probability that a count is
+reached. Values average this probability over draws, which has a smaller error than drawn counts.
+All textures share the draws, so differences between textures are more accurate than values.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,9 +19,9 @@ from ridgebayes.texture_design.bodies import Bodies
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
 from ridgebayes.texture_design.goals import MOST_COUNT, Case, Goal, Load
 
-N_DRAW = 16_384  # of all that is uncertain, shared out by weight
-_LEAST_DRAWS = 512
-_NEGLIGIBLE = 1e-7
+N_DRAW = 16_384  # draws, divided among posteriors by weight
+_MIN_DRAWS = 512  # of each posterior
+_NEGLIGIBLE_P = 1e-7  # mean probability of a count at which sums over counts end
 Corner = tuple[float, float]
 
 
@@ -32,11 +32,11 @@ class Value:
     Parameters
     ----------
     value, se : float
-        The worst of its cases and corners, and its standard error.
+        Value at the worst case and corner, and its standard error.
     case : Case
-        That case.
+        The worst case.
     corner : (float, float)
-        That corner, see `Tolerance.corners`.
+        The worst corner; see `Tolerance.corners`.
     """
 
     value: float
@@ -56,7 +56,7 @@ class PosteriorDraws:
     weight : float
         Weight of the posterior.
     which : ndarray of int, shape (n,)
-        Draws of the posterior.
+        Indices of the posterior's draws.
     bodies : Bodies
         Bodies, one for each draw.
     """
@@ -68,7 +68,7 @@ class PosteriorDraws:
     _log_p: dict[Load, FloatArray] = field(default_factory=dict)
 
     def log_p(self, load: Load) -> FloatArray:
-        """Return the log of the load at nu = 0.5 of each draw."""
+        """Return the log load of each draw, converted to nu = 0.5."""
         if load not in self._log_p:
             p = load.p_over_E(self.bodies.units)
             self._log_p[load] = np.log(reduced_load(p, self.bodies.nu))
@@ -76,16 +76,16 @@ class PosteriorDraws:
 
 
 class PlacedDraws:
-    """A part at one texture.
+    """Draws of one posterior at one texture.
 
     Parameters
     ----------
     part : PosteriorDraws
-        The part.
+        Draws of the posterior.
     a, b : float
-        Texture.
+        Ridge and groove width over R.
     corner : (float, float)
-        See `Tolerance.corners`.
+        Corner of the tolerance; see `Tolerance.corners`.
     """
 
     def __init__(self, part: PosteriorDraws, a: float, b: float, corner: Corner) -> None:
@@ -96,61 +96,61 @@ class PlacedDraws:
         pitch = wide + groove
         self._ratio = wide / pitch
         self._log_area = 0.0 if self._texture else 2 * np.log(pitch)
-        self._last: FloatArray | None = None
-        if not part.loads.has_mean:  # Student tails leave some to any count: up to the whole width
-            self._last = widest_count(wide, groove)
-        self._known: dict[int, tuple[FloatArray, FloatArray]] = {}
+        self._max_count: FloatArray | None = None
+        if not part.loads.has_mean:  # Student tails reach every count: the width limits it
+            self._max_count = widest_count(wide, groove)
+        self._cache: dict[int, tuple[FloatArray, FloatArray]] = {}
 
     def threshold(self, count: int, load: Load) -> FloatArray:
-        """Return the error, in scales, up to which the count is reached by the load."""
+        """Return the largest error, over its scale, at which the load reaches the count."""
         if count <= 2:
             return np.full(len(self._part.which), np.inf)
-        if count not in self._known:
+        if count not in self._cache:
             loads, which = self._part.loads, self._part.which
             if self._texture:
                 location, scale = loads.at_calibrated(self._texture, count)
-                self._known[count] = location[which], scale[which]
+                self._cache[count] = location[which], scale[which]
             else:
-                self._known[count] = loads.at(count, which, self._ratio)
-        location, scale = self._known[count]
+                self._cache[count] = loads.at(count, which, self._ratio)
+        location, scale = self._cache[count]
         t = (self._part.log_p(load) - self._log_area - location) / scale
-        return t if self._last is None else np.where(count <= self._last, t, -np.inf)
+        return t if self._max_count is None else np.where(count <= self._max_count, t, -np.inf)
 
     def window(self, case: Case) -> tuple[FloatArray | None, FloatArray | None]:
-        """Return between which errors the case happens; None for no bound."""
+        """Return the errors between which the case happens; None for no bound."""
         above = [self.threshold(*bound) for bound in case.below]
         below = [self.threshold(*bound) for bound in case.at_least]
         low = np.maximum.reduce(above) if above else None
         return low, np.minimum.reduce(below) if below else None
 
     def probability(self, case: Case) -> FloatArray:
-        """Return the probability of a case of each draw, shape (n,)."""
+        """Return the probability of a case for each draw, shape (n,)."""
         low, high = self.window(case)
         upper = 1.0 if high is None else special.ndtr(high)
         lower = 0.0 if low is None else special.ndtr(low)
         return np.asarray(np.maximum(upper - lower, 0.0))
 
     def reached(self, load: Load) -> Iterator[tuple[int, FloatArray]]:
-        """Yield counts from 4 on, and the probability of each draw to reach them."""
+        """Yield counts from 4 on, and the probability that each draw reaches them."""
         for count in range(4, MOST_COUNT + 2, 2):
             share: FloatArray = special.ndtr(self.threshold(count, load))
-            if share.mean() < _NEGLIGIBLE:
+            if share.mean() < _NEGLIGIBLE_P:
                 return
             yield count, share
         raise InputError(f"load: expected counts up to {MOST_COUNT}, got more")
 
 
 class GoalValues:
-    """Values of goals at textures, over the same draws at all of them.
+    """Values of goals at textures, from the same draws for all textures.
 
     Parameters
     ----------
     loads : sequence of (DrawnLoads, float)
         Loads of each posterior's draws, and its weight; weights sum to 1.
     draw_bodies : callable
-        Draws of bodies, from their number.
+        Function that draws a number of bodies.
     n : int
-        Draws, shared out by weight.
+        Number of draws, divided among posteriors by weight.
     """
 
     def __init__(
@@ -159,19 +159,19 @@ class GoalValues:
         draw_bodies: Callable[[int], Bodies],
         n: int,
     ) -> None:
-        sizes = [max(round(n * weight), _LEAST_DRAWS) for _, weight in loads]
+        sizes = [max(round(n * weight), _MIN_DRAWS) for _, weight in loads]
         bodies = draw_bodies(sum(sizes))
         self.corners = bodies.tolerance.corners
         self.parts, first = [], 0
         for (drawn, weight), size in zip(loads, sizes, strict=True):
-            # Bodies are in no order, so draws of the posterior go with any.
+            # Bodies are independent draws, so the posterior's draws may stay in order.
             which = np.arange(size) * max(drawn.n_draw // size, 1) % drawn.n_draw
-            some = bodies.some(slice(first, first + size))
-            self.parts.append(PosteriorDraws(drawn, weight, which, some))
+            subset = bodies.subset(slice(first, first + size))
+            self.parts.append(PosteriorDraws(drawn, weight, which, subset))
             first += size
 
     def at(self, goal: Goal, a: float, b: float) -> Value:
-        """Return the value of a goal at a texture: the worst of its cases and corners."""
+        """Return the value of a goal at a texture, for the worst case and corner."""
         values = []
         for corner in self.corners:
             placed = [PlacedDraws(part, a, b, corner) for part in self.parts]
@@ -184,7 +184,7 @@ class GoalValues:
         return min(values, key=lambda candidate: goal.margin(candidate.value))
 
     def _spread(self, placed: Sequence[PlacedDraws], case: Case) -> tuple[float, float]:
-        """Return the standard deviation of Q, and its error by its influence function."""
+        """Return the standard deviation of Q, and its error from the influence function."""
         ((_, load),) = case.at_least
         firsts, squares = [], []
         for part, at_texture in zip(self.parts, placed, strict=True):
@@ -200,7 +200,7 @@ class GoalValues:
         return sd, se / (2 * sd) if sd else 0.0
 
     def _average(self, values: Sequence[FloatArray]) -> tuple[float, float]:
-        """Return the weighted mean of the parts' means, and its standard error."""
+        """Return the weighted mean over posteriors, and its standard error."""
         weights = [part.weight for part in self.parts]
         pairs = list(zip(weights, values, strict=True))
         mean = sum(w * float(v.mean()) for w, v in pairs)

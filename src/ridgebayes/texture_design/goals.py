@@ -1,16 +1,17 @@
-"""Goals as text: what counts a texture has to reach, and how surely.
+"""Parse goals: the counts that a texture has to reach, and their probabilities.
 
 | text | |
 |---|---|
 | ``P(Q >= 8) >= 0.95`` | also ``>``, ``<``, ``<=``, ``=``, ``6 <= Q <= 10`` |
 | ``P(Q >= 12) <= 5 %`` | the same as ``P(Q < 12) >= 95 %`` |
-| ``P(Q >= 8 at 0.8 N) >= 0.95`` | a pressure, line load or force, of a scene with units |
+| ``P(Q >= 8 at 0.8 N) >= 0.95`` | a pressure, line load or force, for a scene with units |
 | ``P(Q >= 8 at p/E = 0.004:0.02:5) >= 0.95`` | at the worst of five loads |
-| ``P(Q = 8 at every p/E = 0.009:0.01:3) >= 0.9`` | at all of them together |
-| ``P(Q(0.004) < 8 <= Q(0.01)) >= 0.9`` | a switch; ``Q(50 %)``: at half the largest load |
+| ``P(Q = 8 at every p/E = 0.009:0.01:3) >= 0.9`` | at all loads together |
+| ``P(Q(0.004) < 8 <= Q(0.01)) >= 0.9`` | at two loads; ``Q(50 %)``: at half the largest load |
 | ``sd(Q) <= 1`` | a bound on the spread |
 
-Several goals have ``and`` or ``;`` between them. Without a load a goal is at the scene's largest.
+Several goals are separated by ``and`` or ``;``. A goal without a load is at the scene's largest
+load.
 """
 
 import math
@@ -45,26 +46,26 @@ _WITH_UNIT = re.compile(r"[-+.,\d]+(?:e[+-]?\d+)?\s*[^\W\d_].*", re.IGNORECASE)
 _SYMBOLS = {"p/E": "", "pressure": " Pa", "line load": " N/m", "force": " N"}
 _Q = re.compile(r"q(?:\s*\((?P<load>[^()]+)\))?", re.IGNORECASE)
 _FLIPPED = {"<": ">", "<=": ">=", "=": "=", ">": "<", ">=": "<="}
-MOST_COUNT = 2_000
+MOST_COUNT = 2_000  # largest count in a goal
 
 
 @dataclass(frozen=True)
 class Load:
-    """A load in a unit, of which p/E may be uncertain.
+    """A load in a unit, whose p/E may be uncertain.
 
     Parameters
     ----------
     value : float
-        Above 0.
+        Load, above 0.
     unit : {"p/E", "share", "pressure", "line load", "force"}, optional
-        A share is of the scene's largest load, the others are in Pa, N/m and N.
+        ``share`` is a fraction of the scene's largest load; the last three are Pa, N/m and N.
     """
 
     value: float
     unit: str = "p/E"
 
     def p_over_E(self, units: Mapping[str, FloatArray]) -> FloatArray:
-        """Return p/E, from that of one of each unit."""
+        """Return p/E, given p/E of a load of 1 in each unit."""
         return self.value * units[self.unit]
 
     def __str__(self) -> str:
@@ -83,7 +84,7 @@ class Case:
     Parameters
     ----------
     at_least, below : tuple of (int, Load)
-        Even counts.
+        Even counts, and the loads at which Q reaches them or stays below them.
     """
 
     at_least: tuple[tuple[int, Load], ...] = ()
@@ -91,16 +92,16 @@ class Case:
 
     @property
     def loads(self) -> tuple[Load, ...]:
-        """Its loads, each once."""
+        """Distinct loads of the case."""
         return tuple(dict.fromkeys(load for _, load in (*self.at_least, *self.below)))
 
     def excludes(self, other: "Case") -> bool:
-        """Return whether it and another can never both happen: Q never falls as the load rises."""
+        """Return whether two cases exclude each other, as Q never falls while the load rises."""
         return any(
             n >= m and low.unit == high.unit and low.value <= high.value
-            for case, two in permutations((self, other))
+            for case, rival in permutations((self, other))
             for n, low in case.at_least
-            for m, high in two.below
+            for m, high in rival.below
         )
 
 
@@ -111,13 +112,13 @@ class Goal:
     Parameters
     ----------
     text : str
-        As it was written.
+        Goal as written.
     cases : tuple of Case
-        Events, the worst of which counts; of a spread each names one load.
+        Events, of which the worst counts; for a spread each has one load.
     level : float
-        The bound.
+        Bound on the probability or the standard deviation.
     is_spread : bool, optional
-        Whether it is an upper bound on the standard deviation of Q.
+        Whether the goal is an upper bound on the standard deviation of Q.
     """
 
     text: str
@@ -126,28 +127,28 @@ class Goal:
     is_spread: bool = False
 
     def margin(self, value: float) -> float:
-        """Return how far a value is on the right side; of a spread as a share of its bound."""
+        """Return the distance of a value inside its bound; for a spread, over the bound."""
         return 1 - value / self.level if self.is_spread else value - self.level
 
 
 def parse_goals(
     text: str | Sequence[str], loads: Sequence[Load] = (LARGEST,), body: Body = NO_UNITS
 ) -> tuple[Goal, ...]:
-    """Return the goals that a text, or several texts, state.
+    """Parse the goals of one or several texts.
 
     Parameters
     ----------
     text : str or sequence of str
-        See the table above.
+        Goals, as in the table of this module.
     loads : sequence of Load, optional
-        Loads of goals that name none.
+        Loads of goals without loads.
     body : Body, optional
         Body that converts loads with units to p/E.
 
     Raises
     ------
     InputError
-        If a goal does not parse, cannot be, or contradicts another.
+        If a goal cannot be parsed, is impossible, or contradicts another goal.
 
     Examples
     --------
@@ -157,10 +158,10 @@ def parse_goals(
 unit='p/E')),)),), 0.95)
     """
     texts = [text] if isinstance(text, str) else list(text)
-    parts = [part for goalm in texts for part in re.split(r";|\band\b", _plain(goalm))]
+    parts = [part for line in texts for part in re.split(r";|\band\b", _plain(line))]
     goals = tuple(_goal(part.strip(), tuple(loads), body) for part in parts)
-    for goalm, other in permutations(goals, 2):
-        _refuse_contradiction(goalm, other)
+    for goal, other in permutations(goals, 2):
+        _refuse_contradiction(goal, other)
     return goals
 
 
@@ -196,7 +197,7 @@ def _goal(text: str, loads: tuple[Load, ...], body: Body) -> Goal:
         return Goal(text, cases, level, is_spread=True)
     if not 0 < level < 1:
         raise InputError(f"{where}: expected a probability between 0 and 1, got {level:g}")
-    body_of_Q = None if has_own else body  # of what may stand in brackets behind Q
+    body_of_Q = None if has_own else body  # None: Q(load) is refused
     cases = tuple(_event(parts["event"], load, body_of_Q, where) for load in loads)
     if parts["op"] == "<=":
         cases, level = tuple(_complement(case, where) for case in cases), 1 - level
@@ -209,7 +210,7 @@ def _goal(text: str, loads: tuple[Load, ...], body: Body) -> Goal:
 
 
 def _event(text: str, load: Load, body: Body | None, where: str) -> Case:
-    """Return the event of one load, or of the loads in brackets behind Q."""
+    """Return the event at a load, or at the loads in brackets after Q."""
     terms = [part.strip() for part in re.split(r"(<=|>=|=|<|>)", text)]
     if len(terms) not in (3, 5):
         raise InputError(f"{where}: expected an event {_USAGE}")
@@ -242,13 +243,13 @@ def _complement(case: Case, where: str) -> Case:
 
 
 def _bounds(text: str, op: str, where: str) -> tuple[int | None, int | None]:
-    """Return the even counts that Q must reach, and stay below."""
+    """Return the even counts that Q has to reach and to stay below; None for no bound."""
     if not text.isdecimal() or not 0 < int(text) <= MOST_COUNT:
         raise InputError(f"{where}: expected a whole count from 1 to {MOST_COUNT}, got {text!r}")
     n = int(text)
     if op == "=" and n % 2:
         raise InputError(f"{where}: Q is even; expected an even count, got {n}")
-    up, above = 2 * -(-n // 2), 2 * (n // 2) + 2  # the even counts from n on, and beyond n
+    up, above = 2 * -(-n // 2), 2 * (n // 2) + 2  # smallest even counts >= n and > n
     low = {">=": up, ">": above, "=": n}.get(op)
     high = {"<": up, "<=": above, "=": n + 2}.get(op)
     if high is not None and high <= 2:
@@ -257,7 +258,7 @@ def _bounds(text: str, op: str, where: str) -> tuple[int | None, int | None]:
 
 
 def read_loads(text: str, where: str, body: Body) -> tuple[Load, ...]:
-    """Return one load, or those of LO:HI:N, evenly spaced, or log:LO:HI:N."""
+    """Return a single load, or the loads of LO:HI:N (evenly spaced) or log:LO:HI:N."""
     units: set[str] = set()
 
     def number(part: str) -> float:
@@ -291,7 +292,7 @@ def _load(text: str, body: Body) -> Load:
 
 
 def _refuse_contradiction(goal: Goal, other: Goal) -> None:
-    """Refuse goals on events that exclude each other and are wanted with more than 1 in all."""
+    """Refuse goals on events that exclude each other and have levels above 1 in sum."""
     if goal.is_spread or other.is_spread or goal.level + other.level <= 1:
         return
     for case in goal.cases:

@@ -11,16 +11,16 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.table.columns import LARGEST_WIDTH, LEAST_WIDTH
 
-_POINTS, _MOST_TEXTURES = 60, 40_000
+_DEFAULT_WIDTHS, _MAX_TEXTURES = 60, 40_000  # widths of the default step; textures in all
 
 
 def lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[Texture], Json]:
-    """Return the textures that can be made, within bounds, and what bounds and step are."""
+    """Return the textures within bounds whose widths are multiples of the step, and both."""
     unknown = set(sizes) - {"a", "b", "step"}
     if unknown:
         raise InputError(f"sizes: expected a, b and step, got {sorted(unknown)[0]!r}")
     ranges = [CalibratedRange.of(fit) for fit in fits]
-    calibrated = {"a": [seen.ridge for seen in ranges], "b": [seen.groove for seen in ranges]}
+    calibrated = {"a": [fit.ridge for fit in ranges], "b": [fit.groove for fit in ranges]}
     bounds = {}
     for name, pairs in calibrated.items():
         inner = max(low for low, _ in pairs) / 1.5, min(high for _, high in pairs) * 1.5
@@ -29,15 +29,15 @@ def lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[T
             raise InputError(f"{name}: expected bounds 0 < LO <= HI over R, got {low:g}:{high:g}")
         bounds[name] = float(low), float(high)
     widest = max(high - low for low, high in bounds.values())
-    step = sizes.get("step") or _round_step(widest / _POINTS)
+    step = sizes.get("step") or _round_step(widest / _DEFAULT_WIDTHS)
     if not (0 < step < math.inf):
         raise InputError(f"step: expected above 0, got {step!r}")
     ends = [(low / step - 1e-9, high / step + 1e-9) for low, high in bounds.values()]
     spans = [(math.ceil(low), math.floor(high) + 1) for low, high in ends]
     number = math.prod(float(last - first) for first, last in spans)
-    if number > _MOST_TEXTURES:  # counted before they fill the memory
+    if number > _MAX_TEXTURES:  # before the list takes the memory
         raise InputError(
-            f"step: expected at most {_MOST_TEXTURES:,} textures, got {number:,.0f}; "
+            f"step: expected at most {_MAX_TEXTURES:,} textures, got {number:,.0f}; "
             "a larger step, or closer bounds"
         )
     columns = []
@@ -53,6 +53,6 @@ def lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[T
 
 
 def _round_step(least: float) -> float:
-    """Return the least of 1, 2, 5, 10, ... times a power of ten that is not below a number."""
+    """Return the smallest of 1, 2, 5, 10, ... times a power of ten at or above a number."""
     power = 10.0 ** math.floor(math.log10(max(least, LEAST_WIDTH)))
     return float(next(k * power for k in (1, 2, 5, 10) if k * power >= least * (1 - 1e-9)))

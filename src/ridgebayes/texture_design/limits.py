@@ -1,4 +1,4 @@
-"""Limits of a goal that no texture meets: which load, or which widths, would do."""
+"""Loads and widths at which a goal that no texture meets would be met."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -17,12 +17,12 @@ from ridgebayes.texture_design.goals import Case, Goal, Load
 
 
 def textures_in(rows: pd.DataFrame) -> list[Texture]:
-    """Return the widths over R of rows of a map."""
+    """Return the textures (widths over R) of the rows of a map."""
     return list(zip(rows["a_over_R"].tolist(), rows["b_over_R"].tolist(), strict=True))
 
 
 class Limits:
-    """The factors by which loads or widths have to change for goals to be met.
+    """Factors by which loads or widths have to change to meet goals.
 
     Parameters
     ----------
@@ -33,14 +33,14 @@ class Limits:
     p_over_E : sequence of float
         Loads of the goals, at the scene's medians.
     largest : float
-        Largest load p/E that is looked at.
+        Largest load p/E considered.
 
     Notes
     -----
-    Counts are reached from some factor of the loads on, and stay below others up to some factor.
-    The probability of a goal is largest between the factors of its mean log loads, and the factor
-    that just meets it lies between the largest probability and 1. Factors of widths are those of
-    loads to the power of -1/2, but for tolerances that are lengths.
+    Counts to reach bound the load factor from below, and counts to stay below bound it from above.
+    The probability of a goal is largest between the two bounds, which follow from mean log loads.
+    The factor that just meets the goal lies between the factor of the largest probability and 1.
+    The width factor is the load factor to the power of -1/2, except for tolerances in length.
     """
 
     def __init__(
@@ -54,28 +54,28 @@ class Limits:
         self._stay_below = dict(sorted(self._mean_log_loads("below")))
 
     def nearest(self, rows: pd.DataFrame) -> int:
-        """Return the row of the texture whose loads have to change least; of equals the best."""
+        """Return the row of the texture whose loads have to change least, or the best such row."""
         factors = map(self._log_factors, textures_in(rows))
         change = [max(low, -high, 0.0) for low, high in factors]
         least = list(zip(change, -rows["margin"], strict=True))
         return least.index(min(least))
 
     def at(self, row: Json, tolerance: Tolerance) -> Json:
-        """Return load_factor and width_factor at a texture (None for none), and why, a sentence."""
+        """Return load_factor and width_factor at a texture (or None), and why, a sentence."""
         texture = float(row["a_over_R"]), float(row["b_over_R"])
         load, widths = self.of_loads(texture), self.of_widths(texture, tolerance)
         goal = self._goals[int(row.get("goal", 1)) - 1]
         extreme = "sd of Q is at least" if goal.is_spread else "largest probability found is"
         why = f"The {extreme} {row['probability']:.3g}, and {goal.level:.3g} was asked for."
-        would = []
+        changes = []
         if load is not None:
             p = " to ".join(f"{load * p:.3g}" for p in dict.fromkeys(self._p_over_E))
-            would.append(f"{load:.3g} times the load (p/E {p})")
+            changes.append(f"{load:.3g} times the load (p/E {p})")
         if widths is not None:
             a, b = (widths * width for width in texture)
-            would.append(f"{widths:.3g} times both widths (a/R {a:.3g}, b/R {b:.3g})")
+            changes.append(f"{widths:.3g} times both widths (a/R {a:.3g}, b/R {b:.3g})")
         met = f"no load to p/E {self._largest:g} and no other pitch would do"
-        met = f"the goal would be met with {', or '.join(would)}" if would else met
+        met = f"the goal would be met with {', or '.join(changes)}" if changes else met
         why += f" At a/R {texture[0]:.4g}, b/R {texture[1]:.4g} {met}."
         return {"load_factor": load, "width_factor": widths, "why": why}
 
@@ -112,18 +112,18 @@ class Limits:
         return min(goal.margin(self._values.at(goal, *texture).value) for goal in goals)
 
     def _log_factors(self, texture: Texture) -> tuple[float, float]:
-        """Return from where on counts are reached, and up to where others are not, on average."""
+        """Return the log load factors between which all counts are met, on average."""
         at = self._part.loads.mean_log_load
         low = max((at(texture, n) - log_p for n, log_p in self._reach.items()), default=-math.inf)
         high = [at(texture, n) - log_p for n, log_p in self._stay_below.items()]
-        high += [0.0 for goal in self._goals if goal.is_spread]  # smaller at smaller loads
+        high += [0.0 for goal in self._goals if goal.is_spread]  # sd(Q) falls with the load
         return low, min(high, default=math.inf)
 
 
 def _root(
     margin: Callable[[float], float], low: float, high: float, bounds: tuple[float, float]
 ) -> float | None:
-    """Return the factor where a margin becomes 0, from its largest value towards a factor of 1."""
+    """Return the factor between the largest margin and 1 at which a margin is 0; None if none."""
     low, high = np.clip(sorted((low, high)), *bounds)
     largest = optimize.minimize_scalar(lambda x: -margin(x), bounds=(low, high), method="bounded")
     best = float(largest.x)

@@ -1,4 +1,4 @@
-"""Which texture to simulate next: where one more load tells two forms apart the best."""
+"""Propose the texture whose next simulation discriminates best between two forms."""
 
 from collections.abc import Sequence
 
@@ -13,20 +13,20 @@ from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
 
-_N, _MOST_TEXTURES = 256, 64
+_DRAWS, _MAX_TEXTURES = 256, 64  # draws of a form; candidates
 _COLUMNS = ["a_over_R", "b_over_R", "Q", "p_over_E", "information", "form_a", "form_b"]
-Form = Sequence[tuple[Posterior, float]]  # its posteriors and their weights
+Form = Sequence[tuple[Posterior, float]]  # posteriors and weights of a form
 
 
 def next_simulation(forms: Sequence[Form], textures: Sequence[Texture], seed: int) -> pd.DataFrame:
-    """Return textures by how much one more load of them tells two forms apart.
+    """Rank textures by how well one further load discriminates between two forms.
 
     Parameters
     ----------
     forms : sequence of Form
         The two leading forms.
     textures : sequence of (float, float)
-        Candidates; at most 64, evenly taken, are looked at.
+        Candidates, of which at most 64, evenly spaced, are considered.
     seed : int
         Seed.
 
@@ -34,30 +34,30 @@ def next_simulation(forms: Sequence[Form], textures: Sequence[Texture], seed: in
     -------
     pandas.DataFrame
         Columns a_over_R, b_over_R, Q (the highest count whose load was calibrated), p_over_E (its
-        median load), information (expected, in nats, of which form is right where both are as
-        probable; ln 2 settles it), form_a, form_b; the best first.
+        median load), information (expected, in nats, on which form is right if both are equally
+        probable; at most ln 2), form_a and form_b. The best texture is first.
 
     Notes
     -----
     Nested Monte Carlo: loads are drawn from each form, and their densities under both forms are
-    averages over draws of coefficients. One load is looked at, the highest: a simulation up to it
-    gives the lower ones as well, whose errors are not independent of it, so that the information is
-    a lower bound.
+    averages over draws of coefficients. Only the highest load is considered. A simulation also
+    gives the lower loads, whose errors depend on that of the highest, so the information is a lower
+    bound.
     """
     if len(forms) < 2 or not textures:
         return pd.DataFrame(columns=_COLUMNS)
     names = [form[0][0].form.name for form in forms]
-    chosen = [textures[i] for i in np.linspace(0, len(textures) - 1, _MOST_TEXTURES).astype(int)]
+    chosen = [textures[i] for i in np.linspace(0, len(textures) - 1, _MAX_TEXTURES).astype(int)]
     chosen = list(dict.fromkeys(chosen))
     ratios = [a / (a + b) for a, b in chosen]
     ends = min(ratios), max(ratios)
     parts = [[(DrawnLoads(fit, *ends), weight) for fit, weight in form] for form in forms]
     ranges = [CalibratedRange.of(form[0][0]) for form in forms]
-    most = min(calibrated.load_max for calibrated in ranges)
-    most_count = min(calibrated.Q_max for calibrated in ranges)
+    load_max = min(calibrated.load_max for calibrated in ranges)
+    count_max = min(calibrated.Q_max for calibrated in ranges)
     rows = []
     for a, b in chosen:
-        count, load = _count_within(parts[0][0][0], (a, b), most, most_count)
+        count, load = _count_within(parts[0][0][0], (a, b), load_max, count_max)
         drawn = [_log_loads(form, (a, b), count) for form in parts]
         rng = stream(seed, "next simulation")
         gained = _information(drawn, rng)
@@ -67,15 +67,15 @@ def next_simulation(forms: Sequence[Form], textures: Sequence[Texture], seed: in
 
 
 def _count_within(
-    loads: DrawnLoads, texture: Texture, most: float, most_count: int
+    loads: DrawnLoads, texture: Texture, load_max: float, count_max: int
 ) -> tuple[int, float]:
-    """Return the highest count whose median load was calibrated, 4 at least, and that load."""
+    """Return the highest count (at least 4) whose median load was calibrated, and the load."""
     a, b = texture
     highest = 4, 0.0
-    for count in range(4, most_count + 2, 2):
+    for count in range(4, count_max + 2, 2):
         location, _ = loads.at(count, slice(None), np.asarray(a / (a + b)))
         load = float(np.exp(np.median(location))) * (a + b) ** 2
-        if count > 4 and load > most:
+        if count > 4 and load > load_max:
             break
         highest = count, load
     return highest
@@ -84,11 +84,11 @@ def _count_within(
 def _log_loads(
     form: Sequence[tuple[DrawnLoads, float]], texture: Texture, count: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return location and scale of some draws of a form, shared out by its error models."""
+    """Return location and scale of draws of a form, divided among its error models."""
     a, b = texture
     total, parts = sum(weight for _, weight in form), []
     for loads, weight in form:
-        which = np.linspace(0, loads.n_draw - 1, max(round(_N * weight / total), 1)).astype(int)
+        which = np.linspace(0, loads.n_draw - 1, max(round(_DRAWS * weight / total), 1)).astype(int)
         location, scale = loads.at(count, which, np.asarray(a / (a + b)))
         parts.append((location, np.broadcast_to(scale, location.shape)))
     location, scale = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -97,7 +97,7 @@ def _log_loads(
 
 
 def _information(forms: Sequence[tuple[FloatArray, FloatArray]], rng: np.random.Generator) -> float:
-    """Return the expected information on which of two mixtures of normals a value is of."""
+    """Return the expected information on which of two normal mixtures a value comes from."""
     gained = 0.0
     for i, (location, scale) in enumerate(forms):
         y = location + scale * rng.standard_normal(len(location))

@@ -1,4 +1,4 @@
-"""`Design`: the textures that meet a goal, the best of them, and why."""
+"""`Design`: the record of the textures that meet a goal, and of the recommended texture."""
 
 import json
 from dataclasses import dataclass
@@ -14,15 +14,15 @@ from ridgebayes.texture_design.goals import Goal
 if TYPE_CHECKING:  # heavy
     from matplotlib.axes import Axes
 
-DESIGN_COLUMNS = {  # of `designs`, and what each holds
+DESIGN_COLUMNS = {  # columns of `designs`, and their meaning
     "a_over_R": "ridge width over the radius",
     "b_over_R": "groove width over the radius",
     "probability": "of the goal with the smallest margin; for a bound on the spread, `sd(Q)`",
     "probability_se": "its standard error",
     "feasible": "whether all goals are met",
-    "extrapolation": "whether it lies beyond what was calibrated",
-    "extrapolation_of": f"in what: some of {', '.join(NAMES)}",
-    "margin": "probability less its level; of a spread, the share of its bound that is left",
+    "extrapolation": "whether a quantity is beyond the calibrated range",
+    "extrapolation_of": f"these quantities, some of {', '.join(NAMES)}",
+    "margin": "probability minus its level; for a bound on the spread, its unused share",
     "goal": "number of the goal with the least margin, where there are several",
 }
 
@@ -36,39 +36,39 @@ class Design(Tabular):
     goals : tuple of Goal
         Goals as requested.
     objective : str
-        By what the recommended one was chosen.
+        Criterion of the recommendation.
     designs : pandas.DataFrame
-        A row a texture, with the columns of `ridgebayes.texture_design.record.DESIGN_COLUMNS`.
+        One row per texture, with the columns of `ridgebayes.texture_design.record.DESIGN_COLUMNS`.
     best : dict
-        The recommended row, or, where no texture meets the goals, the nearest one: of textures with
-        the largest margin the one whose loads have to change least.
+        The recommended row. If no texture meets the goals, the nearest row: among the textures with
+        the largest margin, the texture whose loads have to change least.
     check : dict
-        n, probability and se of an independent run of draws at that texture, and the goal.
+        n, probability and se of an independent run of draws at the texture of `best`, and the goal.
     limits : dict or None
-        Where no texture meets the goals: load_factor and width_factor that would do at the nearest
-        one (None where none would), and why, a sentence.
+        If no texture meets the goals, load_factor and width_factor that would meet them at the
+        nearest texture (None if no factor would), and why, a sentence.
     shares : pandas.DataFrame
-        Sobol indices there, see `texture_design.sensitivity`.
+        Sobol indices at the texture of `best`; see `texture_design.sensitivity`.
     measure : pandas.DataFrame
-        Effect of knowing one source better: exactly, and to half its spread.
+        Effect of knowing one source better: exactly, or with half its spread.
     simulate_next : pandas.DataFrame
-        Textures, by how much a simulation would discriminate between the two leading forms.
+        Textures, ranked by how well a simulation discriminates between the two leading forms.
     options : dict
-        Bounds, step, loads, tolerance, what is averaged over, seed and version.
+        Bounds, step, loads, tolerance, averaged forms and error models, seed and version.
 
     Examples
     --------
     >>> import ridgebayes as rb
     >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
     >>> scene = rb.Scene.of([(0.022, 0.02)], p_over_E=0.01)
-    >>> found = rb.design(fit, scene, "P(Q >= 8) >= 0.95", sizes={"step": 0.004})
-    >>> found.feasible, found.recommended["a_over_R"], found.recommended["b_over_R"]
+    >>> result = rb.design(fit, scene, "P(Q >= 8) >= 0.95", sizes={"step": 0.004})
+    >>> result.feasible, result.recommended["a_over_R"], result.recommended["b_over_R"]
     (True, 0.012, 0.028)
-    >>> found.shown, len(found.to_dataframe()), found.plot().get_xlabel()
+    >>> result.shown, len(result.to_dataframe()), result.plot().get_xlabel()
     ('probability', 110, 'ridge width $a/R$')
-    >>> found.conditions
+    >>> result.conditions
     'At p/E 0.01, with widths made exactly, averaged over hybrid and one error model.'
-    >>> json.loads(found.to_json()) == found.to_dict()
+    >>> json.loads(result.to_json()) == result.to_dict()
     True
     """
 
@@ -87,8 +87,8 @@ class Design(Tabular):
         texts = " and ".join(goal.text for goal in self.goals)
         row, word = self.best, "recommended" if self.feasible else "nearest"
         place = f"a/R {row['a_over_R']:.4g}, b/R {row['b_over_R']:.4g}"
-        some = f"{self.designs['feasible'].sum()} of {len(self.designs)} textures"
-        return f"Design({texts}: {some}; {word} {place}, margin {row['margin']:.3g})"
+        summary = f"{self.designs['feasible'].sum()} of {len(self.designs)} textures"
+        return f"Design({texts}: {summary}; {word} {place}, margin {row['margin']:.3g})"
 
     @property
     def feasible(self) -> bool:
@@ -111,7 +111,7 @@ class Design(Tabular):
     def conditions(self) -> str:
         """Conditions of the goals in one sentence: loads, tolerance, forms and error models.
 
-        p/E is that of the scene's medians.
+        p/E is at the scene's medians.
         """
         loads = [load["p_over_E"] for load in self.options["loads"]]
         several = f" to {max(loads):.3g} ({len(loads)} loads)" if len(loads) > 1 else ""
@@ -139,7 +139,7 @@ class Design(Tabular):
         return self.designs.copy()
 
     def to_dict(self) -> Json:
-        """Return all but the map as plain values, as design.json holds them.
+        """Return all but the map as plain values, as in design.json.
 
         Returns
         -------
@@ -173,12 +173,13 @@ class Design(Tabular):
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure's if not given.
+            Axes to draw on; those of a new figure if not given.
 
         Returns
         -------
         matplotlib.axes.Axes
-            The axes drawn on. The bold line bounds what is feasible; grey is extrapolation.
+            The axes drawn on. The bold line encloses feasible textures; extrapolation is
+            grey.
         """
         best = (self.best["a_over_R"], self.best["b_over_R"])
         axes = drawing.records.axes_or_new(ax)
@@ -187,6 +188,6 @@ class Design(Tabular):
 
 
 def _rows(frame: pd.DataFrame) -> list[Json]:
-    """Return rows of plain values, None for what could not be estimated."""
+    """Return rows of plain values; missing estimates are None."""
     rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
     return [{str(name): value for name, value in row.items()} for row in rows]

@@ -1,9 +1,9 @@
-"""A check of a design by draws; where its uncertainty comes from, and what knowing more would do.
+"""Check of a design by draws, sources of its uncertainty, and effects of measurements.
 
-Sources are independent groups. Everything of a draw is a function of them: form and error model
-from a uniform number each, coefficients from a third, which picks a draw of that posterior in the
-order of its loads; the error of a load from a normal score; the body, the load and the widths from
-the scene. Values that a scene correlates are one group.
+Sources are independent groups, and each draw is a function of them. One uniform number picks the
+form, another the error model, and a third the coefficients: a draw of the posterior, sorted by
+load. A normal score gives the error of a load. The scene gives body, load and widths; values that
+it correlates are one group.
 """
 
 import math
@@ -25,18 +25,18 @@ from ridgebayes.texture_design.goals import Goal
 
 FORM, NOISE, COEFFICIENTS = "form", "error model", "coefficients"
 SIMULATION = "a simulation of this texture"
-_GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}
-_N_CHECK = 100_000
-_MOST_SE = 0.1  # of reported shares
-_N_OUTER, _N_INNER = 128, 256
-_PROB = (0.05, 0.95)
-_SPREADS_LEFT = (0.0, 0.5)  # by a measurement
-Draws = Mapping[str, FloatArray]  # by source; the last axis is that of the draws
+_GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}  # by section of a scene
+_N_CHECK = 100_000  # draws of the check
+_MAX_SE = 0.1  # largest standard error of a reported share
+_N_OUTER, _N_INNER = 128, 256  # measurements, and draws of each
+_QUANTILES = (0.05, 0.95)  # of the probability after a measurement
+_SPREADS_LEFT = (0.0, 0.5)  # shares of a source's sd after a measurement
+Draws = Mapping[str, FloatArray]  # by source; draws are along the last axis
 
 
 @dataclass(frozen=True, eq=False)
 class Sources:
-    """All that one texture's counts depend on, as independent sources.
+    """Independent sources on which the counts of a texture depend.
 
     Parameters
     ----------
@@ -70,10 +70,10 @@ class Sources:
         return draws | {"score": stream(seed, "score").standard_normal(n)}
 
     def draw_measured(self, members: Sequence[str], left: float, seed: int) -> Draws:
-        """Return blocks of draws, in each of which some sources are measured.
+        """Return blocks of draws; each block has its own measured values of some sources.
 
-        A share `left` of their spread, in normal scores, is left; 0 for any but tolerance and
-        distributions of the scene.
+        A share `left` of the measured sources' spread, in normal scores, remains. It is 0 except
+        for the tolerance and for distributions of the scene.
         """
         n = _N_OUTER * _N_INNER
         draws, measurements = self.draw(n, seed), self.draw(_N_OUTER, seed + 1)
@@ -99,7 +99,7 @@ class Sources:
 
     @property
     def groups(self) -> dict[str, list[str]]:
-        """Sources by group; groups that a scene correlates are one."""
+        """Sources by group; groups that the scene correlates are merged."""
         places = {name: _GROUPS[name.partition(".")[0].partition("[")[0]] for name in self._places}
         for correlated in self.scene.uncertain.joint if self.scene.uncertain is not None else ():
             merged = " and ".join(dict.fromkeys(places[name] for name in correlated.of))
@@ -118,7 +118,7 @@ class Sources:
 
     @property
     def measurable(self) -> dict[str, list[str]]:
-        """Sources that could be known better, by what to measure."""
+        """Sources that a measurement determines, by name of the measurement."""
         joint = () if self.scene.uncertain is None else self.scene.uncertain.joint
         members = {", ".join(correlated.of): list(correlated.of) for correlated in joint}
         taken = {name for correlated in joint for name in correlated.of}
@@ -148,7 +148,7 @@ class Sources:
         return Q, failed
 
     def probability(self, draws: Draws) -> FloatArray:
-        """Return the probability of the case of each draw, its error left open, shape (n,)."""
+        """Return the probability of the case for each draw, over errors of loads, shape (n,)."""
         values = np.empty(len(draws["score"]))
         for here, _, placed in self._placed(draws):
             values[here] = placed.probability(self.value.case)
@@ -162,7 +162,7 @@ class Sources:
         return list(dict.fromkeys([*self.scene.uncertain.sources, *joint]))
 
     def _placed(self, draws: Draws) -> list[tuple[BoolArray, IntArray, PlacedDraws]]:
-        """Return draws of each posterior, at the texture."""
+        """Return, for each posterior, where its draws are, their indices, and the draws."""
         n = len(draws["score"])
         bodies = Bodies.draw(self.scene, self.tolerance, n, 0, draws)
         forms = np.array([loads.fit.form.name for loads, _ in self.loads])
@@ -182,12 +182,12 @@ class Sources:
                 loads = self.loads[j][0]
                 place = (draws[COEFFICIENTS][here] * loads.n_draw).astype(np.int64)
                 which = self._order(loads)[place]
-                part = PosteriorDraws(loads, 1.0, which, bodies.some(here))
+                part = PosteriorDraws(loads, 1.0, which, bodies.subset(here))
                 placed.append((here, which, PlacedDraws(part, *self.texture, self.value.corner)))
         return placed
 
     def _order(self, loads: DrawnLoads) -> IntArray:
-        """Return a posterior's draws in the order of their loads: alike under all forms."""
+        """Return the order of a posterior's draws by load, which is comparable between forms."""
         a, b = self.texture
         case = self.value.case
         count = max([4, *(n for n, _ in (*case.at_least, *case.below))])
@@ -196,7 +196,7 @@ class Sources:
 
 
 def drawn_check(sources: Sources, goal: Goal, seed: int) -> Json:
-    """Return the goal, n, the probability of its worst case (or sd of Q) by n draws, and its se."""
+    """Estimate the probability of a goal's worst case (or sd of Q) from independent draws."""
     n = _N_CHECK
     Q, failed = sources.outcome(sources.draw(n, seed))
     if goal.is_spread:
@@ -210,19 +210,19 @@ def drawn_check(sources: Sources, goal: Goal, seed: int) -> Json:
 
 
 def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
-    """Return the share of each group in the variance of Q, and of failure.
+    """Return the share of each group in the variance of Q, and in that of failure.
 
     Returns
     -------
     pandas.DataFrame
-        Columns of, source, first_order (alone), total_order (with all its interactions), and their
-        standard errors. No rows of what varies in so few draws that one of these is above 0.1, such
-        as rare failures.
+        Columns of, source, first_order (alone), total_order (with all interactions), and their
+        standard errors. An output with a standard error above 0.1, such as rare failures, has no
+        rows.
     """
     groups = sources.groups
     sample, other = (sources.draw(N_DRAW, seed_of_draws) for seed_of_draws in (seed, seed + 1))
     mixed = [sample | {name: other[name] for name in names} for names in groups.values()]
-    # Shape (output, draw) each.
+    # Each array has shape (output, draw).
     f_A, f_B, *f_AB = (np.stack(sources.outcome(draws)) for draws in (sample, other, *mixed))
     rows = []
     for i, output in enumerate(("Q", "failure")):
@@ -233,7 +233,7 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
         func = {"f_A": f[:1], "f_B": f[1:], "f_AB": mixed_f[:, None]}
         indices = stats.sobol_indices(func=func, n=N_DRAW)
         first, total = np.ravel(indices.first_order), np.ravel(indices.total_order)
-        # Both are ratios of means; their errors follow to first order.
+        # Both indices are ratios of means, whose errors follow to first order.
         A, B = f - f.mean()
         AB, variance = mixed_f - f.mean(), (A**2 + B**2) / 2
         residuals = (
@@ -241,7 +241,7 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
             (AB - A) ** 2 / 2 - np.outer(total, variance),
         )
         se = np.std(residuals, axis=-1) / variance.mean() / math.sqrt(N_DRAW)
-        if se.max() < _MOST_SE:
+        if se.max() < _MAX_SE:
             columns = zip(first, se[0], total, se[1], strict=True)
             rows += [(output, name, *row) for name, row in zip(groups, columns, strict=True)]
     names = ["of", "source", "first_order", "first_order_se", "total_order", "total_order_se"]
@@ -249,32 +249,32 @@ def sobol_shares(sources: Sources, seed: int) -> pd.DataFrame:
 
 
 def what_to_measure(sources: Sources, seed: int) -> pd.DataFrame:
-    """Return what the goal's probability would become if one source were known better.
+    """Return how the goal's probability changes if one source is known better.
 
     Returns
     -------
     pandas.DataFrame
-        Columns measure, spread_left (share of the source's sd that is left: 0 is known exactly, the
-        most that any measurement can do; 0.5), resolved (share of the variance of whether the goal
-        is met that goes, on average) and probability_low, probability_high (90 % interval of what
-        the probability would become), the most telling first.
+        Columns measure, spread_left (share of the source's sd that remains: 0, a perfect
+        measurement, or 0.5), resolved (expected share of the variance of meeting the goal that is
+        removed), probability_low and probability_high (90 % interval of the probability after the
+        measurement). The most informative measurement is first.
     """
     rows = []
-    asked = [
+    measurements = [
         (2 + 2 * k, name, members, left)
         for k, (name, members) in enumerate(sources.measurable.items())
         for left in _SPREADS_LEFT
         if not left or sources.may_be_measured_in_part(members)
     ]
-    for more, name, members, left in asked:
-        draws = sources.draw_measured(members, left, seed + more)
+    for offset, name, members, left in measurements:
+        draws = sources.draw_measured(members, left, seed + offset)
         met = 1 - sources.outcome(draws)[1] if name == SIMULATION else sources.probability(draws)
         within = met.reshape(_N_OUTER, _N_INNER)
         share = within.mean(axis=1)
         total = share.mean() * (1 - share.mean())
         noise = within.var(axis=1, ddof=1).mean() / _N_INNER
         resolved = (share.var(ddof=1) - noise) / total if total else 0.0
-        low, high = np.quantile(share, _PROB)
+        low, high = np.quantile(share, _QUANTILES)
         rows.append((name, left, min(max(resolved, 0.0), 1.0), low, high))
     frame = pd.DataFrame(
         rows, columns=["measure", "spread_left", "resolved", "probability_low", "probability_high"]

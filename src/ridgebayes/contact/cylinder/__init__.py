@@ -8,6 +8,6 @@ package imports profiles, but neither scenes nor tables.
 >>> from ridgebayes.contact.cylinder.cylinder import Cylinder
 >>> from ridgebayes.contact.rigid_profile import Profile
 >>> body = Cylinder(Profile(0.06, 0.03), p_max=0.006, edges=4)
->>> [one.Q for one in body.transitions(0.006)]
+>>> [transition.Q for transition in body.transitions(0.006)]
 [4]
 """

@@ -31,22 +31,22 @@ from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 
 # Length of the segment at a sharp corner, in edges, because the body's edge cannot follow the turn.
-# Shorter segments hold the body on the corner, longer ones let it sink in: the error is 0.05 % of a
-# load.
+# Shorter segments hold the body on the corner, and longer segments let it sink in. The error of a
+# load is 0.05 %.
 CORNER = 0.4
-SEGMENT = 1.25  # edges: length of other segments; shorter ones are not resolved by the edges
+SEGMENT = 1.25  # length of other segments, in edges, which do not resolve shorter segments
 _ARC_SEGMENTS = 8  # segments of a round corner
 _FIRST_SHARE, _MIN_SHARE = 0.1, 1e-3  # step as a share of the corner's distance
-# A share of the corner's distance: with friction first steps are no longer, because loads depend on
-# the path, without friction twice as long. Where the rim snaps past sharp corners, shorter steps
-# need as many Newton steps.
+# A long step, as a share of the corner's distance. With friction first steps are at most this long,
+# because loads depend on the path; without friction they are twice as long. Shorter steps do not
+# save Newton steps where the rim snaps past sharp corners.
 _LONG_SHARE = 0.25
-# Fewer Newton steps than these double the share, more than the last halve it if it is long.
+# Fewer Newton steps than the first number double the share; more than the second halve a long one.
 _FEW_STEPS, _MANY_STEPS = 6, 10
-# Tolerances by which a state between transitions may be off, a part in 10^5 of the load.
+# Error of states between transitions, in tolerances: 1e-5 of the load.
 _LOOSE_TOLERANCES = 1e4
-# Failed solves on the way to a transition. One that takes all Newton steps counts twice, because it
-# costs as much as five successful solves.
+# Failed solves on the way to a transition. A solve that takes all Newton steps counts twice,
+# because it costs as much as five successful solves.
 MOST_FAILURES = 16
 _MAX_ELEMENTS = 40_000
 _GROWTH = 0.3  # of edge lengths with distance from the ridges
@@ -80,7 +80,7 @@ class Cylinder:
     Parameters
     ----------
     profile : Profile or None
-        Rigid profile; None is a flat.
+        Rigid profile; None for a flat.
     nu : float, optional
         Poisson's ratio.
     p_max : float
@@ -236,19 +236,19 @@ class Cylinder:
     ) -> tuple[State, Corner, float] | None:
         """Return the state that touches the first of some corners; None above the largest load.
 
-        `step` is the first share of the corner's distance; the next share is returned too.
+        `step` is the first step, as a share of the corner's distance. The result has the next.
         """
-        rubbed = self.problem.friction > 0
-        apart = [self.problem.corner_distance(state, corner)[0] for corner in corners]
-        which = int(np.argmin(apart))
-        whole, now = apart[which], 1.0
+        frictional = self.problem.friction > 0
+        distances = [self.problem.corner_distance(state, corner)[0] for corner in corners]
+        i = int(np.argmin(distances))
+        distance, share = distances[i], 1.0
         failures = 0
         while True:
-            goal = now - step if now - step > _MIN_SHARE else 0.0
-            control = Control("corner", goal * whole, corners[which])
+            goal = share - step if share - step > _MIN_SHARE else 0.0
+            control = Control("corner", goal * distance, corners[i])
             try:
-                enough = _LOOSE_TOLERANCES if goal and not rubbed else 1.0
-                there, n = solve(self.problem, state, control, enough=enough)
+                enough = _LOOSE_TOLERANCES if goal and not frictional else 1.0
+                reached, n = solve(self.problem, state, control, enough=enough)
             except NotConvergedError as failed:
                 step /= 3
                 failures += 2 if isinstance(failed, OutOfStepsError) else 1
@@ -256,21 +256,21 @@ class Cylinder:
                     why = f"at p/E = {self.p_over_E(state):.5g}: {failed}"
                     raise NotConvergedError(why) from None
                 continue
-            apart = [self.problem.corner_distance(there, corner)[0] for corner in corners]
-            sooner = int(np.argmin(apart))
-            if sooner != which and apart[sooner] < 0:
+            distances = [self.problem.corner_distance(reached, corner)[0] for corner in corners]
+            nearest = int(np.argmin(distances))
+            if nearest != i and distances[nearest] < 0:
                 # Another corner came first: go towards it from the previous state.
-                which = sooner
-                whole, now = self.problem.corner_distance(state, corners[which])[0], 1.0
+                i = nearest
+                distance, share = self.problem.corner_distance(state, corners[i])[0], 1.0
                 continue
-            state, now = there, goal
+            state, share = reached, goal
             if self.p_over_E(state) > p_max:
                 return None
             step *= (
                 2.0 if n < _FEW_STEPS else 0.5 if n > _MANY_STEPS and step >= _LONG_SHARE else 1.0
             )
-            if now == 0.0:
-                return state, corners[which], min(step, _LONG_SHARE if rubbed else 2 * _LONG_SHARE)
+            if share == 0.0:
+                return state, corners[i], min(step, _LONG_SHARE if frictional else 2 * _LONG_SHARE)
 
 
 def transition_curve(

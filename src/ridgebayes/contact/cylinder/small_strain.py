@@ -69,7 +69,7 @@ def small_strain_transitions(
     *Validity.* Small strain. Loads differ from those of contact in the deformed configuration by
     0.5 % at p/E = 0.004, and by 3 % at 0.02.
 
-    *Cost.* Some tenths of a second for each transition.
+    *Cost.* A few tenths of a second per transition.
 
     Examples
     --------
