@@ -23,14 +23,14 @@ BUDGETS = {
     "table": 642,  # with the check for plain CSV that import uses too: pandas reads it faster
     "scene": 1_300,  # with loads as they are typed, which were in commands and texture_design
     "simulate": 497,
-    "fea": 4_231,
+    "fea": 4_229,
     "model": 1_569,
-    "inference": 2_523,
+    "inference": 2_498,
     "predict": 1_192,  # loads over a/pitch, which designs share; names of DataArrays
     "evidence": 593,
     "comparison": 897,
     "checks": 795,
-    "friction": 864,  # draws the blocks of a scene itself
+    "friction": 862,  # draws the blocks of a scene itself
     "texture_design": 1_160,
     "report": 1_519,
     "commands": 2_206,

@@ -53,7 +53,7 @@ def draw_steps(axes: Axes, curves: dict[str, tuple[FloatArray, FloatArray]]) -> 
 
 @styled()
 def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
-    """Draw the relative change of a transition load by each effect, against the wanted accuracy.
+    """Draw the relative change of a transition load by each effect, against the required accuracy.
 
     Parameters
     ----------

@@ -253,7 +253,7 @@ def friction_refused(scene: Scene, planned: Plan, solver: str) -> str:
         return ""
     return (
         f"friction = {scene.friction!r}: changes loads by up to {friction.estimate:.2g}, "
-        f"and is not simulated by {solver!r}; expected at most the wanted accuracy, "
+        f"and is not simulated by {solver!r}; expected at most the required accuracy, "
         f"{scene.relative or 0.0:g}, or 'cylinder-fe'"
     )
 
