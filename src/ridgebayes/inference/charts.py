@@ -194,7 +194,7 @@ def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray
 
 
 def _refuse_perfect_rows(integral: LatentIntegral, base: FloatArray) -> None:
-    """Raise ComputationError if the form fits more rows than it has coefficients to rounding."""
+    """Raise ComputationError if rows outnumber coefficients and the form fits them to rounding."""
     model, rows = integral.model, integral.rows
     if model.noise.factors or not rows.exact.all() or rows.rel_se.any():
         return  # offsets, intervals or known errors keep sigma from 0

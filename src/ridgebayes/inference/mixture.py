@@ -140,7 +140,7 @@ class PosteriorMixture:
         return named | arrays | self.about
 
     def to_json(self, path: str | os.PathLike[str]) -> None:
-        """Write a file.
+        """Write the mixture to a JSON file.
 
         Parameters
         ----------
