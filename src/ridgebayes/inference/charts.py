@@ -28,8 +28,8 @@ _MAX_ROUNDING = 1e-13  # relative rounding error of log loads
 _LEAST_SQUARES_TOLERANCES = dict.fromkeys(("ftol", "xtol", "gtol"), np.finfo(float).eps)
 _MIN_RESIDUAL_SCALE = 1e-9  # log loads with smaller residuals agree to rounding
 _SD_PER_MEDIAN_DEVIATION = 1.4826  # of a normal distribution
-# Random subsets of k + 1 rows: enough that nine times in ten each of two equal groups contains a
-# whole subset.
+# Number of random subsets of k + 1 rows. With two groups of equal size and two coefficients, each
+# group contains one of the subsets completely in nine of ten cases.
 _N_CANDIDATE = 24
 _MIN_GROUP_SHARE = 0.3  # share of the rows; smaller groups are treated as outliers
 _MIN_GROUP_DISTANCE = 4.0  # distance of two fits, in units of the group's largest residual
@@ -118,9 +118,9 @@ class Chart:
 def _linearised(integral: LatentIntegral, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the Jacobian of the rows' errors in the coefficients' scores, and the residuals."""
     model = integral.model
-    whole = np.concatenate([u, np.zeros(model.n_outer - len(u))])
-    log_rates = model.outer_log_rates(model.outer_theta(whole))
-    return model.jacobian(whole)[model.rows.texture], integral.middles(log_rates)
+    outer_u = np.concatenate([u, np.zeros(model.n_outer - len(u))])
+    log_rates = model.outer_log_rates(model.outer_theta(outer_u))
+    return model.jacobian(outer_u)[model.rows.texture], integral.middles(log_rates)
 
 
 def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]:
@@ -166,12 +166,12 @@ def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
     model, k = integral.model, integral.model.n_outer_coefficient
     wide = np.linspace(1, _MAX_START_SD, _N_START)[:, None]
     for u in (np.zeros((1, k)), wide * rng.standard_normal((_N_START, k))):
-        whole = np.concatenate([u, np.zeros((len(u), model.n_outer - k))], axis=1)
+        outer_u = np.concatenate([u, np.zeros((len(u), model.n_outer - k))], axis=1)
         with np.errstate(all="ignore"):
-            log_rates = model.outer_log_rates(model.outer_theta(whole))
-        some = u[np.isfinite(log_rates).all(axis=1)]
-        if len(some):
-            return np.asarray(some[(some**2).sum(axis=1).argmin()])
+            log_rates = model.outer_log_rates(model.outer_theta(outer_u))
+        feasible = u[np.isfinite(log_rates).all(axis=1)]
+        if len(feasible):
+            return np.asarray(feasible[(feasible**2).sum(axis=1).argmin()])
     return np.zeros(k)
 
 
@@ -194,12 +194,12 @@ def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray
 
 
 def _refuse_perfect_rows(integral: LatentIntegral, base: FloatArray) -> None:
-    """Raise ComputationError if the form fits more rows than it has coefficients to rounding."""
+    """Raise ComputationError if rows outnumber coefficients and the form fits them to rounding."""
     model, rows = integral.model, integral.rows
     if model.noise.factors or not rows.exact.all() or rows.rel_se.any():
         return  # offsets, intervals or known errors keep sigma from 0
-    whole = np.concatenate([base, np.zeros(model.n_outer - len(base))])
-    log_rates = model.outer_log_rates(model.outer_theta(whole))
+    outer_u = np.concatenate([base, np.zeros(model.n_outer - len(base))])
+    log_rates = model.outer_log_rates(model.outer_theta(outer_u))
     residual = rows.errors(log_rates)
     n_free = len(residual) - len(base)
     if model.has_slopes:
@@ -220,7 +220,7 @@ def _least_squares(
     scale: float = 0.1,
     n_pass: int = 3,
 ) -> FloatArray:
-    """Return the scores that minimise the penalised sum of squared residuals of some rows.
+    """Return the scores that minimise the penalised sum of squared residuals of selected rows.
 
     The penalty is the prior, scaled by the residuals' own size. A larger scale would pull the
     reference of nearly exact rows away by many of their standard errors.
@@ -268,8 +268,8 @@ def _groups(
     steps = [np.zeros(k)]
     references = []
     for size, step, rows in sorted(candidates, key=lambda candidate: candidate[0]):
-        apart = [np.sqrt(np.mean((jacobian @ (step - other)) ** 2)) for other in steps]
-        if len(steps) <= _MAX_GROUPS and size < largest and min(apart) > _MIN_GROUP_DISTANCE * size:
+        gaps = [np.sqrt(np.mean((jacobian @ (step - other)) ** 2)) for other in steps]
+        if len(steps) <= _MAX_GROUPS and size < largest and min(gaps) > _MIN_GROUP_DISTANCE * size:
             steps.append(step)
             references.append(_least_squares(integral, base + step, rows))
     return references

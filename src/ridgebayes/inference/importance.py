@@ -146,8 +146,8 @@ def at_least(drawn: Drawn, target: Target, n: int, effort: Effort, seed: int) ->
         return drawn
     factor = EXACT_DRAW_FACTOR if target.is_exact else 1
     n_draw = math.ceil(n / (N_REPEAT * factor * BLOCK)) * BLOCK
-    more = draw_from(target, drawn.proposal, replace(effort, n_draw=n_draw), seed)
-    return replace(more, evidence=drawn.evidence)
+    redrawn = draw_from(target, drawn.proposal, replace(effort, n_draw=n_draw), seed)
+    return replace(redrawn, evidence=drawn.evidence)
 
 
 def draw_from(target: Target, proposal: Mixture, effort: Effort, seed: int) -> Drawn:

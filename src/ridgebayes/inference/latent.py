@@ -29,7 +29,7 @@ _BATCH_SIZE = 2**18  # numbers in the largest array: 2 MB fit in a core's cache
 
 
 class LatentIntegral:
-    """Integrates the scores out of a model's posterior.
+    """Integral of a model's posterior over the scores of its offsets.
 
     Parameters
     ----------

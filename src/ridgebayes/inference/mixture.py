@@ -140,7 +140,7 @@ class PosteriorMixture:
         return named | arrays | self.about
 
     def to_json(self, path: str | os.PathLike[str]) -> None:
-        """Write a file.
+        """Write the mixture to a JSON file.
 
         Parameters
         ----------
@@ -275,8 +275,8 @@ def _fit(z: FloatArray, k: int, rng: np.random.Generator) -> _Arrays:
     for _ in range(_MAX_STEPS):
         size = share.sum(axis=1)[:, None] + 1e-12
         means = share @ z / size
-        apart = z - means[:, None]  # (k, n, d)
-        scatter = (share[..., None] * apart).transpose(0, 2, 1) @ apart / size[..., None]
+        deviation = z - means[:, None]  # (k, n, d)
+        scatter = (share[..., None] * deviation).transpose(0, 2, 1) @ deviation / size[..., None]
         mixture = (
             size[:, 0] / size.sum(),
             means,
@@ -304,11 +304,11 @@ def _distance(mixture: PosteriorMixture, theta: FloatArray, seed: int) -> Json:
     from scipy.stats import ks_2samp  # imported here because it takes a third of a second
 
     drawn = mixture.rvs(_N_COMPARED, rng=stream(seed, "mixture", "distance"))
-    sd, apart = theta.std(axis=0), np.abs(np.corrcoef(drawn.T) - np.corrcoef(theta.T)).max()
+    sd, r_gap = theta.std(axis=0), np.abs(np.corrcoef(drawn.T) - np.corrcoef(theta.T)).max()
     shift, ratio = (drawn.mean(axis=0) - theta.mean(axis=0)) / sd, drawn.std(axis=0) / sd
     distances: Json = {"mean_shift_in_sd": shift, "sd_ratio": ratio}
     distances["kolmogorov_smirnov"] = ks_2samp(drawn, theta).statistic
     distances = {
         key: dict(zip(mixture.names, v.tolist(), strict=True)) for key, v in distances.items()
     }
-    return distances | {"largest_correlation_difference": float(apart), "n_compared": _N_COMPARED}
+    return distances | {"largest_correlation_difference": float(r_gap), "n_compared": _N_COMPARED}

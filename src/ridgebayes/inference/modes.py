@@ -110,8 +110,8 @@ def _update_inverse(inverse: FloatArray, s: FloatArray, y: FloatArray) -> FloatA
     good = product > 1e-10
     rho = np.where(good, 1 / np.where(good, product, 1.0), 0.0)[:, None, None]
     eye = np.eye(s.shape[1])
-    left = eye - rho * s[:, :, None] * y[:, None, :]
-    value = left @ inverse @ np.swapaxes(left, 1, 2) + rho * s[:, :, None] * s[:, None, :]
+    factor_s = eye - rho * s[:, :, None] * y[:, None, :]
+    value = factor_s @ inverse @ np.swapaxes(factor_s, 1, 2) + rho * s[:, :, None] * s[:, None, :]
     return np.where(good[:, None, None], value, inverse)
 
 

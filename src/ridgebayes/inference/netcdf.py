@@ -93,8 +93,8 @@ def write_groups(
             group.attrs.update(group_attrs or {})
             _write_group(group, variables, np.float32 if name in _SINGLE_PRECISION else None)
     # The view is closed even if writing fails: Python 3.13 cannot close a buffer with open views.
-    with replacing(Path(path)) as partial, content.getbuffer() as whole:
-        partial.write_bytes(whole)
+    with replacing(Path(path)) as partial, content.getbuffer() as view:
+        partial.write_bytes(view)
 
 
 def _write_group(group: Any, variables: Variables, floats: type | None) -> None:

@@ -84,8 +84,8 @@ class Mixture:
         peak = gammaln(0.5 * (DF + d)) - gammaln(0.5 * DF) - 0.5 * d * math.log(DF * math.pi)
         inverse = np.linalg.inv(self.factors)
         log_volumes = np.log(np.diagonal(self.factors, axis1=1, axis2=2)).sum(axis=1)
-        off = coordinates[self.charts] - self.centres[:, None]
-        squares = ((off @ np.swapaxes(inverse, 1, 2)) ** 2).sum(axis=-1)
+        deviation = coordinates[self.charts] - self.centres[:, None]
+        squares = ((deviation @ np.swapaxes(inverse, 1, 2)) ** 2).sum(axis=-1)
         with np.errstate(divide="ignore"):
             constant = np.log(self.weights) + peak - log_volumes
         value = constant[:, None] - 0.5 * (DF + d) * np.log1p(squares / DF)
@@ -107,9 +107,9 @@ class Mixture:
         ----------
         Cappe et al. (2008), doi:10.1007/s11222-008-9059-x, section 3.
         """
-        some = weights > 0
-        coordinates, log_jacobian = coordinates[:, some], log_jacobian[:, some]
-        weights = weights[some]
+        positive = weights > 0
+        coordinates, log_jacobian = coordinates[:, positive], log_jacobian[:, positive]
+        weights = weights[positive]
         d, n_effective = self.centres.shape[1], 1 / (weights**2).sum()
         points = coordinates[self.charts]
         mixture, shapes = self, self._common_shapes(coordinates, log_jacobian, weights)
@@ -121,8 +121,8 @@ class Mixture:
             total = np.maximum(narrow.sum(axis=1), 1e-300)
             centres = (narrow[:, None] @ points)[:, 0] / total[:, None]
             centres = np.where(mass[:, None] > 1e-12, centres, mixture.centres)
-            off = points - centres[:, None]
-            scatter = np.swapaxes(narrow[..., None] * off, 1, 2) @ off
+            deviation = points - centres[:, None]
+            scatter = np.swapaxes(narrow[..., None] * deviation, 1, 2) @ deviation
             prior = _COMMON_SHAPE_DRAWS / n_effective
             scatter = (scatter + prior * shapes) / (mass + prior)[:, None, None]
             mixture = Mixture(mass / mass.sum(), self.charts, centres, np.linalg.cholesky(scatter))
@@ -145,8 +145,8 @@ class Mixture:
             here = self.charts == chart
             weight = share[here].sum(axis=0)
             weight = weight / max(weight.sum(), 1e-300)
-            off = coordinates[chart] - weight @ coordinates[chart]
-            shape = (weight[:, None] * off).T @ off
+            deviation = coordinates[chart] - weight @ coordinates[chart]
+            shape = (weight[:, None] * deviation).T @ deviation
             shapes[here] = shape + MIN_RELATIVE_VARIANCE * (np.trace(shape) / d + 1e-12) * np.eye(d)
         return shapes
 

@@ -12,7 +12,7 @@ _MAX_BATCHED_SIZE = 16  # unknowns; larger systems are solved faster one by one
 
 
 def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
-    """Return lower Cholesky factors of a batch; NaN where a matrix is not positive definite."""
+    """Return the lower Cholesky factors of a batch; NaN if a matrix is not positive definite."""
     with suppress(np.linalg.LinAlgError):
         return np.linalg.cholesky(matrix).astype(np.float64, copy=False)
     factors = np.full(matrix.shape, np.nan)
@@ -27,14 +27,14 @@ def solve_lower(factor: FloatArray, right: FloatArray, *, transposed: bool = Fal
     n, m = right.shape[-2:]
     batch = np.broadcast_shapes(factor.shape[:-2], right.shape[:-2])
     n_batch = math.prod(batch)
-    left = np.broadcast_to(factor, (*batch, n, n)).reshape(n_batch, n, n)
-    many = np.broadcast_to(right, (*batch, n, m)).reshape(n_batch, n, m)
-    if not many.size:
+    factors = np.broadcast_to(factor, (*batch, n, n)).reshape(n_batch, n, n)
+    columns = np.broadcast_to(right, (*batch, n, m)).reshape(n_batch, n, m)
+    if not columns.size:
         return np.zeros((*batch, n, m))
     if n <= _MAX_BATCHED_SIZE < n_batch:
-        return _substituted(left, many, transposed).reshape(*batch, n, m)
-    out = many.copy(order="C")
-    for matrix, x in zip(left, out, strict=True):
+        return _substituted(factors, columns, transposed).reshape(*batch, n, m)
+    out = columns.copy(order="C")
+    for matrix, x in zip(factors, out, strict=True):
         # BLAS stores arrays by column, so that it sees, and solves in place, the transposed system.
         blas.dtrsm(1.0, matrix.T, x.T, side=1, trans_a=int(transposed), overwrite_b=1)
     return out.reshape(*batch, n, m)

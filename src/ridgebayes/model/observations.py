@@ -163,9 +163,9 @@ def _refuse_offsets(table: ContactTable) -> None:
     rows = np.flatnonzero(fitted & (frame["offset_over_R"] != 0))
     if len(rows):
         value = frame["offset_over_R"].tolist()[rows[0]]
-        more = f" and {len(rows) - 1} more rows" if len(rows) > 1 else ""
+        others = f" and {len(rows) - 1} more rows" if len(rows) > 1 else ""
         raise InputError(
-            f"{table.where}, row {rows[0] + 1}{more}: offset_over_R: expected 0, got {value!r}; "
+            f"{table.where}, row {rows[0] + 1}{others}: offset_over_R: expected 0, got {value!r}; "
             "this version fits only centred bodies"
         )
 

@@ -31,7 +31,7 @@ from ridgebayes.runtime.reading import read_toml
 from ridgebayes.runtime.text import clipped
 
 OF_ERRORS = "noise"  # key of the priors of error models
-# By form name or "noise", then by parameter: distributions, SciPy's frozen distributions, or texts.
+# By form name or "noise", then by parameter: distributions, SciPy's frozen distributions, texts.
 Priors: TypeAlias = Mapping[str, Mapping[str, Any]]
 ResolvedPriors: TypeAlias = Mapping[str, Mapping[str, Distribution]]
 
