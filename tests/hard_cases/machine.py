@@ -254,7 +254,7 @@ def _main() -> None:
     """Import what commands do; fork a child for each request, say its number, and how it ended."""
     for module, _ in cli._COMMANDS.values():
         import_module(f"ridgebayes.commands.{module}")
-    for module in (*cli._OF_A_RUN, "emcee"):
+    for module in (*cli._RUN_MODULES, "emcee"):
         import_module(module)
     # What xarray imports when it writes for the first time.
     xr.Dataset({"x": ("n", np.zeros(1))}).to_netcdf(io.BytesIO(), engine="h5netcdf")
