@@ -138,9 +138,11 @@ def compared(request: Request) -> Comparison:
     evidences = {
         key: [pair.evidence] for key, pair in weighed.weighed.items() if key[0] not in failures
     }
+    shown = {name: posteriors[name][selected.name] for name in names if name not in failures}
     walks = _submit_walks(request, weighed, posteriors, selected)
+    wait_for_loo = submit_or_defer(executor if request.scores else None, loo_table, shown)
     sensitivity = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
-    if request.scores:  # computed on workers that the few walks leave idle
+    if request.scores:  # computed on workers that the few walks and the scores leave idle
         with stage("prior sensitivity"):
             sensitivity = prior_sensitivity(weighed, executor=executor)
     for name, walk in walks.items():
@@ -148,10 +150,9 @@ def compared(request: Request) -> Comparison:
             (posterior, bridge), seconds = walk()
             if executor is not None:
                 add_cpu(seconds)
-        posteriors[name][selected.name] = posterior
+        shown[name] = posteriors[name][selected.name] = posterior
         evidences[name, selected.name].append(bridge)
     evidence = evidence_table(evidences, request.prior_odds)
-    shown = {name: posteriors[name][selected.name] for name in names if name not in failures}
     sentences = cautions(request.table, [noise.name for noise in request.noises], selected, shown)
     fits = {
         name: Fit.of(
@@ -168,7 +169,7 @@ def compared(request: Request) -> Comparison:
     loo = pd.DataFrame(columns=LOO_COLUMNS)
     if request.scores:
         with stage("leave-one-out"):
-            loo = submit_or_defer(executor, loo_table, fits)()
+            loo = wait_for_loo()
     tables = (evidence, factors, loo, sensitivity)
     return Comparison(
         request.table, selected, fits, *tables, failures=failures, accuracy=accuracy.name

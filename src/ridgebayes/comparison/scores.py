@@ -9,14 +9,14 @@ import pandas as pd
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.diagnostics import Loo, leave_one_out, stacking_weights
 from ridgebayes.inference.left_out import AllRows
+from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import STANDARD
-from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import stream
 
 LOO_COLUMNS = ["form", "noise", "elpd", "se", "p", "n_bad_k", "stacking_weight"]
 
 
-def loo_table(fits: Mapping[str, Fit]) -> pd.DataFrame:
+def loo_table(fits: Mapping[str, Posterior]) -> pd.DataFrame:
     """Return elpd, its standard error, number of bad Pareto k and stacking weight of each fit.
 
     A row with a Pareto k above 0.7 is scored by a posterior fitted without it. `n_bad_k` counts the
@@ -51,7 +51,7 @@ def loo_table(fits: Mapping[str, Fit]) -> pd.DataFrame:
     return pd.DataFrame(table, columns=LOO_COLUMNS)
 
 
-def _score(fit: Fit, rows: np.ndarray) -> Loo:
+def _score(fit: Posterior, rows: np.ndarray) -> Loo:
     """Return the leave-one-out score of a fit, given the log-likelihood of rows at its draws."""
     # Draws of long chains are thinned beyond the autocorrelation time.
     reff = float(fit.summary["ess_bulk"].min()) / fit.kept_chains.log_density.size
