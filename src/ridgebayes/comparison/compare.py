@@ -141,7 +141,7 @@ def compared(request: Request) -> Comparison:
     shown = {name: posteriors[name][selected.name] for name in names if name not in failures}
     walks = _submit_walks(request, weighed, posteriors, selected)
     wait_for_loo = submit_or_defer(executor if request.scores else None, loo_table, shown)
-    sensitivity = pd.DataFrame(columns=SENSITIVITY_COLUMNS)
+    sensitivity, loo = (pd.DataFrame(columns=x) for x in (SENSITIVITY_COLUMNS, LOO_COLUMNS))
     if request.scores:  # computed on workers that the few walks and the scores leave idle
         with stage("prior sensitivity"):
             sensitivity = prior_sensitivity(weighed, executor=executor)
@@ -166,7 +166,6 @@ def compared(request: Request) -> Comparison:
     summed = summed_bayes_factors(evidence)
     if len(summed):
         factors = pd.concat([factors, summed], ignore_index=True)
-    loo = pd.DataFrame(columns=LOO_COLUMNS)
     if request.scores:
         with stage("leave-one-out"):
             loo = wait_for_loo()
