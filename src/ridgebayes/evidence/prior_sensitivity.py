@@ -160,7 +160,7 @@ def _redrawn(task: _Task) -> dict[_Change, float]:
                 values[prior, factor] = drawn.evidence.value + difference
                 continue
         pair = _changed(task.pair, (prior, factor))
-        result = weigh(replace(pair, effort=QUICK.effort))
+        result = weigh(pair)
         if math.isfinite(result.evidence.value):
             values[prior, factor] = result.evidence.value
         if furthest is None and result.drawn is not None and result.evidence.ok:
