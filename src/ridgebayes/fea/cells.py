@@ -209,7 +209,8 @@ class TextTable(TableFile):
         first = repr(self._separator.join(comments[0][1]))
         shown = f"{count(len(comments), 'comment')} such as {first}"
         problems.messages.append(f"{self.where}: passed over: {shown}")
-        return [row for row in rows if row not in comments]
+        commented = {line for line, _ in comments}
+        return [row for row in rows if row[0] not in commented]
 
     def _without_notes(self, rows: list[Row], problems: FileError) -> list[Row]:
         """Return the rows without the notes below them, which are lines of one text each."""
@@ -275,8 +276,9 @@ class TextTable(TableFile):
             rule: [*{*bad} - {*nothing, *ranges}],
         }
         columns = {}
+        finite = {cell: number for cell, number in numbers.items() if not np.isinf(number)}
         for name in names:
-            columns[name] = text[name].map(numbers).replace(np.inf, np.nan).to_numpy(dtype=float)
+            columns[name] = text[name].map(finite).to_numpy(dtype=float)
             for broken, bad_cells in rules.items():
                 problems.cells(text[name].isin(bad_cells).to_numpy(bool), name, broken)
         if nothing:

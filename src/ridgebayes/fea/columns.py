@@ -160,9 +160,8 @@ def _counts_repeat(frame: pd.DataFrame) -> bool:
     """
     Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
     same = Q[1:] == Q[:-1]
-    if (
-        3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= MOST_DISTINCT
-    ):  # each count becomes a column in memory
+    # Each count becomes a column in memory.
+    if 3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= MOST_DISTINCT:
         return False
     curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
     # A curve without loads has its highest load in the first row, and thus no increments.
