@@ -1,14 +1,15 @@
 """Sensitivity of evidences to the scales of priors, and to the nugget of a smooth offset.
 
 The draws of every pair are reweighted by the ratio of new to old prior. Pairs with unreliable
-weights are sampled again under the new prior, the widest and the narrowest prior first, because
-these draws can often be reweighted for the priors in between.
+weights are sampled again under the widest or the narrowest prior; for the priors in between, these
+draws and the draws under the default prior are reweighted together.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.evidence.pairs import Pair, WeighedPairs, in_parallel, weigh
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.importance import Drawn
+from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.pareto_smoothing import MAX_FINITE_VARIANCE_K, pareto_k
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.inference.proposal import log_mean
@@ -59,7 +61,7 @@ class _Task:
 
     pair: Pair
     changes: Sequence[_Change]
-    drawn: Drawn | None
+    drawn: Drawn
 
     @property
     def name(self) -> str:
@@ -92,7 +94,12 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     keys = zip(used["form"], used["noise"], strict=True)
     evidence: dict[_Key, float] = dict(zip(keys, used["log_evidence"], strict=True))
     pairs = {key: weighed.pairs[key] for key in evidence}
-    tasks = [_Task(pair, _changes(pair), weighed.weighed[key].drawn) for key, pair in pairs.items()]
+    draws = {key: weighed.weighed[key].drawn for key in pairs}
+    tasks = [
+        _Task(pairs[key], _changes(pairs[key]), drawn)
+        for key, drawn in draws.items()
+        if drawn is not None
+    ]
     values: dict[_PairChange, float] = {}
     pareto_ks: dict[_PairChange, float] = {}
     for task, result in zip(tasks, in_parallel(_reweighted, tasks, executor), strict=True):
@@ -102,7 +109,8 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     sides: dict[tuple[_Key, str, bool], list[_Change]] = {}
     for key, change in _unreliable_changes(evidence, values, pareto_ks):
         sides.setdefault((key, change[0], change[1] > 1), []).append(change)
-    again = [_Task(pairs[key], changes, None) for (key, *_), changes in sides.items()]
+    drawn_by_key = {task.pair.key: task.drawn for task in tasks}
+    again = [_Task(pairs[key], changes, drawn_by_key[key]) for (key, *_), changes in sides.items()]
     for task, redrawn in zip(again, in_parallel(_redrawn, again, executor), strict=True):
         values |= {(task.pair.key, change): value for change, value in redrawn.items()}
     return _table(evidence, values)
@@ -146,79 +154,120 @@ def _unreliable_changes(
 def _redrawn(task: _Task) -> dict[_Change, float]:
     """Return log evidences under changed priors; changes whose sampling fails are omitted.
 
-    The furthest prior is sampled first; its draws can often be reweighted for the priors between it
-    and the default.
+    The changes are scale factors of one prior, all above 1 or all below 1. The furthest prior is
+    sampled first.
     """
     values: dict[_Change, float] = {}
-    furthest: tuple[Pair, Drawn, float] | None = None
-    for prior, factor in sorted(task.changes, key=lambda change: -abs(math.log(change[1]))):
+    furthest: tuple[_Change, Drawn] | None = None
+    for change in sorted(task.changes, key=lambda change: -abs(math.log(change[1]))):
         if furthest is not None:
-            pair, drawn, outer_factor = furthest
-            relative = (prior, factor / outer_factor)
-            difference, k = _reweighted(_Task(pair, [relative], drawn))[relative]
+            value, k = _between(task, change, *furthest)
             if k <= MAX_FINITE_VARIANCE_K:
-                values[prior, factor] = drawn.evidence.value + difference
+                values[change] = value
                 continue
-        pair = _changed(task.pair, (prior, factor))
+        pair = _changed(task.pair, change)
         result = weigh(pair)
-        if math.isfinite(result.evidence.value):
-            values[prior, factor] = result.evidence.value
-        if furthest is None and result.drawn is not None and result.evidence.ok:
-            furthest = pair, result.drawn, factor
+        if not result.evidence.se <= QUICK.evidence_error:
+            result = weigh(replace(pair, effort=pair.effort.doubled))
+        if result.drawn is not None:
+            values[change], furthest = result.evidence.value, (change, result.drawn)
     return values
+
+
+def _between(task: _Task, change: _Change, outer: _Change, drawn: Drawn) -> tuple[float, float]:
+    """Return a log evidence from draws under the default and an outer prior, and the Pareto k.
+
+    The weights are densities relative to the mixture of both posteriors, and have an upper limit if
+    the changed prior is nowhere far above both.
+    """
+    base = task.drawn
+    n = min(base.log_density.size, drawn.log_density.size)
+    draws = _Draws.of(task.pair, base, n).beside(_Draws.of(_changed(task.pair, outer), drawn, n))
+    relative = draws.log_ratio(outer) - (drawn.evidence.value - base.evidence.value)
+    ratio = draws.log_ratio(change) - np.logaddexp(relative, 0.0) + math.log(2)
+    return base.evidence.value + float(log_mean(ratio)), pareto_k(ratio)
 
 
 def _reweighted(task: _Task) -> dict[_Change, tuple[float, float]]:
     """Return changes of ln evidence by reweighting, each with the Pareto k of its weights."""
-    pair, drawn = task.pair, task.drawn
-    if drawn is None:
-        return {}
-    model = Model(pair.data, pair.form, pair.noise, pair.priors)
-    u = drawn.u.reshape(-1, drawn.u.shape[-1])
-    theta, names = model.outer_theta(u), _scaled_priors(model)
-    # Log K and smooth offsets are integrated out, so that their priors enter the likelihood, which
-    # is computed again at some draws.
-    thinned = u[:: max(len(u) // _N_LIKELIHOOD_DRAW, 1)]
-    likelihood: FloatArray | None = None
+    draws = _Draws.of(task.pair, task.drawn)
     results: dict[_Change, tuple[float, float]] = {}
-    for prior, factor in task.changes:
-        if factor == 1:
-            results[prior, factor] = 0.0, -math.inf
-            continue
-        if prior in (SLOPES, NUGGET):
-            if likelihood is None:
-                likelihood = _likelihood(pair, pair, thinned)
-            ratio = _likelihood(_changed(pair, (prior, factor)), pair, thinned) - likelihood
-        else:
-            ratio = _log_ratio(model, theta, names[prior], factor)
-        results[prior, factor] = (
+    for change in task.changes:
+        ratio = draws.log_ratio(change)
+        results[change] = (
             (float(log_mean(ratio)), pareto_k(ratio)) if ratio.any() else (0.0, -math.inf)
         )
     return results
 
 
-def _likelihood(changed: Pair, pair: Pair, u: FloatArray) -> FloatArray:
-    """Return log densities of draws (n, n_outer) under a changed pair.
+@dataclass(frozen=True, eq=False)
+class _Draws:
+    """Draws at which densities under changed priors are compared with the default density.
 
-    The random points are the same for all changes of a pair.
+    Parameters
+    ----------
+    pair : Pair
+        Pair with its default priors.
+    u : ndarray of float, shape (n, n_outer)
+        Normal scores of the draws, under the priors with which they were drawn.
+    theta : ndarray of float, shape (n, n_outer)
+        Outer parameters.
     """
-    rng = stream(pair.own_seed, "changed likelihood")
-    return changed.target().integral.estimated(u, rng, QUICK.effort.n_point).log_density
+
+    pair: Pair
+    u: FloatArray
+    theta: FloatArray
+
+    @classmethod
+    def of(cls, pair: Pair, drawn: Drawn, n: int | None = None) -> "_Draws":
+        """Return a pair's draws, at most n of them if given."""
+        u = drawn.u.reshape(-1, drawn.u.shape[-1])
+        u = u if n is None else u[:: len(u) // n][:n]
+        return cls(pair, u, _model(pair).outer_theta(u))
+
+    def beside(self, other: "_Draws") -> "_Draws":
+        """Return these draws and as many draws of the pair under other priors."""
+        sets = (self.u, other.u), (self.theta, other.theta)
+        return _Draws(self.pair, *(np.concatenate(arrays) for arrays in sets))
+
+    def log_ratio(self, change: _Change) -> FloatArray:
+        """Return the log ratio of changed to default density at the draws."""
+        prior, factor = change
+        ratio = np.zeros(len(self.theta))
+        if factor == 1:
+            return ratio
+        if prior in (SLOPES, NUGGET):
+            return self._likelihood(_changed(self.pair, change)) - self._default_likelihood
+        model = _model(self.pair)
+        for name in _scaled_priors(model)[prior]:
+            x, default = self.theta[:, model.outer_names.index(name)], model.priors[name]
+            with np.errstate(invalid="ignore"):  # inf - inf for draws outside both supports
+                ratio += default.stretched(factor).log_pdf(x) - default.log_pdf(x)
+        return np.where(np.isnan(ratio), -np.inf, ratio)
+
+    @cached_property
+    def _default_likelihood(self) -> FloatArray:
+        return self._likelihood(self.pair)
+
+    def _likelihood(self, pair: Pair) -> FloatArray:
+        """Return log densities under a pair with changed priors, at about 256 draws.
+
+        Log K and smooth offsets are integrated out, so that their priors enter the likelihood. The
+        random points are the same for all changes.
+        """
+        u = self.u[:: max(len(self.u) // _N_LIKELIHOOD_DRAW, 1)]
+        rng = stream(self.pair.own_seed, "changed likelihood")
+        integral = LatentIntegral(_model(pair))
+        return integral.estimated(u, rng, QUICK.effort.n_point).log_density
 
 
-def _log_ratio(model: Model, theta: FloatArray, names: list[str], factor: float) -> FloatArray:
-    """Return the log ratio of new to old prior density at draws (n, n_outer), shape (n,)."""
-    ratio = np.zeros(len(theta))
-    for name in names:
-        x, old = theta[:, model.outer_names.index(name)], model.priors[name]
-        with np.errstate(invalid="ignore"):  # inf - inf for draws outside both priors' supports
-            ratio += old.stretched(factor).log_pdf(x) - old.log_pdf(x)
-    return np.where(np.isnan(ratio), -np.inf, ratio)
+def _model(pair: Pair) -> Model:
+    return Model(pair.data, pair.form, pair.noise, pair.priors)
 
 
 def _changes(pair: Pair) -> list[_Change]:
     """Return the changes of a pair's priors to be evaluated."""
-    model = Model(pair.data, pair.form, pair.noise, pair.priors)
+    model = _model(pair)
     priors = [*_scaled_priors(model)] + [NUGGET] * (SMOOTH in pair.noise.factors)
     return [(prior, factor) for prior in priors for factor in scale_factors(prior)]
 
@@ -241,6 +290,6 @@ def _changed(pair: Pair, change: _Change) -> Pair:
     pair = replace(pair, effort=QUICK.effort)
     if prior == NUGGET:
         return replace(pair, noise=replace(pair.noise, nugget=factor * pair.noise.nugget))
-    model = Model(pair.data, pair.form, pair.noise, pair.priors)
+    model = _model(pair)
     scaled = {name: model.priors[name].stretched(factor) for name in _scaled_priors(model)[prior]}
     return replace(pair, priors={**model.given_priors, **scaled})

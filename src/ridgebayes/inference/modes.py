@@ -94,8 +94,9 @@ def _climb(log_density: Density, x: FloatArray, value: FloatArray) -> tuple[Floa
         gradient[here] = _gradients(log_density, new)
         inverse[here] = _update_inverse(inverse[here], change, before - gradient[here])
         active = here[gain[moved] > _MIN_GAIN]
-        # Climbs 30 nats below the best climb, or next to a higher climb, end early.
-        active = active[value[active] > value.max() - 30]
+        # Climbs 30 nats below the best three climbs, or next to a higher climb, end early. The best
+        # climb alone can end in a region that is not smooth.
+        active = active[value[active] > np.sort(value)[-_MAX_MODES:][0] - 30]
         distance = np.abs(x[active][:, None] - x).max(axis=-1)
         merged = (distance < _MIN_DISTANCE) & (value > value[active][:, None])
         active = active[~merged.any(axis=1)]
