@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
 from ridgebayes._types import FloatArray, IntArray
@@ -81,6 +82,7 @@ def plot_corner(
         plot_datapoints=False,
         plot_density=False,
         fill_contours=True,
+        no_fill_contours=True,  # no white area below them
         levels=(0.39, 0.86),  # one and two standard deviations of a normal in two dimensions
         quantiles=(0.05, 0.5, 0.95),
         max_n_ticks=3,
@@ -93,6 +95,9 @@ def plot_corner(
         axes.tick_params(labelsize=9)
         for line in axes.lines:
             line.set_linewidth(0.9)
+        for contours in axes.collections:
+            if getattr(contours, "filled", False):  # the area below the levels is transparent
+                contours.get_paths()[0] = Path(np.empty((0, 2)))
     left = 1.1 / size
     figure.subplots_adjust(left=left, bottom=left, right=1 - 0.3 / size, top=1 - 0.45 / size)
     note = "" if n == n_parameter else f" ({n} of {n_parameter} parameters)"

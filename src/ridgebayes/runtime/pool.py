@@ -5,6 +5,7 @@ dies, only its task is lost, and a new worker repeats it. In an executor of seve
 death would break all submitted tasks, and the responsible task would be unknown.
 """
 
+import gc
 import itertools
 import multiprocessing
 import os
@@ -317,6 +318,7 @@ def submit_or_defer(
 
 def _start_worker() -> None:
     """Prepare a new worker: ignore Ctrl-C, and exit when the parent process ends."""
+    gc.freeze()  # the collector need not look at imported modules, nor unshare their memory
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
 
