@@ -36,7 +36,9 @@ _N_DECIMAL = round(-math.log10(NEGLIGIBLE_PROBABILITY))  # decimals of probabili
 def default_loads(comparison: Comparison, n: int = _N_LOAD) -> FloatArray:
     """Return log-spaced loads over the range of a comparison's table, shape (n,)."""
     p = comparison.table.column("p_over_E")[comparison.table.column("status") == "ok"]
-    return np.geomspace(p.min(), p.max(), n)
+    # Nine digits keep bands.csv small. Both ends are exact, so that they are no extrapolation.
+    inner = [float(f"{load:.9g}") for load in np.geomspace(p.min(), p.max(), n)[1:-1]]
+    return np.array([p.min(), *inner, p.max()])
 
 
 def bands_table(

@@ -116,19 +116,17 @@ class PlacedDraws:
         t = (self._part.log_p(load) - self._log_area - location) / scale
         return t if self._max_count is None else np.where(count <= self._max_count, t, -np.inf)
 
-    def window(self, case: Case) -> tuple[FloatArray | None, FloatArray | None]:
-        """Return the errors between which the case happens; None for no bound."""
+    def window(self, case: Case) -> tuple[FloatArray, FloatArray]:
+        """Return the errors between which the case happens; infinite for no bound."""
+        no_bound = np.full(len(self._part.which), np.inf)
         above = [self.threshold(*bound) for bound in case.below]
         below = [self.threshold(*bound) for bound in case.at_least]
-        low = np.maximum.reduce(above) if above else None
-        return low, np.minimum.reduce(below) if below else None
+        return np.maximum.reduce([-no_bound, *above]), np.minimum.reduce([no_bound, *below])
 
     def probability(self, case: Case) -> FloatArray:
         """Return the probability of a case for each draw, shape (n,)."""
         low, high = self.window(case)
-        upper = 1.0 if high is None else special.ndtr(high)
-        lower = 0.0 if low is None else special.ndtr(low)
-        return np.asarray(np.maximum(upper - lower, 0.0))
+        return np.asarray(np.maximum(special.ndtr(high) - special.ndtr(low), 0.0))
 
     def reached(self, load: Load) -> Iterator[tuple[int, FloatArray]]:
         """Yield counts from 4 on, and the probability that each draw reaches them."""

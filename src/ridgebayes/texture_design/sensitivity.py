@@ -18,6 +18,7 @@ from ridgebayes._types import BoolArray, FloatArray, IntArray, Json
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.runtime.randomness import stream, streams
 from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.uncertain import Uncertain
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
 from ridgebayes.texture_design.goal_values import N_DRAW, PlacedDraws, PosteriorDraws, Value
@@ -60,10 +61,8 @@ class Sources:
 
     def draw(self, n: int, seed: int) -> dict[str, FloatArray]:
         """Return n draws of each source."""
-        draws: dict[str, FloatArray] = {}
-        if self.scene.uncertain is not None:
-            draws |= self.scene.uncertain.draw(n, streams(seed))
-        if self.tolerance.size and not self.tolerance.is_worst:
+        draws: dict[str, FloatArray] = dict(self._uncertain.draw(n, streams(seed)))
+        if self._has_drawn_widths:
             draws["tolerance"] = stream(seed, "tolerance").standard_normal((2, n))
         for name in (FORM, NOISE, COEFFICIENTS):
             draws[name] = stream(seed, name).random(n)
@@ -77,54 +76,51 @@ class Sources:
         """
         n = _N_OUTER * _N_INNER
         draws, measurements = self.draw(n, seed), self.draw(_N_OUTER, seed + 1)
-        uncertain = self.scene.uncertain if left and members != ["tolerance"] else None
-        if uncertain is not None:
-            score = uncertain.scores(n, streams(seed))
-            measurements = uncertain.scores(_N_OUTER, streams(seed + 1))
-        else:
-            score = draws
-        share, measured = math.sqrt(1 - left**2), {}
-        for name in members:
-            outer = np.repeat(measurements[name], _N_INNER, axis=-1)
-            measured[name] = left * score[name] + share * outer
-        if uncertain is not None:
-            measured = uncertain.at_scores(score | measured, streams(seed))
+        in_part = bool(left) and members != ["tolerance"]
+        score = draws
+        if in_part:
+            score = self._uncertain.scores(n, streams(seed))
+            measurements = self._uncertain.scores(_N_OUTER, streams(seed + 1))
+        measured = {
+            name: left * score[name]
+            + math.sqrt(1 - left**2) * np.repeat(measurements[name], _N_INNER, axis=-1)
+            for name in members
+        }
+        if in_part:
+            measured = self._uncertain.at_scores(score | measured, streams(seed))
         return {**draws, **measured}
 
     def may_be_measured_in_part(self, members: Sequence[str]) -> bool:
         """Return whether draws of these sources are functions of normal scores."""
-        sources = {} if self.scene.uncertain is None else self.scene.uncertain.sources
-        drawn = {name for name, source in sources.items() if source.has_quantiles}
-        return drawn.union(["tolerance"]).issuperset(members)
+        drawn = (name for name, source in self._uncertain.sources.items() if source.has_quantiles)
+        return set(members) <= {"tolerance", *drawn}
 
     @property
     def groups(self) -> dict[str, list[str]]:
         """Sources by group; groups that the scene correlates are merged."""
         places = {name: _GROUPS[name.partition(".")[0].partition("[")[0]] for name in self._places}
-        for correlated in self.scene.uncertain.joint if self.scene.uncertain is not None else ():
+        for correlated in self._uncertain.joint:
             merged = " and ".join(dict.fromkeys(places[name] for name in correlated.of))
             old = {places[name] for name in correlated.of}
             places = {k: merged if v in old else v for k, v in places.items()}
-        if self.tolerance.size and not self.tolerance.is_worst:
+        if self._has_drawn_widths:
             places["tolerance"] = "tolerance"
-        places |= {COEFFICIENTS: COEFFICIENTS}
-        if len({loads.fit.form.name for loads, _ in self.loads}) > 1:
-            places |= {FORM: FORM}
+        n_form = len({loads.fit.form.name for loads, _ in self.loads})
+        places |= {COEFFICIENTS: COEFFICIENTS} | ({FORM: FORM} if n_form > 1 else {})
         places |= {NOISE: NOISE, "score": NOISE}
-        groups = {group: list[str]() for group in places.values()}
-        for name, group in places.items():
-            groups[group].append(name)
-        return groups
+        return {
+            group: [name for name in places if places[name] == group] for group in places.values()
+        }
 
     @property
     def measurable(self) -> dict[str, list[str]]:
         """Sources that a measurement determines, by name of the measurement."""
-        joint = () if self.scene.uncertain is None else self.scene.uncertain.joint
-        members = {", ".join(correlated.of): list(correlated.of) for correlated in joint}
-        taken = {name for correlated in joint for name in correlated.of}
-        members |= {name: [name] for name in self._places if name not in taken}
-        if "tolerance" in self.groups and self.tolerance.size:
-            members["tolerance"] = ["tolerance"]
+        groups = [list(correlated.of) for correlated in self._uncertain.joint]
+        taken = {name for group in groups for name in group}
+        groups += [[name] for name in self._places if name not in taken]
+        if self.tolerance.size and "tolerance" in self.groups:
+            groups.append(["tolerance"])
+        members = {", ".join(group): group for group in groups}
         return members | {SIMULATION: [FORM, NOISE, COEFFICIENTS, "score"]}
 
     def outcome(self, draws: Draws) -> tuple[FloatArray, FloatArray]:
@@ -135,13 +131,9 @@ class Sources:
         for here, which, placed in self._placed(draws):
             error = draws["score"][here]
             low, high = placed.window(self.value.case)
-            met = np.ones(len(which), dtype=bool)
-            met &= True if high is None else error <= high
-            met &= True if low is None else error > low
-            failed[here], count, alive = ~met, 4, np.ones(len(which), dtype=bool)
-            reached = np.full(len(which), 2.0)
-            while alive.any():
-                alive &= error <= placed.threshold(count, highest)
+            failed[here] = ~((low < error) & (error <= high))
+            count, reached, alive = 4, np.full(len(which), 2.0), np.ones(len(which), dtype=bool)
+            while (alive := alive & (error <= placed.threshold(count, highest))).any():
                 reached += 2 * alive
                 count += 2
             Q[here] = reached
@@ -155,11 +147,17 @@ class Sources:
         return values
 
     @property
+    def _uncertain(self) -> Uncertain:
+        return self.scene.uncertain or Uncertain({}, {}, {})
+
+    @property
+    def _has_drawn_widths(self) -> bool:
+        return bool(self.tolerance.size) and not self.tolerance.is_worst
+
+    @property
     def _places(self) -> list[str]:
-        if self.scene.uncertain is None:
-            return []
-        joint = [name for correlated in self.scene.uncertain.joint for name in correlated.of]
-        return list(dict.fromkeys([*self.scene.uncertain.sources, *joint]))
+        joint = [name for correlated in self._uncertain.joint for name in correlated.of]
+        return list(dict.fromkeys([*self._uncertain.sources, *joint]))
 
     def _placed(self, draws: Draws) -> list[tuple[BoolArray, IntArray, PlacedDraws]]:
         """Return, for each posterior, where its draws are, their indices, and the draws."""
