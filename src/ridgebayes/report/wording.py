@@ -43,15 +43,8 @@ def say(sentence: str, **values: object) -> str:
 def _sentences() -> Any:
     name = "sentences.jinja"
     environment = environment_of("ridgebayes.report", name)
-    environment.filters |= {
-        "form": form_name,
-        "listed": listed,
-        "number": number,
-        "decimals": decimals,
-        "probability": probability,
-        "percent": percent,
-        "count": count,
-    }
+    filters = (listed, number, decimals, probability, percent, count)
+    environment.filters |= {"form": form_name} | {x.__name__: x for x in filters}
     return environment.get_template(name).module
 
 

@@ -34,7 +34,7 @@ _Task = TypeVar("_Task")
 # A server that has imported everything forks workers in milliseconds. Without it (Windows) each
 # worker imports all modules.
 _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-_PACKAGE = __name__.partition(".")[0]
+_PACKAGE, *_ = __name__.split(".")
 # One BLAS thread for each worker: several would compete for processors. One malloc arena: each
 # thread of a worker would otherwise keep memory that it has freed.
 _ENVIRONMENT = dict.fromkeys(

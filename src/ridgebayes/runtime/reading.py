@@ -22,12 +22,12 @@ from ridgebayes.runtime.text import one_line_message
 if TYPE_CHECKING:
     import h5py
 
-LARGEST = 2**31  # bytes of a file that is read into memory
+_MEBIBYTE = 2**20  # bytes that are unpacked before they are counted
+LARGEST = 2048 * _MEBIBYTE  # of a file that is read into memory
 # Bytes of TOML or JSON, which would take minutes to parse above it; and bytes of an HDF5 chunk,
 # which is always unpacked as a whole.
-LARGEST_TEXT = LARGEST_CHUNK = 2**26
+LARGEST_TEXT = LARGEST_CHUNK = 64 * _MEBIBYTE
 _MAX_OBJECTS = 10_000  # groups and datasets; a posterior has thirty
-_BYTES_PER_STEP = 2**20  # bytes unpacked before they are counted
 _NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
 _MAX_PACKED_SHARE = 4 / 3  # packed over unpacked bytes; gzip and checksums never need more
 
@@ -295,7 +295,7 @@ def _fits(packed: bytes, most: int) -> bool:
     unpack, n = zlib.decompressobj(), 0
     try:
         while packed and not unpack.eof:
-            n += len(unpack.decompress(packed, _BYTES_PER_STEP))
+            n += len(unpack.decompress(packed, _MEBIBYTE))
             if n > most:
                 return False
             packed = unpack.unconsumed_tail
