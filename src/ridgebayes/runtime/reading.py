@@ -9,7 +9,7 @@ import math
 import tomllib
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from stat import S_ISREG
@@ -130,10 +130,8 @@ def refusing(
     """
     try:
         yield
-    except InputError:
-        raise
     except Exception as error:
-        if kinds and not isinstance(error, kinds):
+        if isinstance(error, InputError) or (kinds and not isinstance(error, kinds)):
             raise
         raise InputError(f"{where}: {one_line_message(error, most)}{rule}") from None
 
@@ -293,14 +291,12 @@ def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: 
 
 def _fits(packed: bytes, most: int) -> bool:
     unpack, n = zlib.decompressobj(), 0
-    try:
+    with suppress(zlib.error):  # HDF5 refuses a damaged chunk
         while packed and not unpack.eof:
             n += len(unpack.decompress(packed, _MEBIBYTE))
             if n > most:
                 return False
             packed = unpack.unconsumed_tail
-    except zlib.error:
-        return True  # HDF5 refuses it
     return True
 
 

@@ -184,22 +184,19 @@ class GoalValues:
     def _spread(self, placed: Sequence[PlacedDraws], case: Case) -> tuple[float, float]:
         """Return the standard deviation of Q, and its error from the influence function."""
         ((_, load),) = case.at_least
-        firsts, squares = [], []
+        moments = []  # E[Q] and E[Q^2] of the draws of each posterior
         for part, at_texture in zip(self.parts, placed, strict=True):
             first, square = np.full(len(part.which), 2.0), np.full(len(part.which), 4.0)
             for n, reached in at_texture.reached(load):
                 first, square = first + 2 * reached, square + (4 * n - 4) * reached
-            firsts.append(first)
-            squares.append(square)
-        mean = self._average(firsts)[0]
-        centred = zip(squares, firsts, strict=True)
-        variance, se = self._average([s - 2 * mean * f + mean**2 for s, f in centred])
+            moments.append((first, square))
+        mean, _ = self._average([first for first, _ in moments])
+        variance, se = self._average([s - 2 * mean * f + mean**2 for f, s in moments])
         sd = float(np.sqrt(max(variance, 0.0)))
         return sd, se / (2 * sd) if sd else 0.0
 
     def _average(self, values: Sequence[FloatArray]) -> tuple[float, float]:
         """Return the weighted mean over posteriors, and its standard error."""
-        weights = [part.weight for part in self.parts]
-        pairs = list(zip(weights, values, strict=True))
+        pairs = [(part.weight, x) for part, x in zip(self.parts, values, strict=True)]
         mean = sum(w * float(v.mean()) for w, v in pairs)
         return mean, float(np.sqrt(sum(w * w * float(v.var()) / len(v) for w, v in pairs)))

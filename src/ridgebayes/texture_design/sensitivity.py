@@ -9,6 +9,7 @@ it correlates are one group.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -29,7 +30,8 @@ SIMULATION = "a simulation of this texture"
 _GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}  # by section of a scene
 _N_CHECK = 100_000  # draws of the check
 _MAX_SE = 0.1  # largest standard error of a reported share
-_N_OUTER, _N_INNER = 128, 256  # measurements, and draws of each
+_N_OUTER = math.isqrt(N_DRAW)  # measurements
+_N_INNER = 2 * _N_OUTER  # draws of each
 _QUANTILES = (0.05, 0.95)  # of the probability after a measurement
 _SPREADS_LEFT = (0.0, 0.5)  # shares of a source's sd after a measurement
 Draws = Mapping[str, FloatArray]  # by source; draws are along the last axis
@@ -167,12 +169,11 @@ class Sources:
         weights = np.array([weight for _, weight in self.loads])
         names = list(dict.fromkeys(forms))
         by_form = np.array([weights[forms == name].sum() for name in names])
-        form = np.searchsorted(np.cumsum(by_form / by_form.sum())[:-1], draws[FORM], side="right")
+        form = _picked(draws[FORM], by_form)
         placed = []
         for i, name in enumerate(names):
             of_form = np.flatnonzero(forms == name)
-            ends = np.cumsum(weights[of_form] / weights[of_form].sum())[:-1]
-            noise = np.searchsorted(ends, draws[NOISE], side="right")
+            noise = _picked(draws[NOISE], weights[of_form])
             for k, j in enumerate(of_form.tolist()):
                 here = (form == i) & (noise == k)
                 if not here.any():
@@ -191,6 +192,11 @@ class Sources:
         count = max([4, *(n for n, _ in (*case.at_least, *case.below))])
         ratio = np.asarray(a / (a + b))
         return np.argsort(loads.at(count, slice(None), ratio)[0], kind="stable")
+
+
+def _picked(uniform: FloatArray, weights: FloatArray) -> IntArray:
+    """Return the index that each uniform number picks among weights."""
+    return np.searchsorted(np.cumsum(weights / weights.sum())[:-1], uniform, side="right")
 
 
 def drawn_check(sources: Sources, goal: Goal, seed: int) -> Json:
@@ -258,14 +264,11 @@ def what_to_measure(sources: Sources, seed: int) -> pd.DataFrame:
         measurement). The most informative measurement is first.
     """
     rows = []
-    measurements = [
-        (2 + 2 * k, name, members, left)
-        for k, (name, members) in enumerate(sources.measurable.items())
-        for left in _SPREADS_LEFT
-        if not left or sources.may_be_measured_in_part(members)
-    ]
-    for offset, name, members, left in measurements:
-        draws = sources.draw_measured(members, left, seed + offset)
+    measurements = enumerate(sources.measurable.items(), start=1)
+    for (k, (name, members)), left in product(measurements, _SPREADS_LEFT):
+        if left and not sources.may_be_measured_in_part(members):
+            continue
+        draws = sources.draw_measured(members, left, seed + 2 * k)
         met = 1 - sources.outcome(draws)[1] if name == SIMULATION else sources.probability(draws)
         within = met.reshape(_N_OUTER, _N_INNER)
         share = within.mean(axis=1)
