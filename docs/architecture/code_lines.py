@@ -18,7 +18,7 @@ BUDGETS = {
     "modules of the package": 499,  # with `request` and `cautions`, which were in rooms below
     "runtime": 769,
     "distributions": 479,  # with those of SciPy
-    "drawing": 983,
+    "drawing": 956,
     "contact": 3_170,  # reads the loads of stiffening from a file
     "table": 642,  # with the check for plain CSV that import uses too: pandas reads it faster
     "scene": 1_300,  # with loads as they are typed, which were in commands and texture_design
@@ -32,7 +32,7 @@ BUDGETS = {
     "checks": 770,
     "friction": 862,  # draws the blocks of a scene itself
     "texture_design": 1_135,
-    "report": 1_481,
+    "report": 1_471,
     "commands": 2_206,
 }
 _NO_CODE = {

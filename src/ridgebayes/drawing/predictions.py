@@ -160,13 +160,8 @@ def _observed(axes: Axes, rows: pd.DataFrame) -> None:
         load, q = rise["p_over_E"].to_numpy(), rise["Q"].to_numpy()
         # Loads below the first row were not observed, unless this row is the first transition.
         first = 0.0 if q[0] <= N_EDGES_FIRST else load[0]
-        axes.step(
-            np.concatenate([[first], load]),
-            np.concatenate([[q[0] - 2], q]),
-            where="post",
-            color=OBSERVED,
-            linewidth=1.0,
-        )
+        steps = np.array([[first, *load], [q[0] - 2, *q]])
+        axes.step(*steps, where="post", color=OBSERVED, linewidth=1.0)
         axes.plot(load, q, ".", color=OBSERVED, markersize=6)
         if _LOWER in rise:
             axes.hlines(q - 1, rise[_LOWER], load, color=OBSERVED, linewidth=3)
@@ -265,9 +260,8 @@ def plot_prior_bands(bands: pd.DataFrame, rows: pd.DataFrame, form: str) -> Figu
         by_count = by_count.sort_values("Q")
         lower, median, upper = (np.exp(by_count[name]) for name in ("lower", "median", "upper"))
         label = f"{title_of(form)}: prior, {100 * by_count['prob'].iloc[0]:g} %"
-        axes.fill_between(
-            by_count["Q"], lower, upper, color=colour, alpha=0.25, linewidth=0, label=label
-        )
+        look: dict[str, Any] = {"color": colour, "alpha": 0.25, "linewidth": 0, "label": label}
+        axes.fill_between(by_count["Q"], lower, upper, **look)
         # A band over a single count has no width, so a line is drawn at each count.
         axes.vlines(by_count["Q"], lower, upper, color=colour, linewidth=0.8, alpha=0.6)
         axes.plot(by_count["Q"], median, color=colour, linewidth=1.2, label="median")

@@ -22,7 +22,6 @@ from ridgebayes.report.wording import (
     form_name,
     noise_name,
     parameter_name,
-    prior_name,
     probability,
     say,
     with_error,
@@ -235,7 +234,9 @@ def prior_section(data: ReportData) -> list[Block]:
     ]
     columns: dict[str, Callable[[pd.DataFrame], str]] = {
         f"Form, against {against}": lambda part: form_name(part["form"].iloc[0]),
-        "Prior of": lambda part: prior_name(part["prior"].iloc[0]),
+        "Prior of": lambda part: (
+            "c and c₁" if (name := part["prior"].iloc[0]) == "c" else parameter_name(name)
+        ),
         "Scale, times default": lambda part: "{:g} to {:g}".format(*part["factor"].iloc[[0, -1]]),
         "ln BF at the least": lambda part: decimals(part["ln_bf"].iloc[0], 1),
         "at default": lambda part: decimals(

@@ -72,11 +72,6 @@ def parameter_name(name: str) -> str:
     return drawing.style.SYMBOLS.get(name, (name,))[0]
 
 
-def prior_name(name: str) -> str:
-    """Return the displayed name of a prior in `prior_sensitivity.csv`."""
-    return "c and c₁" if name == "c" else parameter_name(name)
-
-
 def noise_name(name: str) -> str:
     """Return a description of an error model.
 
