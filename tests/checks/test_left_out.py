@@ -62,7 +62,7 @@ def few(observed):
     ],
 )
 def test_folds_of__leave_out_each_row_once(few, leave, names, sizes):
-    folds = folds_of(few, rb.Hybrid(), IID, leave=leave)
+    folds = folds_of(few, (rb.Hybrid(), IID), leave=leave)
     assert [fold.name for fold in folds] == names
     assert [int(fold.left.sum()) for fold in folds] == sizes
     np.testing.assert_array_equal(sum(fold.left.astype(int) for fold in folds), np.ones(6))
@@ -74,16 +74,16 @@ def test_folds_of__refuses_unknown_words_and_a_single_fold(few):
     with pytest.raises(
         rb.InputError, match=r"leave: expected one of texture, step, series, row, got 'fold'"
     ):
-        folds_of(few, rb.Hybrid(), IID, leave="fold")
+        folds_of(few, (rb.Hybrid(), IID), leave="fold")
     with pytest.raises(rb.InputError, match="expected at least two values of"):
-        folds_of(few.take(few.texture == 0), rb.Hybrid(), IID)
+        folds_of(few.take(few.texture == 0), (rb.Hybrid(), IID))
 
 
 def test_folds_of__leaves_out_a_tenth_at_a_time_of_many_textures(observed):
     textures = [(0.01 + 0.0001 * i, 0.03) for i in range(51)]
     texture = np.repeat(np.arange(51), 2)
     many = observed(texture, np.tile([4, 6], 51), np.tile([-6.3, -4.8], 51), textures=textures)
-    folds = folds_of(many, rb.Hybrid(), IID)
+    folds = folds_of(many, (rb.Hybrid(), IID))
     assert [fold.name for fold in folds] == [f"group {i} of 10" for i in range(1, 11)]
     np.testing.assert_array_equal(sum(fold.left.astype(int) for fold in folds), np.ones(102))
     n_left = [len(set(texture[fold.left])) for fold in folds]
@@ -91,21 +91,21 @@ def test_folds_of__leaves_out_a_tenth_at_a_time_of_many_textures(observed):
     assert set(n_left) == {5, 6}
     # Not one stretch of the table each, and the same ones for each form.
     assert len(set(np.flatnonzero(folds[0].left[::2]) % 10)) > 1
-    others = folds_of(many, rb.Modified(), IID)
+    others = folds_of(many, (rb.Modified(), IID))
     assert all((a.left == b.left).all() for a, b in zip(folds, others, strict=True))
     for leave, keep, n_fold in (("texture", texture < 24, 24), ("row", np.arange(102) < 50, 50)):
-        assert len(folds_of(many.take(keep), rb.Hybrid(), IID, leave=leave)) == n_fold
+        assert len(folds_of(many.take(keep), (rb.Hybrid(), IID), leave=leave)) == n_fold
 
 
 def test_folds_of__leaves_out_whole_series(observed):
     rows = observed([0, 0, 1, 1], [4, 6, 4, 6], -6.0, series=[0, 1, 0, 1])
-    folds = folds_of(rows, rb.Modified(), IID, leave="series", effort=QUICK)
+    folds = folds_of(rows, (rb.Modified(), IID), leave="series", effort=QUICK)
     assert [fold.name for fold in folds] == ["a", "b"]
     assert folds[0].left.tolist() == [True, False, True, False]
 
 
 def test_left_out__is_of_the_rows_that_stay_and_travels(few):
-    fold = folds_of(few, rb.Modified(), IID, seed=3, effort=QUICK)[1]
+    fold = folds_of(few, (rb.Modified(), IID), seed=3, effort=QUICK)[1]
     rest = pickle.loads(pickle.dumps(fold)).left_out()
     assert rest.model.data.textures == (few.textures[0], few.textures[2])
     assert fold.rows.textures == (few.textures[1],)
@@ -117,8 +117,8 @@ def test_left_out__is_of_the_rows_that_stay_and_travels(few):
 
 def test_folds_of__a_fit_take_its_draws_under_the_error_model_asked_for(few):
     fit = fit_to(few, rb.Modified(), {}, 7)
-    assert folds_of(few, fit, IID, effort=QUICK)[0].all_rows.evidence == fit.evidence
-    other = folds_of(few, fit, Noise("texture"), effort=QUICK)[0].all_rows
+    assert folds_of(few, (fit, IID), effort=QUICK)[0].all_rows.evidence == fit.evidence
+    other = folds_of(few, (fit, Noise("texture")), effort=QUICK)[0].all_rows
     assert other.model.noise.name == "texture"
 
 
@@ -127,7 +127,7 @@ def test_folds_of__keep_the_prior_of_every_slope(few):
         {"power-law": {"K": "lognormal(auto, 5 %)"}}, [rb.PowerLaw()], [IID], few
     )
     priors |= {"noise": SIGMA}
-    model = folds_of(few, rb.PowerLaw(), IID, effort=QUICK, priors=priors)[0].left_out().model
+    model = folds_of(few, (rb.PowerLaw(), IID), effort=QUICK, priors=priors)[0].left_out().model
     assert model.parameter_names == ("K[a0.032_b0.01]", "K[a0.022_b0.02]", "sigma")
     assert model.priors["K[a0.032_b0.01]"].log_sd == 0.05
     assert model.priors["sigma"] == SIGMA["sigma"]
@@ -234,7 +234,7 @@ def test_left_out_scores__are_sums_over_folds(scores, fe_table, forms):
         assert part["stacking_weight"].sum() == pytest.approx(1, abs=1e-9)  # algebra
     data = model_of(fe_table, rb.Modified()).data
     for row, form in zip(scores.to_dict("records")[2:], forms, strict=True):
-        folds = folds_of(data, form, IID, leave="step", seed=3, effort=QUICK)
+        folds = folds_of(data, (form, IID), leave="step", seed=3, effort=QUICK)
         total = np.array([fold.left_out().log_score for fold in folds])
         sizes = np.array([fold.left.sum() for fold in folds])
         assert row["log_score"] == pytest.approx(total.sum(), rel=1e-12)  # rounding

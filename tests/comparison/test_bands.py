@@ -53,10 +53,18 @@ def tail(frame):
 # --- bands on Q -----------------------------------------------------------------------------------
 
 
-def test_bands__columns_are_the_contract_and_then_each_even_count(bands):
+def test_bands__columns_are_the_contract_for_every_form_and_the_average_in_both_kinds(bands):
     names = tail(bands)
     assert list(bands) == BAND_COLUMNS + names
     assert names == [f"p_q_ge_{n}" for n in range(4, 4 + 2 * len(names), 2)]
+    rows = bands.groupby(["kind_of_band", "form"], sort=False).size()
+    expected = [(kind, form) for kind in ("curve", "simulation") for form in (*SHARES, "average")]
+    assert rows.index.tolist() == expected
+    assert set(rows) == {3 * 40}
+    assert bands[["noise", "prob", "nu"]].drop_duplicates().to_numpy().tolist() == [
+        ["iid", 0.9, 0.5]
+    ]
+    assert not bands.isna().any(axis=None)
 
 
 @pytest.mark.parametrize("load", [1e-6, 1e-3, 0.02])
@@ -76,17 +84,6 @@ def test_bands__an_average_ends_by_its_own_probabilities(paper, fits):
     assert highest.iloc[-1] < 1e-6
     assert (highest.iloc[:-1] >= 1e-6).all()
     assert len(highest) < len(tail(bands_table(mixed, forms=["classic"], **where)))
-
-
-def test_bands__every_form_and_the_average_in_both_kinds(bands):
-    rows = bands.groupby(["kind_of_band", "form"], sort=False).size()
-    expected = [(kind, form) for kind in ("curve", "simulation") for form in (*SHARES, "average")]
-    assert rows.index.tolist() == expected
-    assert set(rows) == {3 * 40}
-    assert set(bands["noise"]) == {"iid"}
-    assert set(bands["prob"]) == {0.9}
-    assert set(bands["nu"]) == {0.5}
-    assert not bands.isna().any(axis=None)
 
 
 def test_bands__go_texture_by_texture_and_load_by_load(bands):

@@ -268,12 +268,6 @@ def test_loo__without_row_likelihoods_is_an_empty_table(paper, monkeypatch):
     assert len(found.loo) == 0
 
 
-def test_fits__that_were_walked_carry_their_rows_likelihood(comparison):
-    fit = comparison.fits["hybrid"]
-    np.testing.assert_array_equal(fit.log_likelihood, fit.rows_log_likelihood())
-    assert fit.log_likelihood.shape == (len(fit.draws), 41)
-
-
 # --- averages over forms --------------------------------------------------------------------------
 
 

@@ -4,12 +4,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes._types import Rng
-from ridgebayes.checks.left_out import Fold, clustered_se, of_folds, row_loads
+from ridgebayes.checks.left_out import Fold, clustered_se, form_of, of_folds, row_loads
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
@@ -95,16 +96,16 @@ def coverage(
     [['hybrid', 41, 9]]
     """
     for form in forms:
-        refuse_circular(table, form.form if isinstance(form, Fit) else form)
+        refuse_circular(table, form_of(form))
     data, seed = Observations.from_table(table), seed_of(rng)
     if not data.is_exact.any():  # a bracket or count has no load that a band could contain
         return pd.DataFrame(columns=COVERAGE_COLUMNS)
     every = [as_noise(noise) for noise in (Noise.every() if noises is None else noises)]
-    pairs, work = [(form, noise) for form in forms for noise in every], partial(_predicted, probs)
+    pairs, work = list(product(forms, every)), partial(_predicted, probs)
     groups = of_folds(work, data, pairs, executor=executor, seed=seed, priors=priors)
     rows = []
     for form, noise in pairs:
-        name = form.form.name if isinstance(form, Fit) else form.name
+        name = form_of(form).name
         with nullcontext() if progress is None else progress(f"{name}, {noise.name}"):
             results = [(fold.name, result) for fold, result in next(groups)]
         rows += count_covered(name, noise.name, probs, results)

@@ -5,10 +5,11 @@ least squares on Q has one minimum. It weights rows by their count and not by th
 error, so its coefficients differ from the posterior's.
 """
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeWarning, curve_fit
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import ComputationError, InputError
@@ -22,22 +23,13 @@ class LeastSquares:
 
     Parameters
     ----------
-    form : str
-        Name of the form.
     coefficients, standard_errors : dict of str to float
         Values by parameter. The errors assume independent residuals, and are NaN if there are only
         as many rows as coefficients.
-    r_squared : float
-        R^2 on Q.
-    n_row : int
-        Number of rows.
     """
 
-    form: str
     coefficients: dict[str, float]
     standard_errors: dict[str, float]
-    r_squared: float
-    n_row: int
 
 
 def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
@@ -71,8 +63,8 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> found = fit_by_least_squares(rb.Hybrid(), rb.paper_sweep())
-    >>> {name: round(value, 4) for name, value in found.coefficients.items()}
+    >>> squares = fit_by_least_squares(rb.Hybrid(), rb.paper_sweep())
+    >>> {name: round(value, 4) for name, value in squares.coefficients.items()}
     {'c1': 1.3486, 'c2': 0.018}
     """
     frame = table.calibration.frame
@@ -86,8 +78,8 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
     p, a, b, nu = (frame[c].to_numpy() for c in ("p_over_E", "a_over_R", "b_over_R", "nu"))
     q = frame["Q"].to_numpy(float)
 
-    def residual(scaled: FloatArray) -> FloatArray:
-        value: FloatArray = form.continuous_count(p, a, b, scaled * start, nu) - q
+    def count(_: object, *scaled: float) -> FloatArray:
+        value: FloatArray = form.continuous_count(p, a, b, np.multiply(scaled, start), nu)
         if not np.isfinite(value).all():
             raise ComputationError(
                 f"{form.name}: least squares on Q failed: the rate of a texture was not positive"
@@ -95,31 +87,11 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
         return value
 
     # Scaled by the published values, c1 and c2 are of similar size instead of a factor 85 apart.
-    solution = least_squares(residual, np.ones(len(start)), xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    theta = solution.x * start
-    spare = len(q) - len(start)
-    errors = np.full(len(start), np.nan)
-    jacobian = np.asarray(solution.jac, dtype=float)
-    if spare > 0 and np.linalg.matrix_rank(jacobian) == len(start):
-        covariance = np.linalg.inv(jacobian.T @ jacobian) * 2 * solution.cost / spare
-        errors = np.sqrt(np.diag(covariance)) * np.abs(start)
-    names = form.parameter_names
+    with warnings.catch_warnings(action="ignore", category=OptimizeWarning):  # no covariance
+        scaled, covariance = curve_fit(count, None, q, np.ones(len(start)), xtol=1e-14, ftol=1e-14)
+    errors = np.sqrt(np.diag(covariance)) * np.abs(start)
+    errors[np.isinf(errors)] = np.nan
+    columns = (scaled * start, errors)
     return LeastSquares(
-        form.name,
-        dict(zip(names, theta.tolist(), strict=True)),
-        dict(zip(names, errors.tolist(), strict=True)),
-        r_squared(q, q + residual(solution.x)),
-        len(q),
+        *(dict(zip(form.parameter_names, x.tolist(), strict=True)) for x in columns)
     )
-
-
-def r_squared(observed: FloatArray, predicted: FloatArray) -> float:
-    """Return 1 - (residual sum of squares)/(total sum of squares); NaN for constant values.
-
-    Examples
-    --------
-    >>> r_squared(np.array([1.0, 3.0]), np.array([1.0, 2.0]))
-    0.5
-    """
-    total = float(np.sum((observed - observed.mean()) ** 2))
-    return 1 - float(np.sum((observed - predicted) ** 2)) / total if total > 0 else float("nan")

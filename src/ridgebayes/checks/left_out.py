@@ -86,8 +86,7 @@ class Fold:
 
 def folds_of(
     data: Observations,
-    form: Form | Fit,
-    noise: Noise,
+    pair: tuple[Form | Fit, Noise],
     *,
     leave: str = "texture",
     seed: int = 0,
@@ -102,10 +101,9 @@ def folds_of(
     ----------
     data : Observations
         All rows.
-    form : Form or Fit
-        Contact form, or its fit to all rows under the same priors, whose draws are used again.
-    noise : Noise
-        Error model.
+    pair : (Form or Fit, Noise)
+        Contact form, or its fit to all rows under the same priors, whose draws are used again; and
+        the error model.
     leave : str, optional
         ``texture``, ``step``, ``series`` or ``row``.
     seed : int, optional
@@ -130,8 +128,8 @@ def folds_of(
         raise InputError(
             f"leave: expected at least two values of {leave} to leave one out, got one"
         )
-    posterior = form.posteriors.get(noise.name) if isinstance(form, Fit) else None
-    form = form.form if isinstance(form, Fit) else form
+    form, noise = form_of(pair[0]), pair[1]
+    posterior = pair[0].posteriors.get(noise.name) if isinstance(pair[0], Fit) else None
 
     def seed_for(name: str) -> int:
         return int(stream(seed, form.name, noise.name, name).integers(2**63))
@@ -170,18 +168,12 @@ def of_folds(
     **options
         Arguments of `folds_of`.
     """
-    fold_pair = partial(_folds_of_pair, data, options)
+    fold_pair = partial(folds_of, data, **options)
     groups = list(map_ordered(fold_pair, pairs, executor, name=lambda pair: pair[1].name))
     folds = [fold for group in groups for fold in group]
     results = map_ordered(work, folds, executor, name=lambda fold: fold.full_name)
     for group in groups:
         yield [(fold, next(results)) for fold in group]
-
-
-def _folds_of_pair(
-    data: Observations, options: dict[str, Any], pair: tuple[Form | Fit, Noise]
-) -> list[Fold]:
-    return folds_of(data, *pair, **options)
 
 
 def left_out_scores(
@@ -247,7 +239,7 @@ def left_out_scores(
     [[2.0, 1.0]]
     """
     for form in forms:
-        refuse_circular(table, form.form if isinstance(form, Fit) else form)
+        refuse_circular(table, form_of(form))
     data, noise, seed = Observations.from_table(table), as_noise(noise), seed_of(rng)
     rows = []
     for leave in leaves:
@@ -256,10 +248,8 @@ def left_out_scores(
         how = {"leave": leave, "seed": seed, "effort": effort, "priors": priors}
         pairs = [(form, noise) for form in forms]
         groups = of_folds(_score, data, pairs, executor=executor, **how)
-        by_form = {group[0][0].all_rows.model.form.name: group for group in groups}
-        log_scores = {
-            name: np.array([score for _, (score, _, _) in group]) for name, group in by_form.items()
-        }
+        by_form = dict(zip((form_of(form).name for form in forms), groups, strict=True))
+        log_scores = {k: np.array([score for _, (score, *_) in by_form[k]]) for k in by_form}
         sound = [name for name, scores in log_scores.items() if np.isfinite(scores).all()]
         weights = dict.fromkeys(by_form, 0.0 if sound else np.nan)
         if sound:
@@ -384,8 +374,12 @@ def crps_of_draws(draws: FloatArray, observed: FloatArray) -> FloatArray:
     n = len(draws)
     place = 2 * np.arange(1, n + 1)[:, None] - n - 1
     apart = (place * np.sort(draws, axis=0)).sum(axis=0) / (n * (n - 1))
-    value: FloatArray = np.abs(draws - observed).mean(axis=0) - apart
-    return value
+    return np.asarray(np.abs(draws - observed).mean(axis=0) - apart)
+
+
+def form_of(form: Form | Fit) -> Form:
+    """Return a form, or the form of a fit."""
+    return form.form if isinstance(form, Fit) else form
 
 
 def _codes(data: Observations, leave: str) -> tuple[IntArray, list[str]]:

@@ -87,10 +87,9 @@ def percent_errors(
         a_over_R, b_over_R, Q, role, p_over_E, percent. A positive error means that the form
         overestimates the load. The power law has no row for a texture without K.
     """
-    selected = shown_textures(comparison) if textures is None else textures
     frame = predicted_rows(comparison.table)
     blocks = []
-    for a, b in selected:
+    for a, b in shown_textures(comparison) if textures is None else textures:
         rows = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)].sort_values("Q")
         q, p, nu = (rows[name].to_numpy() for name in ("Q", "p_over_E", "nu"))
         for name, fit in comparison.fits.items():
@@ -126,8 +125,8 @@ def slopes_table(comparison: Comparison) -> pd.DataFrame:
     """
     rows, power_law = [], comparison.fits.get("power-law")
     has_trend = power_law is not None and len(power_law.model.data.textures) > 1
-    for name, fit in comparison.fits.items():
-        if name == "half-plane" or not has_trend:
+    for name, fit in comparison.fits.items() if has_trend else ():
+        if name == "half-plane":
             continue
         theta, prob = fit.draws[:, : fit.model.n_coefficient], float(fit.summary["prob"].iloc[0])
         textures = np.array(fit.model.data.textures)

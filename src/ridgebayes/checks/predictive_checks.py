@@ -116,13 +116,10 @@ def posterior_checks(fit: Posterior, *, rng: Rng = 0, n_draw: int = 2_000) -> Pr
     # The draws are spread evenly over the chains.
     n = min(n_draw, len(fit.draws), max(MAX_DRAWS_TIMES_ROWS // len(model.data), _MIN_DRAWS))
     places = np.linspace(0, len(fit.draws) - 1, n).astype(int)
-    theta = fit.draws[places]
+    theta, rows = fit.draws[places], model.data.take(exact)
     curve = form_log_loads(model, theta)[:, exact]
     loads = simulate_log_loads(model, theta, stream(seed, "replicate"))[0][:, exact]
-    rows = model.data.take(exact)
-    observed, replicated = (
-        _quantities(rows, residual) for residual in (rows.log_load - curve, loads - curve)
-    )
+    observed, replicated = (_quantities(rows, y - curve) for y in (rows.log_load, loads))
     stacked = (np.stack([*values.values()], axis=-1) for values in (observed, replicated))
     return PredictiveChecks(tuple(observed), *stacked)
 

@@ -70,8 +70,7 @@ def repeat_posterior(posterior: Posterior) -> Repeat:
         return Repeat(n_draw, "", float("nan"), str(error))
     summary, again = posterior.summary, posterior_of(model, drawn, seed).summary
     moved = (np.abs(again["mean"] - summary["mean"]) / summary["sd"]).to_numpy()
-    worst, evidence = int(moved.argmax()), first.evidence
-    failed = "" if evidence.ok else evidence.status
+    worst, failed = int(moved.argmax()), "" if first.evidence.ok else first.evidence.status
     name = str(summary["parameter"][worst])
     return Repeat(drawn.log_density.size, name, float(moved[worst]), failed)
 

@@ -1,6 +1,7 @@
 """Results shown in a report, computed before any figure or page is made."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -245,11 +246,10 @@ def _panel_bands(
     # A figure holds at most `MOST_TEXTURES` panels; bands.csv in the run folder has all textures.
     every = comparison.table.textures
     kept = list(dict.fromkeys([*first, *every]))[:MOST_TEXTURES]
-    textures = [texture for texture in every if texture in kept]
-    loads = []
-    for a, b in textures:
-        rows = seen[(seen["a_over_R"] == a) & (seen["b_over_R"] == b)]
-        top = float((rows if len(rows) else seen)["p_over_E"].max())
+    textures, loads = [texture for texture in every if texture in kept], []
+    largest = seen.groupby(["a_over_R", "b_over_R"])["p_over_E"].max()
+    for texture in textures:
+        top = largest.get(texture, seen["p_over_E"].max())
         loads.append((np.linspace(0.0, np.sqrt(_PANEL_END_OVER_MAX_LOAD * top), _N_LOADS) ** 2)[1:])
     return bands_table(comparison, textures=textures, forms=forms, loads=np.array(loads))
 
@@ -257,9 +257,7 @@ def _panel_bands(
 def _least_squares(comparison: Comparison) -> dict[str, LeastSquares]:
     squares = {}
     for name, fit in comparison.fits.items():
-        try:
+        # The form may have a coefficient per texture, too few rows, or rows that it cannot fit.
+        with suppress(InputError, ComputationError):
             squares[name] = fit_by_least_squares(fit.form, comparison.table)
-        # The form has a coefficient per texture, too few rows, or rows that it cannot fit.
-        except (InputError, ComputationError):
-            continue
     return squares

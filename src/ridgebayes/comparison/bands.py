@@ -36,7 +36,9 @@ _N_DECIMAL = round(-math.log10(NEGLIGIBLE_PROBABILITY))  # decimals of probabili
 def default_loads(comparison: Comparison, n: int = _N_LOAD) -> FloatArray:
     """Return log-spaced loads over the range of a comparison's table, shape (n,)."""
     p = comparison.table.column("p_over_E")[comparison.table.column("status") == "ok"]
-    return np.geomspace(p.min(), p.max(), n)
+    # Twelve digits keep bands.csv small. Both ends are exact, so that they are no extrapolation.
+    inner = [float(f"{load:.12g}") for load in np.geomspace(p.min(), p.max(), n)[1:-1]]
+    return np.array([p.min(), *inner, p.max()])
 
 
 def bands_table(
@@ -153,11 +155,8 @@ def scene_bands(
     """
     _check(comparison, [form], prob)
     parts = _mixtures(comparison, [form])[form]
-    blocks = []
-    for kind in kinds:
-        q = q_of_scene(parts, scene, load=load, p_over_E=p_over_E, kind=kind)
-        blocks.append(_label(form, parts, q.to_dataframe(prob)))
-    return _concatenate(blocks)
+    each_q = (q_of_scene(parts, scene, load=load, p_over_E=p_over_E, kind=kind) for kind in kinds)
+    return _concatenate([_label(form, parts, q.to_dataframe(prob)) for q in each_q])
 
 
 def loads_table(
@@ -209,10 +208,10 @@ def _check(comparison: Comparison, forms: Sequence[str], prob: float) -> None:
     """Raise InputError for forms that were not fitted and for an invalid probability."""
     if not 0 < prob < 1:
         raise InputError(f"prob: expected 0 < prob < 1, got {prob!r}")
-    for name in forms:
-        if name not in (*comparison.fits, AVERAGE):
-            fitted = ", ".join([*comparison.fits, AVERAGE])
-            raise InputError(f"form {name!r}: not in this run; expected one of {fitted}")
+    fitted = [*comparison.fits, AVERAGE]
+    if unknown := [name for name in forms if name not in fitted]:
+        rule = f"expected one of {', '.join(fitted)}"
+        raise InputError(f"form {unknown[0]!r}: not in this run; {rule}")
 
 
 def predicted_rows(table: ContactTable) -> pd.DataFrame:
@@ -225,8 +224,7 @@ def predicted_rows(table: ContactTable) -> pd.DataFrame:
 def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
     """Return the first Poisson's ratio of each texture in the table."""
     rows = comparison.table.frame.drop_duplicates(["a_over_R", "b_over_R"])
-    columns = (rows[name].tolist() for name in ("a_over_R", "b_over_R", "nu"))
-    return {(a, b): nu for a, b, nu in zip(*columns, strict=True)}
+    return dict(zip(comparison.table.textures, rows["nu"].tolist(), strict=True))
 
 
 def _predict(

@@ -123,8 +123,7 @@ class Comparison(Predictive, Tabular):
         rows = []
         for name, fit in self.fits.items():
             value, se = weighed.get(name, (math.nan, math.nan))
-            row = (name, shares.get(name, math.nan), value, se, value - top, fit.converged)
-            rows.append(row)
+            rows.append((name, shares.get(name, math.nan), value, se, value - top, fit.converged))
         names = ["form", "model_probability", "log_evidence", "log_evidence_se", "ln_bf"]
         frame = pd.DataFrame(rows, columns=[*names, "converged"])
         frame = frame.join(scores.rename(columns={"se": "elpd_se"}), on="form")

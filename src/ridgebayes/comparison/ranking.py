@@ -76,19 +76,16 @@ def predicting(comparison: Comparison) -> Predicting | None:
     is the best form, or no textures were left out.
     """
     scores, widths, best = comparison.left_out, comparison.coverage, best_form(comparison) or ""
-    if SMOOTH not in comparison.noise.factors or best in ("", _BASELINE):
-        return None
-    if not len(scores) or not len(widths):
+    is_smooth = SMOOTH in comparison.noise.factors
+    if not is_smooth or best in ("", _BASELINE) or not len(scores) or not len(widths):
         return None
     crps = scores[scores["leave"] == "texture"].set_index("form")["mean_crps"]
     width = widths[(widths["prob"] == 0.9) & (widths["form"] == best)].set_index("noise")
     if not {best, _BASELINE} <= set(crps.dropna().index) or len(width) < 2:
         return None
     wide = width["mean_width"]
-    ratios = Predicting(
-        float(crps[_BASELINE] / crps[best]), float(wide["iid"] / wide[comparison.noise.name])
-    )
-    return ratios if np.isfinite([ratios.without_form, ratios.without_offset]).all() else None
+    ratios = crps[_BASELINE] / crps[best], wide["iid"] / wide[comparison.noise.name]
+    return Predicting(*map(float, ratios)) if np.isfinite(ratios).all() else None
 
 
 def sensitivity_factors(comparison: Comparison, against: str) -> pd.DataFrame:
@@ -124,7 +121,5 @@ def problems(comparison: Comparison) -> tuple[str, ...]:
     sentences = [f"{name}: could not be fitted: {why}" for name, why in comparison.failures.items()]
     for name, failures in comparison.unconverged.items():
         sentences += [f"{name}: did not converge: {failure}" for failure in failures]
-    for name in comparison.fits:
-        if name not in comparison.probabilities:
-            sentences.append(f"{name}: no method gave a usable evidence")
-    return tuple(sentences)
+    unweighed = [name for name in comparison.fits if name not in comparison.probabilities]
+    return (*sentences, *(f"{name}: no method gave a usable evidence" for name in unweighed))

@@ -33,13 +33,11 @@ def loo_table(fits: Mapping[str, Posterior]) -> pd.DataFrame:
     >>> loo["n_bad_k"].tolist(), loo["stacking_weight"].tolist()
     ([0], [1.0])
     """
-    scores = {}
-    for name, fit in fits.items():
-        rows = fit.rows_log_likelihood()
-        if rows is not None:
-            scores[name] = _score(fit, rows)
-    if not scores:
-        return pd.DataFrame(columns=LOO_COLUMNS)
+    scores = {
+        name: _score(fit, rows)
+        for name, fit in fits.items()
+        if (rows := fit.rows_log_likelihood()) is not None
+    }
     sound = {name: score.pointwise for name, score in scores.items() if score.status == "ok"}
     weights = stacking_weights(np.stack([*sound.values()])) if sound else np.empty(0)
     weight_of = dict(zip(sound, weights.tolist(), strict=True))

@@ -123,7 +123,8 @@ def verdict_of(
     with_offsets = sum(
         w for name, w in weights.items() if shared & set(Noise.named(str(name)).factors)
     )
-    obstacle = _unfitted(failed) or _indistinguishable(best, over, same_loads, with_offsets)
+    unfitted = f"{' and '.join(failed)} could not be fitted, and may be better" if failed else ""
+    obstacle = unfitted or _indistinguishable(best, over, same_loads, with_offsets)
     grade = "undecided" if obstacle else _grade(ln_bf, low)
     return Verdict(
         form=best,
@@ -197,9 +198,7 @@ def _unusable(
 def _lead(values: Mapping[str, float], best: str) -> float:
     """Return ln BF of a form over the strongest other form."""
     others = [value for form, value in values.items() if form != best]
-    if best not in values:
-        return -math.inf
-    return values[best] - max(others) if others else math.inf
+    return values.get(best, -math.inf) - max(others, default=-math.inf)
 
 
 def _grade(ln_bf: float, low: float) -> str:
@@ -208,11 +207,6 @@ def _grade(ln_bf: float, low: float) -> str:
     if ln_bf >= MIN_LN_BF_SUPPORTS and low > 0:
         return "supports"
     return "leans" if ln_bf >= MIN_LN_BF_LEANS and low > 0 else "undecided"
-
-
-def _unfitted(failed: Collection[str]) -> str:
-    """Return the reason that failed forms leave the verdict open; empty if none failed."""
-    return f"{' and '.join(failed)} could not be fitted, and may be better" if failed else ""
 
 
 def _indistinguishable(

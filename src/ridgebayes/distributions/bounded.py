@@ -56,14 +56,12 @@ class Uniform(Distribution):
     def value_at(self, u: FloatArray | float) -> FloatArray:
         u, width = np.asarray(u, dtype=float), self.high - self.low
         tail = width * special.ndtr(-np.abs(u))
-        value: FloatArray = np.where(u < 0, self.low + tail, self.high - tail)
-        return value
+        return np.asarray(np.where(u < 0, self.low + tail, self.high - tail))
 
     def score(self, x: FloatArray | float) -> FloatArray:
         width = self.high - self.low
         below, above = (np.asarray(x) - self.low) / width, (self.high - np.asarray(x)) / width
-        value: FloatArray = np.where(below < above, special.ndtri(below), -special.ndtri(above))
-        return value
+        return np.asarray(np.where(below < above, special.ndtri(below), -special.ndtri(above)))
 
 
 @dataclass(frozen=True)
@@ -147,8 +145,7 @@ class Truncated(Distribution):
         below = _log_between(np.asarray(low), base) - self._log_mass
         above = _log_between(base, np.asarray(high)) - self._log_mass
         smaller = np.minimum(np.minimum(below, above), 0.0)
-        value: FloatArray = np.where(below < above, 1.0, -1.0) * special.ndtri_exp(smaller)
-        return value
+        return np.asarray(np.where(below < above, 1.0, -1.0) * special.ndtri_exp(smaller))
 
 
 def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
@@ -157,5 +154,4 @@ def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     near = special.log_ndtr(np.where(upper, -low, high))
     far = special.log_ndtr(np.where(upper, -high, low))
     with np.errstate(divide="ignore", invalid="ignore"):
-        value: FloatArray = near + np.log(-np.expm1(np.minimum(far - near, 0.0)))
-        return value
+        return np.asarray(near + np.log(-np.expm1(np.minimum(far - near, 0.0))))

@@ -16,10 +16,8 @@ from typing import ClassVar
 import numpy as np
 from scipy import special
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import LOG_2PI, FloatArray
 from ridgebayes.errors import InputError
-
-LOG_2PI = math.log(2 * math.pi)
 
 
 @dataclass(frozen=True)
@@ -49,10 +47,8 @@ class Distribution(ABC):
         for name, value in vars(self).items():
             positive = name != "mean"
             if not np.all(np.isfinite(value)) or (positive and not np.all(np.greater(value, 0))):
-                rule = "finite and > 0" if positive else "finite"
-                raise InputError(
-                    f"{self.kind} distribution: expected {rule}, got {name} = {value!r}"
-                )
+                got = f"finite{' and > 0' * positive}, got {name} = {value!r}"
+                raise InputError(f"{self.kind} distribution: expected {got}")
 
     @property
     def support(self) -> tuple[float, float]:
@@ -254,8 +250,7 @@ class Normal(Distribution):
 
     def log_pdf(self, x: FloatArray) -> FloatArray:
         z = self.score(x)
-        value: FloatArray = -0.5 * z * z - np.log(self.sd) - 0.5 * LOG_2PI
-        return value
+        return np.asarray(-0.5 * z * z - np.log(self.sd) - 0.5 * LOG_2PI)
 
     def value_at(self, u: FloatArray | float) -> FloatArray:
         return self.mean + self.sd * np.asarray(u)
@@ -300,8 +295,6 @@ class HalfNormal(Distribution):
         u = np.asarray(u, dtype=float)
         # Use the smaller of P(X <= x) = erf(x / (sd sqrt 2)) and its complement against cancelling.
         z, low = np.asarray(special.ndtr(-np.abs(u))), u < 0
-        if low.all():
-            return np.asarray(self.sd * (math.sqrt(2) * special.erfinv(z)))
         special.erfinv(z, out=z, where=low)
         special.erfcinv(z, out=z, where=~low)
         z *= math.sqrt(2)
@@ -315,8 +308,7 @@ class HalfNormal(Distribution):
         with np.errstate(divide="ignore"):
             low = special.ndtri_exp(np.log(special.erf(z / math.sqrt(2))))
         high = -special.ndtri_exp(np.minimum(special.log_ndtr(-z) + math.log(2), 0.0))
-        value: FloatArray = np.where(z < 0.67, low, high)
-        return value
+        return np.asarray(np.where(z < 0.67, low, high))
 
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
         z = np.asarray(x) / self.sd
@@ -352,8 +344,7 @@ class Gamma(Distribution):
         shape, rate = self.shape, self.rate
         with np.errstate(divide="ignore", invalid="ignore"):
             value = shape * np.log(rate) + (shape - 1) * np.log(x) - rate * np.asarray(x)
-            value = value - special.gammaln(shape)
-        return np.where(np.greater(x, 0), value, -np.inf)
+        return np.where(np.greater(x, 0), value - special.gammaln(shape), -np.inf)
 
     def value_at(self, u: FloatArray | float) -> FloatArray:
         shape, u = self.shape, np.asarray(u, dtype=float)
@@ -364,14 +355,12 @@ class Gamma(Distribution):
         if np.any(low := u < -37):  # P underflows; it equals x^shape / Gamma(shape + 1) there
             log_tail = special.log_ndtr(np.where(low, u, 0))
             x = np.where(low, np.exp((log_tail + special.gammaln(shape + 1)) / shape), x)
-        value: FloatArray = x / self.rate
-        return value
+        return np.asarray(x / self.rate)
 
     def score(self, x: FloatArray | float) -> FloatArray:
         z = np.asarray(x) * self.rate
         low, high = special.gammainc(self.shape, z), special.gammaincc(self.shape, z)
-        value: FloatArray = np.where(low < high, special.ndtri(low), -special.ndtri(high))
-        return value
+        return np.asarray(np.where(low < high, special.ndtri(low), -special.ndtri(high)))
 
     def stretched(self, factor: float) -> "Gamma":
         """Return the distribution with its mean and width multiplied by a factor.

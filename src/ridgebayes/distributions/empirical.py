@@ -13,8 +13,8 @@ from scipy import special
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from scipy.optimize import elementwise
 
-from ridgebayes._types import FloatArray
-from ridgebayes.distributions.distribution import LOG_2PI, Distribution
+from ridgebayes._types import LOG_2PI, FloatArray
+from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_text, refusing
 from ridgebayes.runtime.text import clipped
@@ -126,8 +126,7 @@ class Empirical(Distribution):
 
     def _line_at(self, u: FloatArray) -> FloatArray:
         inside = self._clipped_score(u)
-        value: FloatArray = self._curve(inside) + self._curve(inside, 1) * (u - inside)
-        return value
+        return np.asarray(self._curve(inside) + self._curve(inside, 1) * (u - inside))
 
     def log_pdf(self, x: FloatArray) -> FloatArray:
         x = np.asarray(x, dtype=float)
@@ -150,13 +149,11 @@ class Empirical(Distribution):
         ).x
         # The curve is linear beyond the ends.
         beyond = np.minimum(y - low, 0) + np.maximum(y - high, 0)
-        value: FloatArray = inside + beyond / self._curve(inside, 1)
-        return value
+        return np.asarray(inside + beyond / self._curve(inside, 1))
 
     def slope_at(self, u: FloatArray | float, x: FloatArray) -> FloatArray:
         slope = self._curve(self._clipped_score(np.asarray(u, dtype=float)), 1)
-        value: FloatArray = slope * x if self._is_log else slope
-        return value
+        return np.asarray(slope * x if self._is_log else slope)
 
 
 def read_sample(path: Path, column: str, number: Callable[[str], float]) -> FloatArray:

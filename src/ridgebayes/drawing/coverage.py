@@ -1,5 +1,7 @@
 """Figure of the coverage: nominal and actual coverage of bands, and their mean widths."""
 
+from typing import Any
+
 import matplotlib
 import numpy as np
 import pandas as pd
@@ -45,14 +47,9 @@ def plot_coverage(frame: pd.DataFrame) -> Figure:
     # Heights of the rows: a dot for each probability above, a line of text below.
     above, below = 0.5 + 0.085 * len(probs) * len(noises), 0.5 + 0.2 * len(noises)
     figure = new_figure(WIDTH, 1.0 + above + below)
-    panels = figure.subplots(
-        2,
-        len(forms),
-        squeeze=False,
-        sharey=True,
-        sharex="row",
-        gridspec_kw={"height_ratios": [above, below]},
-    )
+    heights = {"height_ratios": [above, below]}
+    shared: Any = {"sharey": True, "sharex": "row", "gridspec_kw": heights}
+    panels = figure.subplots(2, len(forms), squeeze=False, **shared)
     for (top, bottom), form in zip(panels.T, forms, strict=True):
         of_form = frame[frame["form"] == form]
         for i, (prob, shade) in enumerate(zip(probs, shades, strict=True)):
@@ -77,15 +74,9 @@ def _shares(axes: Axes, part: pd.DataFrame, dodge: float, shade: FloatArray) -> 
     share, se = part["share"].to_numpy(float), part["share_se"].to_numpy(float)
     shown = np.isfinite(share)
     share, reach = share[shown], 2 * np.nan_to_num(se[shown])
-    axes.errorbar(
-        share,
-        np.arange(len(part))[shown] + dodge,
-        xerr=[np.minimum(reach, share), np.minimum(reach, 1 - share)],
-        fmt="o",
-        color=shade,
-        markersize=3,
-        linewidth=1.0,
-    )
+    ends = [np.minimum(reach, share), np.minimum(reach, 1 - share)]
+    look: dict[str, Any] = {"fmt": "o", "color": shade, "markersize": 3, "linewidth": 1.0}
+    axes.errorbar(share, np.flatnonzero(shown) + dodge, xerr=ends, **look)
 
 
 def _axes(panels: np.ndarray, noises: list[str]) -> None:

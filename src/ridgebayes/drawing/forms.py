@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -103,17 +104,16 @@ def plot_slopes(slopes: pd.DataFrame) -> Figure:
         for form in dict.fromkeys(slopes["form"]):
             rows = slopes[slopes["form"] == form].sort_values("pitch")
             colour = colour_of(form)
-            if form == "modified":
-                rows = rows.drop_duplicates("pitch")
+            # Modified has a single line, because its c holds for all textures.
+            rows = rows.drop_duplicates("pitch") if form == "modified" else rows
             pitch = rows["pitch"].to_numpy()
             factor = pitch / 2 if scaled else 1.0
             k, low, high = (rows[c].to_numpy() * factor for c in ("K", "K_lower", "K_upper"))
-            if form == "modified":  # a single line: its c holds for all textures
+            if form == "modified":
                 axes.plot(pitch, k, linewidth=1.4, color=colour, label=title_of(form))
+                look: dict[str, Any] = {"color": colour, "alpha": 0.2, "linewidth": 0}
                 label = f"{title_of(form)}, {level} band"
-                axes.fill_between(
-                    pitch, low, high, color=colour, alpha=0.2, linewidth=0, label=label
-                )
+                axes.fill_between(pitch, low, high, label=label, **look)
                 continue
             axes.errorbar(
                 # Shifted so that it does not cover the power law.
@@ -166,11 +166,10 @@ def plot_bayes_factors(factors: pd.DataFrame, best: str, noise: str = "iid") -> 
     for i, form in enumerate(forms):
         rows = factors[factors["form"] == form]
         for k, row in enumerate(rows.to_dict("records")):
-            error = row["ln_bf_se"] if row["ln_bf_se"] == row["ln_bf_se"] else 0.0
             axes.errorbar(
                 row["ln_bf"],
                 i + 0.62 * ((k + 0.5) / len(rows) - 0.5),
-                xerr=error,
+                xerr=np.nan_to_num(row["ln_bf_se"]),
                 fmt=markers[row["method"]],
                 color=colour_of(form),
                 markersize=11 if row["method"] == _SUMMED else 5,
@@ -234,11 +233,8 @@ def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
         for form in dict.fromkeys(factors["form"]):
             rows = factors[(factors["prior"] == prior) & (factors["form"] == form)].dropna()
             rows = rows.sort_values("factor")
-            axes.plot(
-                rows["factor"],
-                rows["ln_bf"],
-                **look_of(form) | {"markersize": 3.5, "linewidth": 1.2},
-            )
+            look = look_of(form) | {"markersize": 3.5, "linewidth": 1.2}
+            axes.plot(rows["factor"], rows["ln_bf"], **look)
         axes.axhline(0, color="#000000", linewidth=1)
         axes.axvline(1, color=QUIET, linewidth=1, linestyle=":")
         axes.set_yscale("symlog", linthresh=5, linscale=1.5)

@@ -1,10 +1,12 @@
 """Figures of a posterior: its marginals and its predictive checks."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
 from ridgebayes._types import FloatArray, IntArray
@@ -81,6 +83,7 @@ def plot_corner(
         plot_datapoints=False,
         plot_density=False,
         fill_contours=True,
+        no_fill_contours=True,  # no white area below them
         levels=(0.39, 0.86),  # one and two standard deviations of a normal in two dimensions
         quantiles=(0.05, 0.5, 0.95),
         max_n_ticks=3,
@@ -93,6 +96,9 @@ def plot_corner(
         axes.tick_params(labelsize=9)
         for line in axes.lines:
             line.set_linewidth(0.9)
+        areas: list[Any] = [c for c in axes.collections if getattr(c, "filled", False)]
+        for area in areas:  # outside the contours it is transparent
+            area.get_paths()[0] = Path(np.empty((0, 2)))
     left = 1.1 / size
     figure.subplots_adjust(left=left, bottom=left, right=1 - 0.3 / size, top=1 - 0.45 / size)
     note = "" if n == n_parameter else f" ({n} of {n_parameter} parameters)"
@@ -124,14 +130,14 @@ def plot_posterior_checks(
         observed, replicated, p_value = values
         first, third = np.quantile(replicated, [0.25, 0.75])
         near = np.abs(replicated - (first + third) / 2) <= _MAX_IQRS_SHOWN * (third - first)
-        shown = np.concatenate([replicated[near], np.quantile(observed, [0.05, 0.95])])
-        low, high = shown.min(), shown.max()
+        span = np.quantile(observed, [0.05, 0.95])
+        shown = [*replicated[near], *span]
+        low, high = min(shown), max(shown)
         edges = np.linspace(low, high if high > low else low + 1, _N_BINS + 1).tolist()
         axes.hist(
             replicated, edges, density=True, color=colour_of(form), alpha=0.5, label="replicated"
         )
         # The observed quantity hardly varies: its histogram would tower over the other.
-        span = np.quantile(observed, [0.05, 0.95])
         axes.axvline(float(observed.mean()), color=OBSERVED, linewidth=1.4, label="observed: mean")
         axes.axvspan(
             *span, color=OBSERVED, alpha=0.18, linewidth=0, label="observed: 90 % of the draws"
@@ -147,9 +153,9 @@ def plot_posterior_checks(
 
 
 def _p(p_value: float) -> str:
-    if p_value < 0.01:
-        return "$p$ < 0.01"
-    return "$p$ > 0.99" if p_value > 0.99 else f"$p$ = {p_value:.2f}"
+    return (
+        f"$p$ {'< 0.01' if p_value < 0.01 else '> 0.99' if p_value > 0.99 else f'= {p_value:.2f}'}"
+    )
 
 
 def _powers(draws: FloatArray) -> IntArray:
@@ -161,11 +167,7 @@ def _powers(draws: FloatArray) -> IntArray:
 
 def _label(name: str, power: int) -> str:
     """Return a parameter's symbol; the texture of a K goes on a second line to fit the panel."""
-    words = _scaled(name, power)
+    words = f"$10^{{{power}}}$\N{NO-BREAK SPACE}{symbol(name)}" if power else symbol(name)
     if name.startswith("K["):
         return f"{words.partition(' ')[0]}\n{plain(short_label(name[2:-1], 3), 15)}"
     return words
-
-
-def _scaled(name: str, power: int) -> str:
-    return f"$10^{{{power}}}$\N{NO-BREAK SPACE}{symbol(name)}" if power else symbol(name)

@@ -1,5 +1,7 @@
 """Figures of predictions: bands of Q against load, and bands beside observed loads."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
@@ -30,6 +32,8 @@ from ridgebayes.errors import InputError
 
 N_EDGES_FIRST = 4  # edges after the first transition
 _LOWER = "p_over_E_lower"
+_ALPHAS = {"simulation": 0.30, "curve": 0.80}  # opacity by kind of band
+_OUTSIDE: dict[str, Any] = {"facecolor": "#9A9A9A", "edgecolor": "#FFFFFF"}  # extrapolation
 _MIN_LABEL_GAP = 0.22  # least distance between labels of loads, as a share of the axis
 
 
@@ -109,7 +113,7 @@ def draw_band(axes: Axes, bands: pd.DataFrame, colour: str) -> None:
     """Draw the bands of one texture, grey where extrapolated."""
     # A band that holds a single count would have no area. Each band is widened a little, the
     # simulation band more, so that both are visible where they coincide.
-    for kind, alpha, room in (("simulation", 0.30, 0.55), ("curve", 0.80, 0.25)):
+    for (kind, alpha), room in zip(_ALPHAS.items(), (0.55, 0.25), strict=True):
         part = bands[bands["kind_of_band"] == kind].sort_values("p_over_E")
         if part.empty:
             continue
@@ -127,10 +131,10 @@ def draw_band(axes: Axes, bands: pd.DataFrame, colour: str) -> None:
                 where=(outside[kept] == is_outside).tolist(),
                 step="post",
                 linewidth=0,
-                color="#9A9A9A" if is_outside else colour,
                 hatch="////" if is_outside and kind == "simulation" else None,
-                edgecolor="#FFFFFF" if is_outside else None,
                 alpha=alpha,
+                color=_OUTSIDE["facecolor"] if is_outside else colour,
+                edgecolor=_OUTSIDE["edgecolor"] if is_outside else None,
             )
     # Q grows with the square root of the load, so its steps are equally wide on this axis.
     axes.set_xscale("function", functions=(_root, np.square))
@@ -156,13 +160,8 @@ def _observed(axes: Axes, rows: pd.DataFrame) -> None:
         load, q = rise["p_over_E"].to_numpy(), rise["Q"].to_numpy()
         # Loads below the first row were not observed, unless this row is the first transition.
         first = 0.0 if q[0] <= N_EDGES_FIRST else load[0]
-        axes.step(
-            np.concatenate([[first], load]),
-            np.concatenate([[q[0] - 2], q]),
-            where="post",
-            color=OBSERVED,
-            linewidth=1.0,
-        )
+        steps = np.array([[first, *load], [q[0] - 2, *q]])
+        axes.step(*steps, where="post", color=OBSERVED, linewidth=1.0)
         axes.plot(load, q, ".", color=OBSERVED, markersize=6)
         if _LOWER in rise:
             axes.hlines(q - 1, rise[_LOWER], load, color=OBSERVED, linewidth=3)
@@ -176,21 +175,17 @@ def _legend(figure: Figure, colour: str, bands: pd.DataFrame, observed: pd.DataF
     """Add a legend of the elements that are drawn: some figures have no curve or no rows."""
     handles: list[Artist] = []
     if len(observed):
-        handles.append(
-            Line2D([], [], color=OBSERVED, marker=".", markersize=7, linewidth=1, label="observed")
-        )
+        look: dict[str, Any] = {"marker": ".", "markersize": 7, "linewidth": 1}
+        handles.append(Line2D([], [], color=OBSERVED, label="observed", **look))
     if _LOWER in observed and observed[_LOWER].notna().any():
         handles.append(Line2D([], [], color=OBSERVED, linewidth=3, label="increment"))
     percent = f"{100 * float(bands['prob'].iloc[0]):.0f} %"
-    for kind, alpha in (("curve", 0.80), ("simulation", 0.30)):
+    for kind, alpha in reversed(_ALPHAS.items()):
         if (bands["kind_of_band"] == kind).any():
             patch = Patch(color=colour, alpha=alpha, linewidth=0, label=f"{kind}, {percent}")
             handles.append(patch)
     if bands["extrapolation"].any():
-        grey, white = "#9A9A9A", "#FFFFFF"
-        handles.append(
-            Patch(facecolor=grey, edgecolor=white, hatch="////", alpha=0.5, label="extrapolation")
-        )
+        handles.append(Patch(hatch="////", alpha=0.5, label="extrapolation", **_OUTSIDE))
     n_column = max(round(len(handles) * figure.get_figwidth() / WIDTH), 1)
     figure.legend(handles=handles, loc="outside lower center", ncols=n_column)
 
@@ -265,9 +260,8 @@ def plot_prior_bands(bands: pd.DataFrame, rows: pd.DataFrame, form: str) -> Figu
         by_count = by_count.sort_values("Q")
         lower, median, upper = (np.exp(by_count[name]) for name in ("lower", "median", "upper"))
         label = f"{title_of(form)}: prior, {100 * by_count['prob'].iloc[0]:g} %"
-        axes.fill_between(
-            by_count["Q"], lower, upper, color=colour, alpha=0.25, linewidth=0, label=label
-        )
+        look: dict[str, Any] = {"color": colour, "alpha": 0.25, "linewidth": 0, "label": label}
+        axes.fill_between(by_count["Q"], lower, upper, **look)
         # A band over a single count has no width, so a line is drawn at each count.
         axes.vlines(by_count["Q"], lower, upper, color=colour, linewidth=0.8, alpha=0.6)
         axes.plot(by_count["Q"], median, color=colour, linewidth=1.2, label="median")

@@ -3,6 +3,7 @@
 New axes are created by pyplot, so that a notebook shows them.
 """
 
+from itertools import islice
 from typing import Any
 
 import pandas as pd
@@ -32,16 +33,6 @@ _LOAD, _COUNT = "load $p/E$", "edges in contact $Q$"
 def axes_or_new(ax: Axes | None) -> Axes:
     """Return the given axes, or those of a new figure if `ax` is None."""
     return pyplot.subplots(layout="constrained")[1] if ax is None else ax
-
-
-def _as_ratios(frame: pd.DataFrame) -> tuple[pd.DataFrame, str]:
-    """Return loads with the column names of ratios p/E, and the label of the load axis."""
-    if "load_unit" not in frame:
-        return frame, _LOAD
-    loads = [name for name in map(str, frame) if name == "load" or name.startswith("load_")]
-    renamed = {name: name.replace("load", "p_over_E", 1) for name in loads if name != "load_unit"}
-    frame = frame.drop(columns=[name for name in renamed.values() if name in frame])
-    return frame.rename(columns=renamed), load_label(str(frame["load_unit"].iloc[0]))
 
 
 def load_label(unit: str | None) -> str:
@@ -77,19 +68,16 @@ def draw_bands(bands: pd.DataFrame, ax: Axes | None) -> Axes:
     ax : matplotlib.axes.Axes or None
         Axes to draw on; None creates new axes.
     """
-    axes = axes_or_new(ax)
-    bands, label = _as_ratios(bands)
-    by_texture = _by_texture(bands)
-    shown = by_texture[:MOST_TEXTURES]
+    axes, shown, label = axes_or_new(ax), *_by_texture(bands)
     for rows, look in shown:
         rows = rows.sort_values("p_over_E")
         draw_band(axes, rows, look["color"])
         (line,) = axes.step(rows["p_over_E"], rows["q_median"], where="post", linewidth=1.2, **look)
         if len(rows) == 1:  # a single step has no length and would be invisible
             line.set_marker(".")
-    axes.set_xlim(0.0, float(bands["p_over_E"].max()))
+    axes.set_xlim(0.0, max(float(rows["p_over_E"].max()) for rows, _ in shown))
     axes.set(xlabel=f"{label} (square-root scale)", ylabel=f"{_COUNT}, {_band_title(bands)}")
-    _add_legend(axes, len(shown), len(by_texture))
+    _add_legend(axes, len(shown), len(rows_by_texture(bands)))
     return axes
 
 
@@ -122,16 +110,13 @@ def draw_loads(loads: pd.DataFrame, ax: Axes | None) -> Axes:
     ax : matplotlib.axes.Axes or None
         Axes to draw on; None creates new axes.
     """
-    axes = axes_or_new(ax)
-    loads, label = _as_ratios(loads)
-    by_texture = _by_texture(loads)
-    shown = by_texture[:MOST_TEXTURES]
+    axes, shown, label = axes_or_new(ax), *_by_texture(loads)
     for i, (rows, look) in enumerate(shown):
         place = rows["Q"] + 1.2 * ((i + 0.5) / len(shown) - 0.5)
         draw_intervals(axes, place, rows, marker="o", markersize=4, capsize=2.5, **look)
     axes.set(xlabel=_COUNT, ylabel=f"{label}, {_band_title(loads)}", yscale="log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[2, 4, 10]))
-    _add_legend(axes, len(shown), len(by_texture))
+    _add_legend(axes, len(shown), len(rows_by_texture(loads)))
     return axes
 
 
@@ -188,12 +173,20 @@ def draw_plan(table: pd.DataFrame, relative: float | None, ax: Axes | None) -> A
     return axes
 
 
-def _by_texture(frame: pd.DataFrame) -> list[tuple[pd.DataFrame, dict[str, Any]]]:
-    """Return the rows of each texture, with its colour and label."""
+def _by_texture(frame: pd.DataFrame) -> tuple[list[tuple[pd.DataFrame, dict[str, Any]]], str]:
+    """Return the rows of the first textures with their looks, and the label of the load axis.
+
+    Loads in a unit take the place of ratios p/E.
+    """
+    unit = str(frame["load_unit"].iloc[0]) if "load_unit" in frame else None
+    if unit is not None:
+        loads = frame.filter(regex="^load(_|$)").drop(columns="load_unit")
+        frame = frame.assign(**loads.rename(columns=lambda x: x.replace("load", "p_over_E", 1)))
+    by_texture = islice(rows_by_texture(frame).items(), MOST_TEXTURES)
     return [
         (rows, {"color": _COLOURS[i % len(_COLOURS)], "label": f"a/R {a:g}, b/R {b:g}"})
-        for i, ((a, b), rows) in enumerate(rows_by_texture(frame).items())
-    ]
+        for i, ((a, b), rows) in enumerate(by_texture)
+    ], load_label(unit)
 
 
 def _band_title(frame: pd.DataFrame) -> str:

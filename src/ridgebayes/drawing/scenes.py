@@ -81,14 +81,8 @@ def draw_effects(axes: Axes, table: pd.DataFrame, relative: float | None) -> Non
         if effect["estimated_rel_change"] == 0:
             axes.text(1.3 * least, row, "0", va="center", fontsize=8)
             continue
-        axes.barh(
-            row,
-            size,
-            left=0,
-            color=_BODY if effect["simulated"] else "none",
-            edgecolor=_BODY,
-            height=0.6,
-        )
+        fill = _BODY if effect["simulated"] else "none"
+        axes.barh(row, size, left=0, color=fill, edgecolor=_BODY, height=0.6)
     top = max(2.0, 2 * float(sized["estimated_rel_change"].max()))
     axes.set(xscale="log", xlim=(least, top))
     axes.xaxis.set_major_locator(LogLocator(10))

@@ -52,8 +52,10 @@ OBSERVED = "#000000"
 QUIET = "#8A8A8A"
 WIDTH = 7.4  # inches; fits A4, so that a tick label of 9 pt is printed in this size
 MOST_LEGEND = 4  # legend entries in a row, or on the axes
-# Paths of an SVG are in points: a hundredth is far below a pixel.
-_PATH, _BEYOND_HUNDREDTH = re.compile(rb'(?<= d=")[^"]*'), re.compile(rb"(\.\d\d)\d+")
+# Text that an SVG can do without: in paths digits beyond a hundredth of a point, which is far below
+# a pixel, and ends of lines; elsewhere indentation.
+_PATH, _SPARE = re.compile(rb'(?<= d=")[^"]*'), re.compile(rb"(?<=\.\d\d)\d+| \n")
+_INDENTATION = re.compile(rb"(?<=\n) +")
 _STYLE = Path(__file__).with_name("figures.mplstyle")
 
 
@@ -231,7 +233,7 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
             agg.draw()
             # A palette of 256 colours takes a third of the bytes.
             pixels = Image.fromarray(np.asarray(agg.buffer_rgba())).convert("RGB")
-            colours = pixels.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+            colours = pixels.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
             colours.save(file, "png", dpi=(dpi, dpi))
         elif kind == "pdf":
             pdf: Any = FigureCanvasPdf(figure)
@@ -243,7 +245,7 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
     FigureCanvasBase(figure)  # frees the pixels
     content = file.getvalue()
     if kind == "svg":
-        content = _PATH.sub(lambda path: _BEYOND_HUNDREDTH.sub(rb"\1", path[0]), content)
+        content = _INDENTATION.sub(b"", _PATH.sub(lambda path: _SPARE.sub(b"", path[0]), content))
     return content
 
 

@@ -14,8 +14,7 @@ import numpy as np
 import pandas as pd
 from scipy import sparse
 
-from ridgebayes._types import BoolArray, FloatArray
-from ridgebayes.distributions.distribution import LOG_2PI
+from ridgebayes._types import LOG_2PI, BoolArray, FloatArray
 from ridgebayes.friction.friction_model import FrictionModel
 from ridgebayes.friction.terms import PARAMETERS, coefficients
 from ridgebayes.inference.target import PlainTarget

@@ -31,7 +31,7 @@ from ridgebayes.runtime.text import visible
 
 __all__ = ["render_report", "write_report", "write_reports"]
 
-_MAX_BYTES_SVG = 80_000  # bytes; a larger SVG is embedded as PNG
+_MAX_BYTES_SVG = 72_000  # bytes; a larger SVG is embedded as PNG
 _TEMPLATES = {".html": "report.html.jinja", ".md": "report.md.jinja"}
 
 

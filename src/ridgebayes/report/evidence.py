@@ -22,7 +22,6 @@ from ridgebayes.report.wording import (
     form_name,
     noise_name,
     parameter_name,
-    prior_name,
     probability,
     say,
     with_error,
@@ -70,9 +69,7 @@ def ranking_table(data: ReportData) -> Table:
             return ABSENT
         if name == best:
             return "0 (best)"
-        apart = used[name]["log_evidence"] - used[best]["log_evidence"]
-        error = _hypot(used[name]["log_evidence_se"], used[best]["log_evidence_se"])
-        value, se = over_best.get(name, (apart, error))
+        value, se = over_best.get(name) or _difference(used[name], used[best])
         return with_error(value, se, 1)
 
     def state(name: str) -> str:
@@ -137,11 +134,12 @@ def agreement_section(data: ReportData) -> list[Block]:
     columns: dict[str, Callable[[str], str]] = {
         "Form": form_name,
         "importance": lambda name: _evidence(by_form.get(name, {}).get("importance")),
-        "bridge": lambda name: _evidence(by_form.get(name, {}).get("bridge")),
-        "bridge − importance, in joint standard errors": lambda name: _distance(by_form[name]),
     }
-    if not walked:
-        columns = dict(list(columns.items())[:2])
+    if walked:
+        columns |= {
+            "bridge": lambda name: _evidence(by_form.get(name, {}).get("bridge")),
+            "bridge − importance, in joint standard errors": lambda name: _distance(by_form[name]),
+        }
     return [Table.of(data.ranked, columns, say("methods", are_walked=walked))]
 
 
@@ -156,14 +154,14 @@ def _evidence(row: Mapping[Any, Any] | None, most: int = 4) -> str:
 def _distance(rows: Mapping[str, Mapping[Any, Any]]) -> str:
     if not {"bridge", "importance"} <= set(rows):
         return ABSENT
-    bridge, importance = rows["bridge"], rows["importance"]
-    error = _hypot(bridge["log_evidence_se"], importance["log_evidence_se"])
-    apart = bridge["log_evidence"] - importance["log_evidence"]
+    apart, error = _difference(rows["bridge"], rows["importance"])
     return decimals(apart / error if error else math.nan, 1)
 
 
-def _hypot(*errors: float) -> float:
-    return math.hypot(*(error for error in errors if not math.isnan(error)))
+def _difference(row: Mapping[Any, Any], other: Mapping[Any, Any]) -> tuple[float, float]:
+    """Return the difference of two ln evidences and its error, from the errors that are known."""
+    errors = np.nan_to_num([row["log_evidence_se"], other["log_evidence_se"]])
+    return row["log_evidence"] - other["log_evidence"], math.hypot(*errors)
 
 
 def error_models_section(data: ReportData) -> list[Block]:
@@ -236,7 +234,9 @@ def prior_section(data: ReportData) -> list[Block]:
     ]
     columns: dict[str, Callable[[pd.DataFrame], str]] = {
         f"Form, against {against}": lambda part: form_name(part["form"].iloc[0]),
-        "Prior of": lambda part: prior_name(part["prior"].iloc[0]),
+        "Prior of": lambda part: (
+            "c and c₁" if (name := part["prior"].iloc[0]) == "c" else parameter_name(name)
+        ),
         "Scale, times default": lambda part: "{:g} to {:g}".format(*part["factor"].iloc[[0, -1]]),
         "ln BF at the least": lambda part: decimals(part["ln_bf"].iloc[0], 1),
         "at default": lambda part: decimals(

@@ -54,8 +54,9 @@ def first_screen(
     data: ReportData, reference: ReportData | None = None, command: str = ""
 ) -> FirstScreen:
     """Return the first screen of a report, with a sentence on a second comparison if given."""
-    problems, table = data.problems, data.comparison.table
-    sentences = [_compared(data), _how_sure(data), _consequence(data)]
+    problems, table, verdict = data.problems, data.comparison.table, data.verdict
+    sure = "" if verdict is None else say("how_sure", verdict=verdict, why=why(verdict))
+    sentences = [_compared(data), sure, _consequence(data)]
     if reference is not None:
         n_row = len(reference.comparison.table.calibration)
         words = {"headline": _headline(reference), "verdict": reference.verdict}
@@ -67,19 +68,15 @@ def first_screen(
         f"ridgebayes {__version__}",
     ]
     unfinished = (data if data.problems or reference is None else reference).comparison
+    without_fit = unfinished.failures or set(unfinished.fits) - set(unfinished.probabilities)
+    states = {"are_unconverged": unfinished.unconverged, "are_without_fit": without_fit}
     return FirstScreen(
         say("question", name=Path(table.where).name),
         _headline(data),
         tuple(filter(None, sentences)),
         data.cautions,
         problems,
-        say(
-            "advice",
-            are_unconverged=bool(unfinished.unconverged),
-            are_without_fit=bool(
-                unfinished.failures or set(unfinished.fits) - set(unfinished.probabilities)
-            ),
-        ),
+        say("advice", **{name: bool(state) for name, state in states.items()}),
         _bands(data),
         " · ".join(made_by),
     )
@@ -128,11 +125,6 @@ def prior_words(comparison: Comparison) -> str:
     if math.isclose(max(prior.values()), min(prior.values())):  # equal up to rounding
         return EQUAL
     return say("prior_odds", prior=prior)
-
-
-def _how_sure(data: ReportData) -> str:
-    verdict = data.verdict
-    return "" if verdict is None else say("how_sure", verdict=verdict, why=why(verdict))
 
 
 def lead(verdict: Verdict) -> str:

@@ -30,16 +30,13 @@ def coefficients_section(data: ReportData) -> list[Block]:
     """Return every coefficient, with least squares on Q, and published values if they apply."""
     n_more = sum(max(len(fit.summary) - MOST_ROWS, 0) for fit in data.comparison.fits.values())
     others = [name for name in data.ranked if name != data.shown]
-    blocks: list[Block] = [
+    table, note = coefficients_table, f"{n_more:,} more parameters are in summary.csv."
+    return [
         Text(say("coefficients", tiny=_tiny_sigma(data))),
-        coefficients_table(data, [data.shown]),
+        table(data, [data.shown]),
+        *([Folded("Coefficients of the other forms", [table(data, others)])] if others else []),
+        *([Text(note, "note")] if n_more else []),
     ]
-    if others:
-        table = coefficients_table(data, others)
-        blocks.append(Folded("Coefficients of the other forms", [table]))
-    if n_more:
-        blocks.append(Text(f"{n_more:,} more parameters are in summary.csv.", "note"))
-    return blocks
 
 
 def _tiny_sigma(data: ReportData) -> str:
@@ -159,15 +156,12 @@ def corner_section(data: ReportData) -> list[Block]:
     """Return the corner plot of every fit."""
     pictures: list[Block] = []
     for name in data.ranked:
-        form, n = data.comparison.fits[name].form, data.comparison.fits[name].model.n_parameter
-        caption = say(
-            "corner_caption",
-            form=form_name(name),
-            is_published=data.is_paper_sweep and form.published is not None,
-            n=n,
-            most=MOST_PARAMETERS,
-        )
-        pictures.append(Picture(f"corner-{name}", caption, narrow=n < MOST_PARAMETERS))
+        fit = data.comparison.fits[name]
+        is_published = data.is_paper_sweep and fit.form.published is not None
+        counts = {"n": fit.model.n_parameter, "most": MOST_PARAMETERS}
+        caption = say("corner_caption", form=form_name(name), is_published=is_published, **counts)
+        narrow = fit.model.n_parameter < MOST_PARAMETERS
+        pictures.append(Picture(f"corner-{name}", caption, narrow=narrow))
     return pictures
 
 

@@ -83,7 +83,7 @@ def _extrapolation(part: pd.DataFrame) -> str:
 
 def _firsts(rows: Sequence[Sequence[str]]) -> str:
     """Return the first cell of each form as text."""
-    return ", ".join(f"{form} {first}" for form, first, *_ in rows)
+    return ", ".join(" ".join(row[:2]) for row in rows)
 
 
 def _range(errors: "pd.Series[float]") -> str:
@@ -155,9 +155,8 @@ def score_section(data: ReportData) -> list[Block]:
         scores = loo.sort_values("elpd", ascending=False)
         if len(reliable := scores[scores["n_bad_k"] == 0]) > 1:
             leaders["row"] = _leaders(reliable, "elpd")
-        blocks.append(_rows_table(scores))
-        if scores["n_bad_k"].sum():
-            blocks.append(Text(say("pareto_k", has_refits=len(left_out) > 0), "note"))
+        note = Text(say("pareto_k", has_refits=len(left_out) > 0), "note")
+        blocks += [_rows_table(scores), *([note] if scores["n_bad_k"].sum() else [])]
     if len(left_out):
         for leave, part in left_out.groupby("leave", sort=False):
             if part["log_score"].notna().any():
@@ -170,10 +169,8 @@ def score_section(data: ReportData) -> list[Block]:
 
 def _leaders(scores: pd.DataFrame, column: str) -> tuple[str, str]:
     """Return the form of the highest score and the form of the highest weight."""
-    by_score, by_weight = (
-        scores["form"].iloc[int(scores[name].astype(float).fillna(-np.inf).argmax())]
-        for name in (column, "stacking_weight")
-    )
+    by_form = scores.set_index("form")[[column, "stacking_weight"]].astype(float)
+    by_score, by_weight = by_form.fillna(-np.inf).idxmax()
     return str(by_score), str(by_weight)
 
 

@@ -31,10 +31,7 @@ def contents(gallery: Gallery, reference: Gallery | None) -> list[Section]:
     list of Section
         Figures that do not apply are left out, and so are sections that become empty.
     """
-    drawn: dict[bool, Container[str]] = {
-        False: gallery,
-        True: {} if reference is None else reference,
-    }
+    drawn: dict[bool, Container[str]] = {False: gallery, True: reference or {}}
     sections = []
     for anchor, title in _TITLES.items():
         subject = reference if anchor == "reference" else gallery
@@ -88,13 +85,13 @@ def reference_section(reference: ReportData) -> list[Block]:
     ]
     if "half-plane" in reference.ranked:
         blocks.append(Text(_scale(reference)))
+    several = len(reference.comparison.probabilities) > 1
     details: list[Block] = [
-        Picture("evidence", say("reference_evidence_caption"), of_reference=True)
+        Picture("evidence", say("reference_evidence_caption"), of_reference=True),
+        *([evidence.pairs_table(reference)] if several else []),
+        *posteriors.coefficients_section(reference)[1:],
+        Picture("percent-error", say("reference_errors_caption"), of_reference=True),
     ]
-    if len(reference.comparison.probabilities) > 1:
-        details.append(evidence.pairs_table(reference))
-    details += posteriors.coefficients_section(reference)[1:]
-    details.append(Picture("percent-error", say("reference_errors_caption"), of_reference=True))
     return [*blocks, evidence.ranking_table(reference), Folded("Details", details)]
 
 
@@ -102,12 +99,8 @@ def _scale(reference: ReportData) -> str:
     summary = reference.comparison.fits["half-plane"].summary.set_index("parameter")
     mean, sd = float(summary["mean"].loc["c"]), float(summary["sd"].loc["c"])
     load = 100 * (mean**-2 - 1)
-    return say(
-        "scale",
-        c=with_error(mean, sd, 6),
-        n_sd=decimals(abs(mean - 1) / sd, 1),
-        load=decimals(load, 2),
-    )
+    n_sd = decimals(abs(mean - 1) / sd, 1)
+    return say("scale", c=with_error(mean, sd, 6), n_sd=n_sd, load=decimals(load, 2))
 
 
 def _folded(title: str, blocks_of: _BlocksOf) -> _BlocksOf:

@@ -43,15 +43,8 @@ def say(sentence: str, **values: object) -> str:
 def _sentences() -> Any:
     name = "sentences.jinja"
     environment = environment_of("ridgebayes.report", name)
-    environment.filters |= {
-        "form": form_name,
-        "listed": listed,
-        "number": number,
-        "decimals": decimals,
-        "probability": probability,
-        "percent": percent,
-        "count": count,
-    }
+    filters = (listed, number, decimals, probability, percent, count)
+    environment.filters |= {"form": form_name} | {x.__name__: x for x in filters}
     return environment.get_template(name).module
 
 
@@ -77,11 +70,6 @@ def parameter_name(name: str) -> str:
     if name.startswith("K["):
         return f"K of {short_label(name[2:-1])}"
     return drawing.style.SYMBOLS.get(name, (name,))[0]
-
-
-def prior_name(name: str) -> str:
-    """Return the displayed name of a prior in `prior_sensitivity.csv`."""
-    return "c and c₁" if name == "c" else parameter_name(name)
 
 
 def noise_name(name: str) -> str:

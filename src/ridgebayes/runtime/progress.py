@@ -127,8 +127,8 @@ class Progress:
 
     def count(self, n_done: int, n: int | None) -> None:
         """Report how many parts of a stage are done, and the estimated time left."""
-        text = f"{n_done} of {n}" if n is not None else f"{n_done} done"
-        if n is not None and 0 < n_done < n:
+        text = f"{n_done} done" if n is None else f"{n_done} of {n}"
+        if n and 0 < n_done < n:
             left = (time.perf_counter() - self._began) * (n - n_done) / n_done
             text += f", about {duration(left)} left"
         if n and self._bar is not None:

@@ -9,7 +9,7 @@ import math
 import tomllib
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from stat import S_ISREG
@@ -22,12 +22,12 @@ from ridgebayes.runtime.text import one_line_message
 if TYPE_CHECKING:
     import h5py
 
-LARGEST = 2**31  # bytes of a file that is read into memory
+_MEBIBYTE = 2**20  # bytes that are unpacked before they are counted
+LARGEST = 2048 * _MEBIBYTE  # of a file that is read into memory
 # Bytes of TOML or JSON, which would take minutes to parse above it; and bytes of an HDF5 chunk,
 # which is always unpacked as a whole.
-LARGEST_TEXT = LARGEST_CHUNK = 2**26
+LARGEST_TEXT = LARGEST_CHUNK = 64 * _MEBIBYTE
 _MAX_OBJECTS = 10_000  # groups and datasets; a posterior has thirty
-_BYTES_PER_STEP = 2**20  # bytes unpacked before they are counted
 _NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
 _MAX_PACKED_SHARE = 4 / 3  # packed over unpacked bytes; gzip and checksums never need more
 
@@ -130,10 +130,8 @@ def refusing(
     """
     try:
         yield
-    except InputError:
-        raise
     except Exception as error:
-        if kinds and not isinstance(error, kinds):
+        if isinstance(error, InputError) or (kinds and not isinstance(error, kinds)):
             raise
         raise InputError(f"{where}: {one_line_message(error, most)}{rule}") from None
 
@@ -293,14 +291,12 @@ def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: 
 
 def _fits(packed: bytes, most: int) -> bool:
     unpack, n = zlib.decompressobj(), 0
-    try:
+    with suppress(zlib.error):  # HDF5 refuses a damaged chunk
         while packed and not unpack.eof:
-            n += len(unpack.decompress(packed, _BYTES_PER_STEP))
+            n += len(unpack.decompress(packed, _MEBIBYTE))
             if n > most:
                 return False
             packed = unpack.unconsumed_tail
-    except zlib.error:
-        return True  # HDF5 refuses it
     return True
 
 

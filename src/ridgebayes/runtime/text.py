@@ -98,11 +98,8 @@ def duration(seconds: float) -> str:
         return "under 0.1 s"
     if seconds < 60:
         return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
-    size, unit = next(
-        (size, unit)
-        for limit, size, unit in ((3600, 60, "min"), (86400, 3600, "h"), (math.inf, 86400, "days"))
-        if seconds < limit
-    )
+    hour, day = 3600, 86_400
+    size, unit = (60, "min") if seconds < hour else (hour, "h") if seconds < day else (day, "days")
     return f"{seconds / size:.1f}".removesuffix(".0") + f" {unit}"
 
 

@@ -197,7 +197,7 @@ class Findings:
     def add(
         self, broken: BoolArray | IntArray, column: str, rule: str, other: IntArray | None = None
     ) -> None:
-        """Add rows by mask or number; ``{other}`` in the rule stands for a second row of each."""
+        """Add rows by mask or number, with a second row of each if the rule has ``{other}``."""
         seen = self.bad.setdefault(column, np.zeros(self.n_row, dtype=bool))
         rows = np.flatnonzero(broken) if broken.dtype == bool else broken.astype(np.int64)
         fresh = ~seen[rows]

@@ -21,7 +21,7 @@ from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.choice import OBJECTIVES, chosen, mark_extrapolation, plain, tied
 from ridgebayes.texture_design.drawn_loads import drawn_loads
 from ridgebayes.texture_design.goal_values import N_DRAW, GoalValues
-from ridgebayes.texture_design.goals import LARGEST, Goal, Load, parse_goals, read_loads
+from ridgebayes.texture_design.goals import Goal, Load, parse_goals, read_loads
 from ridgebayes.texture_design.lattice import lattice
 from ridgebayes.texture_design.limits import Limits, textures_in
 from ridgebayes.texture_design.next_simulation import next_simulation
@@ -171,15 +171,11 @@ def _alternatives(
 ) -> list[tuple[Load, ...]]:
     """Return the loads of goals without loads; several alternatives for the objective min-load."""
     if loads is None:
-        alternatives: tuple[Load, ...] = (LARGEST,)
-        if objective == "min-load":
-            alternatives = tuple(Load(i / _N_LOADS, "share") for i in range(1, _N_LOADS + 1))
-    elif isinstance(loads, str):
-        alternatives = read_loads(loads, "loads", body)
+        n = _N_LOADS if objective == "min-load" else 1
+        alternatives = tuple(Load(i / n, "share") for i in range(1, n + 1))
     else:
-        alternatives = tuple(
-            load for p in loads for load in read_loads(repr(float(p)), "loads", body)
-        )
+        texts = [loads] if isinstance(loads, str) else [repr(float(p)) for p in loads]
+        alternatives = tuple(load for text in texts for load in read_loads(text, "loads", body))
     if not alternatives:
         raise InputError("loads: expected at least one, got none")
     return [(load,) for load in alternatives] if objective == "min-load" else [alternatives]

@@ -116,19 +116,17 @@ class PlacedDraws:
         t = (self._part.log_p(load) - self._log_area - location) / scale
         return t if self._max_count is None else np.where(count <= self._max_count, t, -np.inf)
 
-    def window(self, case: Case) -> tuple[FloatArray | None, FloatArray | None]:
-        """Return the errors between which the case happens; None for no bound."""
+    def window(self, case: Case) -> tuple[FloatArray, FloatArray]:
+        """Return the errors between which the case happens; infinite for no bound."""
+        no_bound = np.full(len(self._part.which), np.inf)
         above = [self.threshold(*bound) for bound in case.below]
         below = [self.threshold(*bound) for bound in case.at_least]
-        low = np.maximum.reduce(above) if above else None
-        return low, np.minimum.reduce(below) if below else None
+        return np.maximum.reduce([-no_bound, *above]), np.minimum.reduce([no_bound, *below])
 
     def probability(self, case: Case) -> FloatArray:
         """Return the probability of a case for each draw, shape (n,)."""
         low, high = self.window(case)
-        upper = 1.0 if high is None else special.ndtr(high)
-        lower = 0.0 if low is None else special.ndtr(low)
-        return np.asarray(np.maximum(upper - lower, 0.0))
+        return np.asarray(np.maximum(special.ndtr(high) - special.ndtr(low), 0.0))
 
     def reached(self, load: Load) -> Iterator[tuple[int, FloatArray]]:
         """Yield counts from 4 on, and the probability that each draw reaches them."""
@@ -186,22 +184,19 @@ class GoalValues:
     def _spread(self, placed: Sequence[PlacedDraws], case: Case) -> tuple[float, float]:
         """Return the standard deviation of Q, and its error from the influence function."""
         ((_, load),) = case.at_least
-        firsts, squares = [], []
+        moments = []  # E[Q] and E[Q^2] of the draws of each posterior
         for part, at_texture in zip(self.parts, placed, strict=True):
             first, square = np.full(len(part.which), 2.0), np.full(len(part.which), 4.0)
             for n, reached in at_texture.reached(load):
                 first, square = first + 2 * reached, square + (4 * n - 4) * reached
-            firsts.append(first)
-            squares.append(square)
-        mean = self._average(firsts)[0]
-        centred = zip(squares, firsts, strict=True)
-        variance, se = self._average([s - 2 * mean * f + mean**2 for s, f in centred])
+            moments.append((first, square))
+        mean, _ = self._average([first for first, _ in moments])
+        variance, se = self._average([s - 2 * mean * f + mean**2 for f, s in moments])
         sd = float(np.sqrt(max(variance, 0.0)))
         return sd, se / (2 * sd) if sd else 0.0
 
     def _average(self, values: Sequence[FloatArray]) -> tuple[float, float]:
         """Return the weighted mean over posteriors, and its standard error."""
-        weights = [part.weight for part in self.parts]
-        pairs = list(zip(weights, values, strict=True))
+        pairs = [(part.weight, x) for part, x in zip(self.parts, values, strict=True)]
         mean = sum(w * float(v.mean()) for w, v in pairs)
         return mean, float(np.sqrt(sum(w * w * float(v.var()) / len(v) for w, v in pairs)))

@@ -18,7 +18,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import permutations, product
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
@@ -179,13 +179,11 @@ def _goal(text: str, loads: tuple[Load, ...], body: Body) -> Goal:
     if match is None:
         raise InputError(f"{where}: expected one {_USAGE}")
     parts = match.groupdict()
-    rule = "worst"
-    has_own = parts["at"] is not None
-    if has_own:
-        words = _LOADS.fullmatch(parts["at"].strip())
-        if words is None:
-            raise InputError(f"{where}: expected loads as 'at p/E = 0.01' or LO:HI:N")
-        rule, loads = (words["rule"] or "worst").lower(), read_loads(words["loads"], where, body)
+    words = _LOADS.fullmatch((parts["at"] or "").strip())
+    if words is not None:
+        loads = read_loads(words["loads"], where, body)
+    elif parts["at"] is not None:
+        raise InputError(f"{where}: expected loads as 'at p/E = 0.01' or LO:HI:N")
     try:
         level = float(parts["level"]) / (100 if parts.get("percent") else 1)
     except ValueError:
@@ -197,11 +195,11 @@ def _goal(text: str, loads: tuple[Load, ...], body: Body) -> Goal:
         return Goal(text, cases, level, is_spread=True)
     if not 0 < level < 1:
         raise InputError(f"{where}: expected a probability between 0 and 1, got {level:g}")
-    body_of_Q = None if has_own else body  # None: Q(load) is refused
+    body_of_Q = body if words is None else None  # None: Q(load) is refused
     cases = tuple(_event(parts["event"], load, body_of_Q, where) for load in loads)
     if parts["op"] == "<=":
         cases, level = tuple(_complement(case, where) for case in cases), 1 - level
-    if rule == "every":
+    if words is not None and (words["rule"] or "").lower() == "every":
         cases = (Case(*(sum((getattr(c, k) for c in cases), ()) for k in ("at_least", "below"))),)
     for case in cases:
         if case.excludes(case):
@@ -216,13 +214,12 @@ def _event(text: str, load: Load, body: Body | None, where: str) -> Case:
         raise InputError(f"{where}: expected an event {_USAGE}")
     at_least, below = [], []
     for left, op, right in (terms[i : i + 3] for i in range(0, len(terms) - 2, 2)):
-        matches = [_Q.fullmatch(term) for term in (left, right)]
-        if (matches[0] is None) == (matches[1] is None):
+        first, second = (_Q.fullmatch(term) for term in (left, right))
+        match = first or second
+        if match is None or (first and second):
             raise InputError(
                 f"{where}: expected Q on one side of each {op!r}, a count on the other"
             )
-        count, match = (right, matches[0]) if matches[0] else (left, matches[1])
-        assert match is not None
         here = load
         if match["load"] is not None:
             if body is None:
@@ -230,7 +227,7 @@ def _event(text: str, load: Load, body: Body | None, where: str) -> Case:
             here, *others = read_loads(match["load"], where, body)
             if others:
                 raise InputError(f"{where}: expected one load in brackets, got {match['load']!r}")
-        low, high = _bounds(count, op if matches[0] else _FLIPPED[op], where)
+        low, high = _bounds(*((right, op) if first else (left, _FLIPPED[op])), where)
         at_least += [] if low is None else [(low, here)]
         below += [] if high is None else [(high, here)]
     return Case(tuple(at_least), tuple(below))
@@ -295,9 +292,8 @@ def _refuse_contradiction(goal: Goal, other: Goal) -> None:
     """Refuse goals on events that exclude each other and have levels above 1 in sum."""
     if goal.is_spread or other.is_spread or goal.level + other.level <= 1:
         return
-    for case in goal.cases:
-        if any(case.excludes(rival) for rival in other.cases):
-            raise InputError(
-                f"goal: {clipped(goal.text)} and {clipped(other.text)} contradict each other: "
-                "the two events exclude each other, and their probabilities would exceed 1"
-            )
+    if any(case.excludes(rival) for case, rival in product(goal.cases, other.cases)):
+        raise InputError(
+            f"goal: {clipped(goal.text)} and {clipped(other.text)} contradict each other: "
+            "the two events exclude each other, and their probabilities would exceed 1"
+        )

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any
 
 from ridgebayes._types import Json
@@ -43,13 +44,11 @@ def lattice(sizes: Mapping[str, Any], fits: Sequence[Posterior]) -> tuple[list[T
     columns = []
     for (name, (low, high)), span in zip(bounds.items(), spans, strict=True):
         widths = [float(f"{i * step:.12g}") for i in range(*span)]
-        if not widths and low == high:
-            widths = [low]
-        if not widths:
+        columns.append(widths or ([low] if low == high else []))
+        if not columns[-1]:
             raise InputError(f"{name}: no multiple of the step {step:g} is within {low:g}:{high:g}")
-        columns.append(widths)
-    textures = [(a, b) for a in columns[0] for b in columns[1]]
-    return textures, {"a": list(bounds["a"]), "b": list(bounds["b"]), "step": float(step)}
+    about = {name: list(ends) for name, ends in bounds.items()} | {"step": float(step)}
+    return [(a, b) for a, b in product(*columns)], about
 
 
 def _round_step(least: float) -> float:

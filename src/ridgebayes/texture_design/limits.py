@@ -124,12 +124,9 @@ def _root(
     margin: Callable[[float], float], low: float, high: float, bounds: tuple[float, float]
 ) -> float | None:
     """Return the factor between the largest margin and 1 at which a margin is 0; None if none."""
-    low, high = np.clip(sorted((low, high)), *bounds)
-    largest = optimize.minimize_scalar(lambda x: -margin(x), bounds=(low, high), method="bounded")
-    best = float(largest.x)
-    if margin(best) < 0:
-        return None
-    return math.exp(optimize.brentq(margin, best, 0.0))
+    ends = np.clip(sorted((low, high)), *bounds)
+    best = optimize.minimize_scalar(lambda x: -margin(x), bounds=ends, method="bounded").x
+    return None if margin(best) < 0 else math.exp(optimize.brentq(margin, best, 0.0))
 
 
 def _scaled(goal: Goal, factor: float) -> Goal:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from scipy import special
+from scipy import special, stats
 
 from ridgebayes._types import FloatArray
 from ridgebayes.contact.scaling import Texture
@@ -47,20 +47,18 @@ def next_simulation(forms: Sequence[Form], textures: Sequence[Texture], seed: in
     if len(forms) < 2 or not textures:
         return pd.DataFrame(columns=_COLUMNS)
     names = [form[0][0].form.name for form in forms]
-    chosen = [textures[i] for i in np.linspace(0, len(textures) - 1, _MAX_TEXTURES).astype(int)]
-    chosen = list(dict.fromkeys(chosen))
+    places = np.linspace(0, len(textures) - 1, _MAX_TEXTURES).astype(int)
+    chosen = list(dict.fromkeys(textures[i] for i in places))
     ratios = [a / (a + b) for a, b in chosen]
     ends = min(ratios), max(ratios)
     parts = [[(DrawnLoads(fit, *ends), weight) for fit, weight in form] for form in forms]
     ranges = [CalibratedRange.of(form[0][0]) for form in forms]
-    load_max = min(calibrated.load_max for calibrated in ranges)
-    count_max = min(calibrated.Q_max for calibrated in ranges)
+    load_max, count_max = (min(getattr(x, name) for x in ranges) for name in ("load_max", "Q_max"))
     rows = []
     for a, b in chosen:
         count, load = _count_within(parts[0][0][0], (a, b), load_max, count_max)
         drawn = [_log_loads(form, (a, b), count) for form in parts]
-        rng = stream(seed, "next simulation")
-        gained = _information(drawn, rng)
+        gained = _information(drawn, stream(seed, "next simulation"))
         rows.append((a, b, count, load, gained, *names))
     frame = pd.DataFrame(rows, columns=_COLUMNS)
     return frame.sort_values("information", ascending=False, kind="stable", ignore_index=True)
@@ -108,7 +106,5 @@ def _information(forms: Sequence[tuple[FloatArray, FloatArray]], rng: np.random.
 
 
 def _log_density(y: FloatArray, location: FloatArray, scale: FloatArray) -> FloatArray:
-    z = (y[:, None] - location) / scale
-    log_terms = -0.5 * z * z - np.log(scale) - 0.5 * np.log(2 * np.pi)
-    log_density: FloatArray = special.logsumexp(log_terms, axis=1) - np.log(len(location))
-    return log_density
+    log_terms = stats.norm.logpdf(y[:, None], location, scale)
+    return np.asarray(special.logsumexp(log_terms, axis=1) - np.log(len(location)))

@@ -9,6 +9,7 @@ it correlates are one group.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ from ridgebayes._types import BoolArray, FloatArray, IntArray, Json
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.runtime.randomness import stream, streams
 from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.uncertain import Uncertain
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
 from ridgebayes.texture_design.goal_values import N_DRAW, PlacedDraws, PosteriorDraws, Value
@@ -28,7 +30,8 @@ SIMULATION = "a simulation of this texture"
 _GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}  # by section of a scene
 _N_CHECK = 100_000  # draws of the check
 _MAX_SE = 0.1  # largest standard error of a reported share
-_N_OUTER, _N_INNER = 128, 256  # measurements, and draws of each
+_N_OUTER = math.isqrt(N_DRAW)  # measurements
+_N_INNER = 2 * _N_OUTER  # draws of each
 _QUANTILES = (0.05, 0.95)  # of the probability after a measurement
 _SPREADS_LEFT = (0.0, 0.5)  # shares of a source's sd after a measurement
 Draws = Mapping[str, FloatArray]  # by source; draws are along the last axis
@@ -60,10 +63,8 @@ class Sources:
 
     def draw(self, n: int, seed: int) -> dict[str, FloatArray]:
         """Return n draws of each source."""
-        draws: dict[str, FloatArray] = {}
-        if self.scene.uncertain is not None:
-            draws |= self.scene.uncertain.draw(n, streams(seed))
-        if self.tolerance.size and not self.tolerance.is_worst:
+        draws: dict[str, FloatArray] = dict(self._uncertain.draw(n, streams(seed)))
+        if self._has_drawn_widths:
             draws["tolerance"] = stream(seed, "tolerance").standard_normal((2, n))
         for name in (FORM, NOISE, COEFFICIENTS):
             draws[name] = stream(seed, name).random(n)
@@ -77,54 +78,51 @@ class Sources:
         """
         n = _N_OUTER * _N_INNER
         draws, measurements = self.draw(n, seed), self.draw(_N_OUTER, seed + 1)
-        uncertain = self.scene.uncertain if left and members != ["tolerance"] else None
-        if uncertain is not None:
-            score = uncertain.scores(n, streams(seed))
-            measurements = uncertain.scores(_N_OUTER, streams(seed + 1))
-        else:
-            score = draws
-        share, measured = math.sqrt(1 - left**2), {}
-        for name in members:
-            outer = np.repeat(measurements[name], _N_INNER, axis=-1)
-            measured[name] = left * score[name] + share * outer
-        if uncertain is not None:
-            measured = uncertain.at_scores(score | measured, streams(seed))
+        in_part = bool(left) and members != ["tolerance"]
+        score = draws
+        if in_part:
+            score = self._uncertain.scores(n, streams(seed))
+            measurements = self._uncertain.scores(_N_OUTER, streams(seed + 1))
+        measured = {
+            name: left * score[name]
+            + math.sqrt(1 - left**2) * np.repeat(measurements[name], _N_INNER, axis=-1)
+            for name in members
+        }
+        if in_part:
+            measured = self._uncertain.at_scores(score | measured, streams(seed))
         return {**draws, **measured}
 
     def may_be_measured_in_part(self, members: Sequence[str]) -> bool:
         """Return whether draws of these sources are functions of normal scores."""
-        sources = {} if self.scene.uncertain is None else self.scene.uncertain.sources
-        drawn = {name for name, source in sources.items() if source.has_quantiles}
-        return drawn.union(["tolerance"]).issuperset(members)
+        drawn = (name for name, source in self._uncertain.sources.items() if source.has_quantiles)
+        return set(members) <= {"tolerance", *drawn}
 
     @property
     def groups(self) -> dict[str, list[str]]:
         """Sources by group; groups that the scene correlates are merged."""
         places = {name: _GROUPS[name.partition(".")[0].partition("[")[0]] for name in self._places}
-        for correlated in self.scene.uncertain.joint if self.scene.uncertain is not None else ():
+        for correlated in self._uncertain.joint:
             merged = " and ".join(dict.fromkeys(places[name] for name in correlated.of))
             old = {places[name] for name in correlated.of}
             places = {k: merged if v in old else v for k, v in places.items()}
-        if self.tolerance.size and not self.tolerance.is_worst:
+        if self._has_drawn_widths:
             places["tolerance"] = "tolerance"
-        places |= {COEFFICIENTS: COEFFICIENTS}
-        if len({loads.fit.form.name for loads, _ in self.loads}) > 1:
-            places |= {FORM: FORM}
+        n_form = len({loads.fit.form.name for loads, _ in self.loads})
+        places |= {COEFFICIENTS: COEFFICIENTS} | ({FORM: FORM} if n_form > 1 else {})
         places |= {NOISE: NOISE, "score": NOISE}
-        groups = {group: list[str]() for group in places.values()}
-        for name, group in places.items():
-            groups[group].append(name)
-        return groups
+        return {
+            group: [name for name in places if places[name] == group] for group in places.values()
+        }
 
     @property
     def measurable(self) -> dict[str, list[str]]:
         """Sources that a measurement determines, by name of the measurement."""
-        joint = () if self.scene.uncertain is None else self.scene.uncertain.joint
-        members = {", ".join(correlated.of): list(correlated.of) for correlated in joint}
-        taken = {name for correlated in joint for name in correlated.of}
-        members |= {name: [name] for name in self._places if name not in taken}
-        if "tolerance" in self.groups and self.tolerance.size:
-            members["tolerance"] = ["tolerance"]
+        groups = [list(correlated.of) for correlated in self._uncertain.joint]
+        taken = {name for group in groups for name in group}
+        groups += [[name] for name in self._places if name not in taken]
+        if self.tolerance.size and "tolerance" in self.groups:
+            groups.append(["tolerance"])
+        members = {", ".join(group): group for group in groups}
         return members | {SIMULATION: [FORM, NOISE, COEFFICIENTS, "score"]}
 
     def outcome(self, draws: Draws) -> tuple[FloatArray, FloatArray]:
@@ -135,13 +133,9 @@ class Sources:
         for here, which, placed in self._placed(draws):
             error = draws["score"][here]
             low, high = placed.window(self.value.case)
-            met = np.ones(len(which), dtype=bool)
-            met &= True if high is None else error <= high
-            met &= True if low is None else error > low
-            failed[here], count, alive = ~met, 4, np.ones(len(which), dtype=bool)
-            reached = np.full(len(which), 2.0)
-            while alive.any():
-                alive &= error <= placed.threshold(count, highest)
+            failed[here] = ~((low < error) & (error <= high))
+            count, reached, alive = 4, np.full(len(which), 2.0), np.ones(len(which), dtype=bool)
+            while (alive := alive & (error <= placed.threshold(count, highest))).any():
                 reached += 2 * alive
                 count += 2
             Q[here] = reached
@@ -155,11 +149,17 @@ class Sources:
         return values
 
     @property
+    def _uncertain(self) -> Uncertain:
+        return self.scene.uncertain or Uncertain({}, {}, {})
+
+    @property
+    def _has_drawn_widths(self) -> bool:
+        return bool(self.tolerance.size) and not self.tolerance.is_worst
+
+    @property
     def _places(self) -> list[str]:
-        if self.scene.uncertain is None:
-            return []
-        joint = [name for correlated in self.scene.uncertain.joint for name in correlated.of]
-        return list(dict.fromkeys([*self.scene.uncertain.sources, *joint]))
+        joint = [name for correlated in self._uncertain.joint for name in correlated.of]
+        return list(dict.fromkeys([*self._uncertain.sources, *joint]))
 
     def _placed(self, draws: Draws) -> list[tuple[BoolArray, IntArray, PlacedDraws]]:
         """Return, for each posterior, where its draws are, their indices, and the draws."""
@@ -169,12 +169,11 @@ class Sources:
         weights = np.array([weight for _, weight in self.loads])
         names = list(dict.fromkeys(forms))
         by_form = np.array([weights[forms == name].sum() for name in names])
-        form = np.searchsorted(np.cumsum(by_form / by_form.sum())[:-1], draws[FORM], side="right")
+        form = _picked(draws[FORM], by_form)
         placed = []
         for i, name in enumerate(names):
             of_form = np.flatnonzero(forms == name)
-            ends = np.cumsum(weights[of_form] / weights[of_form].sum())[:-1]
-            noise = np.searchsorted(ends, draws[NOISE], side="right")
+            noise = _picked(draws[NOISE], weights[of_form])
             for k, j in enumerate(of_form.tolist()):
                 here = (form == i) & (noise == k)
                 if not here.any():
@@ -193,6 +192,11 @@ class Sources:
         count = max([4, *(n for n, _ in (*case.at_least, *case.below))])
         ratio = np.asarray(a / (a + b))
         return np.argsort(loads.at(count, slice(None), ratio)[0], kind="stable")
+
+
+def _picked(uniform: FloatArray, weights: FloatArray) -> IntArray:
+    """Return the index that each uniform number picks among weights."""
+    return np.searchsorted(np.cumsum(weights / weights.sum())[:-1], uniform, side="right")
 
 
 def drawn_check(sources: Sources, goal: Goal, seed: int) -> Json:
@@ -260,14 +264,11 @@ def what_to_measure(sources: Sources, seed: int) -> pd.DataFrame:
         measurement). The most informative measurement is first.
     """
     rows = []
-    measurements = [
-        (2 + 2 * k, name, members, left)
-        for k, (name, members) in enumerate(sources.measurable.items())
-        for left in _SPREADS_LEFT
-        if not left or sources.may_be_measured_in_part(members)
-    ]
-    for offset, name, members, left in measurements:
-        draws = sources.draw_measured(members, left, seed + offset)
+    measurements = enumerate(sources.measurable.items(), start=1)
+    for (k, (name, members)), left in product(measurements, _SPREADS_LEFT):
+        if left and not sources.may_be_measured_in_part(members):
+            continue
+        draws = sources.draw_measured(members, left, seed + 2 * k)
         met = 1 - sources.outcome(draws)[1] if name == SIMULATION else sources.probability(draws)
         within = met.reshape(_N_OUTER, _N_INNER)
         share = within.mean(axis=1)

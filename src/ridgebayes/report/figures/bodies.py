@@ -61,9 +61,8 @@ def plot_pressed(solution: ContactSolution) -> Figure:
     top.fill_between(x, surface, 1e3, color=_BODY, alpha=0.18, linewidth=0)
     top.plot(x, surface, color=_BODY, linewidth=1.2, label="body")
     rigid = _heights(solution.profile, x, depth)
-    top.fill_between(
-        x, rigid, rigid.min() - 0.1 * depth, color=_RIDGE_LINE, alpha=0.35, linewidth=0
-    )
+    below = rigid.min() - 0.1 * depth
+    top.fill_between(x, rigid, below, color=_RIDGE_LINE, alpha=0.35, linewidth=0)
     top.plot(x, rigid, color=_RIDGE_LINE, linewidth=1.0, label="ridges")
     span = max(float(surface.max()), depth)
     top.set_ylim(-1.15 * depth, min(span, 4 * depth))
@@ -214,23 +213,17 @@ def _rigid(axes: Axes, cylinder: Cylinder, state: State) -> None:
 def _outline(ridge: RigidSegment, height: float, bottom: float) -> FloatArray:
     (start, stop), r = ridge.flat, ridge.corner
     out, up = r * np.sin(_ARC), height - r + r * np.cos(_ARC)
-    top = np.concatenate(
-        [np.column_stack([start - out, up])[::-1], np.column_stack([stop + out, up])]
-    )
-    return np.concatenate([[[ridge.start, bottom]], top, [[ridge.stop, bottom]]])
+    x = [ridge.start, *(start - out)[::-1], *(stop + out), ridge.stop]
+    return np.column_stack([x, [bottom, *up[::-1], *up, bottom]])
 
 
 def _pressure(axes: Axes, table: pd.DataFrame, most: float, *, mirrored: bool) -> None:
     half = 0.5 * table["length"] * table["normal_y"].abs()
     low, high = (table["x"] - half).to_numpy(), (table["x"] + half).to_numpy()
     height = table["pressure"].to_numpy()
-    bars = np.stack(
-        [
-            np.column_stack([low, high, high, low]),
-            np.column_stack([0 * height, 0 * height, height, height]),
-        ],
-        axis=-1,
-    )
+    zero = 0 * height
+    corners = [[low, zero], [high, zero], [high, height], [low, height]]
+    bars = np.moveaxis(np.array(corners), -1, 0)  # shape (n_bar, 4, 2)
     if mirrored:
         bars = np.concatenate([bars, bars * [-1.0, 1.0]])
     axes.add_collection(PolyCollection(list(bars), color=_PRESSURE, alpha=0.6, linewidths=0))

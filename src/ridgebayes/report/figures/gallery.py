@@ -1,7 +1,7 @@
 """Gallery of the figures of a report under stable names."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,6 @@ from ridgebayes._types import FloatArray
 from ridgebayes.checks.predictive_checks import QUANTITIES, PredictiveChecks
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bands import AVERAGE
-from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit
@@ -174,17 +173,12 @@ def _bands(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     draw = partial(drawing.predictions.plot_bands, table=data.transitions, form=data.shown)
     recipes: dict[str, Callable[[], Figure]] = {}
     if n_texture > n_first > 0:
-        first = _select_textures(data.bands, data.textures)
+        textures = pd.MultiIndex.from_frame(data.bands[["a_over_R", "b_over_R"]])
+        first = data.bands[textures.isin(list(data.textures))]
         recipes["bands-first"] = partial(draw, first, untitled=True)
     if data.preset.extras or not recipes:
         recipes["bands"] = partial(draw, data.bands, n_texture=n_texture)
     return recipes
-
-
-def _select_textures(bands: pd.DataFrame, textures: Sequence[Texture]) -> pd.DataFrame:
-    """Return the bands of the given textures."""
-    pairs = pd.MultiIndex.from_frame(bands[["a_over_R", "b_over_R"]])
-    return bands[pairs.isin(list(textures))]
 
 
 def quantities_of(checks: PredictiveChecks) -> dict[str, tuple[FloatArray, FloatArray, float]]:
@@ -210,7 +204,7 @@ def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False)
     fit : Fit
         Fit with draws.
     most : int, optional
-        Maximum number of parameters shown.
+        Maximum number of parameters shown: the first, and those of the error model.
     published : bool, optional
         Whether to mark the study's coefficients, if the form has any.
 
@@ -218,20 +212,11 @@ def corner_of(fit: Fit, *, most: int = MOST_PARAMETERS, published: bool = False)
     -------
     matplotlib.figure.Figure
     """
-    names, shown = fit.model.parameter_names, shown_parameters(fit, most)
+    names, n = fit.model.parameter_names, fit.model.n_parameter
     marked = fit.form.published if published else None
     values = dict(zip(names, marked or (), strict=False))
-    draws = fit.draws[:, shown]
-    chosen = [names[i] for i in shown]
-    return drawing.posterior.plot_corner(
-        fit.form.name, chosen, draws, values, n_parameter=len(names)
-    )
-
-
-def shown_parameters(fit: Fit, most: int = MOST_PARAMETERS) -> list[int]:
-    """Return the indices of the parameters to show: the first, and those of the error model."""
-    n = fit.model.n_parameter
-    if n <= most:
-        return list(range(n))
     n_noise = n - fit.model.n_coefficient
-    return [*range(most - n_noise), *range(n - n_noise, n)]
+    shown = list(range(n)) if n <= most else [*range(most - n_noise), *range(n - n_noise, n)]
+    chosen = [names[i] for i in shown]
+    draws = fit.draws[:, shown]
+    return drawing.posterior.plot_corner(fit.form.name, chosen, draws, values, n_parameter=n)
