@@ -153,9 +153,9 @@ def plot_posterior_checks(
 
 
 def _p(p_value: float) -> str:
-    return (
-        f"$p$ {'< 0.01' if p_value < 0.01 else '> 0.99' if p_value > 0.99 else f'= {p_value:.2f}'}"
-    )
+    if p_value < 0.01:
+        return "$p$ < 0.01"
+    return "$p$ > 0.99" if p_value > 0.99 else f"$p$ = {p_value:.2f}"
 
 
 def _powers(draws: FloatArray) -> IntArray:

@@ -5,7 +5,6 @@ dies, only its task is lost, and a new worker repeats it. In an executor of seve
 death would break all submitted tasks, and the responsible task would be unknown.
 """
 
-import gc
 import itertools
 import multiprocessing
 import os
@@ -34,7 +33,7 @@ _Task = TypeVar("_Task")
 # A server that has imported everything forks workers in milliseconds. Without it (Windows) each
 # worker imports all modules.
 _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-_PACKAGE, *_ = __name__.split(".")
+_PACKAGE = __name__.partition(".")[0]
 # One BLAS thread for each worker: several would compete for processors. One malloc arena: each
 # thread of a worker would otherwise keep memory that it has freed.
 _ENVIRONMENT = dict.fromkeys(
@@ -318,7 +317,6 @@ def submit_or_defer(
 
 def _start_worker() -> None:
     """Prepare a new worker: ignore Ctrl-C, and exit when the parent process ends."""
-    gc.freeze()  # the collector need not look at imported modules, nor unshare their memory
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
 
