@@ -6,6 +6,7 @@ draws, and an offset without rows adds its variance.
 
 from copy import copy
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -25,7 +26,8 @@ from ridgebayes.runtime.randomness import stream
 Counts = IntArray | FloatArray
 N_SHARED = N_KEPT // 4  # number of draws if rows share offsets, which are costly for each draw
 DRAWS_DIVISOR = 16  # each averaged posterior has at least a sixteenth of its draws
-_MAX_STUDENT_SCALE = 1e6  # avoids overflow; loads of such a draw are already near 0 or infinite
+# Avoids overflow; loads of such a draw are already near 0 or infinite.
+_MAX_STUDENT_SCALE = np.finfo(float).eps ** -0.5
 
 
 class PosteriorLoads:
@@ -54,12 +56,12 @@ class PosteriorLoads:
 
     def __init__(self, fit: Posterior, kind: str = "simulation", share: float = 1.0) -> None:
         is_curve = kind == "curve"
-        n = N_SHARED if fit.noise.factors and not is_curve else len(fit.draws)
+        self._has_offsets = bool(fit.noise.factors) and not is_curve
+        n = N_SHARED if self._has_offsets else len(fit.draws)
         n = max(round(n * min(share, 1.0)), n // DRAWS_DIVISOR, 1)
-        self.fit, self.is_curve, self.stride = fit, is_curve, -(-len(fit.draws) // n)
+        self.fit, self.stride = fit, -(-len(fit.draws) // n)
         self.theta = fit.draws[:: self.stride]
         self.has_mean = is_curve or fit.noise.tail == "normal"
-        self._has_offsets = bool(fit.noise.factors) and not is_curve
         self._sigma = self.theta[:, fit.model.n_coefficient] * (not is_curve)
         if not self.has_mean:
             self._sigma *= _student_scales(self.theta[:, -1], fit.seed)
@@ -115,10 +117,8 @@ class PosteriorLoads:
             sd = np.broadcast_to(self._sigma[:, None], mean.shape)
         else:  # offsets and power-law coefficients are computed texture by texture
             mean, sd = np.empty((2, len(self), len(Q)))
-            first, place = distinct(a, b)
-            for j, i in enumerate(first):
-                here = place == j
-                mean[:, here], sd[:, here] = self.at((float(a[i]), float(b[i])), Q[here])
+            for texture, here in by_texture(a, b):
+                mean[:, here], sd[:, here] = self.at(texture, Q[here])
         return mean - np.log(reduced_load(1.0, nu)), sd
 
     def load(self, texture: Texture, Q: Counts) -> FloatArray:
@@ -165,6 +165,14 @@ class PosteriorLoads:
     def _coefficients(self) -> FloatArray:
         return self.theta[:, : self.fit.model.n_coefficient]
 
+    def within_body(self, mean: FloatArray, a: ArrayLike, b: ArrayLike, Q: Counts) -> FloatArray:
+        """Return log loads, infinite for counts beyond the whole width under Student errors.
+
+        Heavy tails would reach any count.
+        """
+        is_beyond = np.logical_and(not self.has_mean, widest_count(a, b) < Q)
+        return np.where(is_beyond, np.inf, mean)
+
     def _load_of(
         self, form: Form, theta: FloatArray, a: ArrayLike, b: ArrayLike, Q: Counts
     ) -> FloatArray:
@@ -194,17 +202,12 @@ def _student_scales(df: FloatArray, seed: int) -> FloatArray:
     return np.minimum(scale, _MAX_STUDENT_SCALE)
 
 
-def widest_count(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the count of a body that is in contact over its whole width.
-
-    Larger counts are given no probability under Student errors, whose heavy tails would reach
-    any count.
-    """
-    return np.asarray(2 + 2 * np.floor(np.maximum(1 - b / 2, 0) / (a + b)))
+def widest_count(a: ArrayLike, b: ArrayLike) -> FloatArray:
+    """Return the count of a body that is in contact over its whole width."""
+    return np.asarray(2 + 2 * np.floor(np.maximum(1 - np.divide(b, 2), 0) / np.add(a, b)))
 
 
-def distinct(*columns: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return the index of each distinct row of some columns, and the distinct row of each place."""
-    frame = pd.DataFrame({i: column.ravel() for i, column in enumerate(columns)})
-    place = frame.groupby(list(frame)).ngroup().to_numpy().astype(np.int64)
-    return np.unique(place, return_index=True)[1].astype(np.int64), place
+def by_texture(a: FloatArray, b: FloatArray) -> list[tuple[Any, IntArray]]:
+    """Return the distinct textures of flattened widths, and the places of each."""
+    groups = pd.DataFrame({"a": a.ravel(), "b": b.ravel()}).groupby(["a", "b"])
+    return list(groups.indices.items())

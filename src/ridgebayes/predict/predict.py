@@ -8,24 +8,25 @@ new textures widen the distribution.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.contact.scaling import reduced_load
+from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, numbers, widths
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.load_draws import MAX_Q, NUMBERS_AT_ONCE, LoadDraws
+from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE, Columns, survival
 from ridgebayes.predict.of_scene import load_of_scene, q_of_scene
-from ridgebayes.predict.posterior_loads import PosteriorLoads, distinct, widest_count
+from ridgebayes.predict.posterior_loads import PosteriorLoads, by_texture
 from ridgebayes.predict.predicted import align_arrays
 from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 from ridgebayes.scene.scene import Scene
@@ -230,21 +231,17 @@ def predict_q(
     a, b, poisson, p = places.values()
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.load_flags(p, poisson) | calibrated.texture_flags(a, b)
-    y = reduced_load(p, poisson).ravel()
-    if kind != "curve":  # curves compare unrounded loads, not their logarithms
-        with np.errstate(divide="ignore"):
-            y = np.log(y)
-    first, place = distinct(a, b)
-    textures = list(zip(a.ravel()[first].tolist(), b.ravel()[first].tolist(), strict=True))
-    groups = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place))[:-1])
+    with np.errstate(divide="ignore"):
+        y = np.log(reduced_load(p, poisson)).ravel()
+    textures = by_texture(a, b)
 
     def distribution(part: PosteriorLoads) -> QDistribution:
-        blocks = [_survival(part, *x, y[here]) for x, here in zip(textures, groups, strict=False)]
-        survival = np.zeros((p.size, max((block.shape[1] for block in blocks), default=1)))
-        for here, block in zip(groups, blocks, strict=False):
-            survival[here, : block.shape[1]] = block
-        survival = survival.reshape(*p.shape, survival.shape[1])
-        return QDistribution(survival, flags, calibrated.Q_max, kind, places)
+        blocks = [_survival(part, texture, y[here]) for texture, here in textures]
+        steps = np.zeros((p.size, max((block.shape[1] for block in blocks), default=1)))
+        for (_, here), block in zip(textures, blocks, strict=True):
+            steps[here, : block.shape[1]] = block
+        steps = steps.reshape(*p.shape, steps.shape[1])
+        return QDistribution(steps, flags, calibrated.Q_max, kind, places)
 
     parts = PosteriorLoads(fit, kind, share).parts()
     return mix_q(map(distribution, parts), [len(part) for part in parts])
@@ -278,47 +275,48 @@ def predict_load(
     """
     _check_kind(kind)
     places = _broadcast(*widths(a_over_R, b_over_R), nu, Q=even_counts(Q, least=4))
-    a, b, poisson, q = places.values()
-    first, place = distinct(a, b, q, poisson)
-    a, b, q, poisson = columns = [column.ravel()[first] for column in (a, b, q, poisson)]
+    # Equal places share a column.
+    frame = pd.DataFrame({name: column.ravel() for name, column in places.items()})
+    ids = frame.groupby(list(frame), sort=False).ngroup().to_numpy(np.int64)
+    place = ids.reshape(places["Q"].shape)
+    a, b, poisson, q = columns = frame.drop_duplicates().to_numpy().T
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.texture_flags(a, b) | calibrated.count_flags(q)
     highest = calibrated.highest_load(a, b, q, poisson)
-    parts = []
-    for part in PosteriorLoads(fit, kind, share).parts():
-        draws = LoadDraws.uniform(len(part), partial(_at_places, part, columns), part.has_mean)
-        is_small = len(part) * len(first) <= NUMBERS_AT_ONCE
-        parts.append((draws.stored(len(first)) if is_small else draws, len(part)))
-    n_draw = sum(n for _, n in parts)
-    draws = LoadDraws.joined((draws, n / n_draw) for draws, n in parts)
-    place = place.reshape(places["Q"].shape)
     where = {"kind_of_band": np.array(kind), **places, "Q": places["Q"].astype(np.int64)}
-    return LoadDistribution(draws, place, flags[place], highest[place], where)
+
+    def distribution(part: PosteriorLoads) -> LoadDistribution:
+        at = partial(_at_places, part, columns)
+        if len(part) * len(q) <= NUMBERS_AT_ONCE:  # computed once
+            at = partial(_stored, *at(np.arange(len(q))))
+        weight = np.full(len(part), 1 / len(part))
+        return LoadDistribution(
+            weight, at, place, flags[place], highest[place], where, part.has_mean
+        )
+
+    parts = PosteriorLoads(fit, kind, share).parts()
+    return mix_loads(map(distribution, parts), [len(part) for part in parts])
 
 
-def _at_places(
-    loads: PosteriorLoads, places: Sequence[FloatArray], ids: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return location and sd of the log loads at the places (a/R, b/R, Q, nu) with these ids."""
-    a, b, q, nu = (column[ids] for column in places)
-    return loads.at_places(a, b, q, nu)
+def _at_places(loads: PosteriorLoads, places: FloatArray, ids: IntArray) -> Columns:
+    """Return mean and sd of the log loads at the places (a/R, b/R, nu, Q) with these ids."""
+    a, b, nu, Q = places[:, ids]
+    return loads.at_places(a, b, Q, nu)
 
 
-def _survival(loads: PosteriorLoads, a: float, b: float, y: FloatArray) -> FloatArray:
+def _stored(mean: FloatArray, sd: FloatArray, ids: IntArray) -> Columns:
+    return mean[:, ids], sd[:, ids]
+
+
+def _survival(loads: PosteriorLoads, texture: Texture, y: FloatArray) -> FloatArray:
     """Return P(Q >= 2), P(Q >= 4), ... of one texture at log loads at nu = 0.5, (n, n_step)."""
 
-    def columns(ids: IntArray) -> tuple[FloatArray, FloatArray]:
+    def columns(ids: IntArray) -> Columns:
         counts = 4 + 2 * ids
-        if loads.is_curve:
-            load = loads.load((a, b), counts)
-            return load, np.zeros(load.shape)
-        return loads.at((a, b), counts)
+        mean, sd = loads.at(texture, counts)
+        return loads.within_body(mean, *texture, counts), sd
 
-    last = MAX_Q
-    if not loads.has_mean:
-        last = min(last, int(widest_count(np.array(a), np.array(b))))
-    draws = LoadDraws.uniform(len(loads), columns, loads.has_mean)
-    return draws.reaching(y, last, f" at a/R, b/R = {(a, b)}")
+    return survival(columns, y, f" at a/R, b/R = {texture}")
 
 
 def _broadcast(

@@ -12,15 +12,12 @@ from ridgebayes import drawing
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import common_shape, numbers
-from ridgebayes.predict.extrapolation import Flags, Q, names_of
+from ridgebayes.predict.extrapolation import MIN_HEAVY, Flags, Q, names_of
 from ridgebayes.predict.predicted import Predicted, keep_labels
 
 if TYPE_CHECKING:  # heavy
     import xarray as xr
     from matplotlib.axes import Axes
-
-# A mixture is flagged as extrapolated if a part, or a share of draws, above 1 % is.
-MIN_HEAVY = 0.01
 
 
 class CountProbabilities(np.ndarray[Any, np.dtype[np.float64]]):
@@ -241,13 +238,11 @@ class QDistribution(Predicted):
             draws += 2 * (number < step)
         return draws
 
-    @property
-    def _inputs(self) -> Mapping[str, Any]:
-        return {"kind_of_band": self.kind, **self.places}
-
     def _columns(self, prob: float) -> dict[str, np.ndarray]:
         (lower, upper), beyond = self.interval(prob), self.extrapolation_of(prob)
         return {
+            "kind_of_band": np.asarray(self.kind),
+            **self.places,
             "q_mean": self.mean(),
             "q_median": self.median(),
             "q_lower": lower,
@@ -259,9 +254,8 @@ class QDistribution(Predicted):
 
     def _first(self, n: int) -> "QDistribution":
         survival = self.survival.reshape(-1, self.survival.shape[-1])[:n]
-        flags, places = np.broadcast_to(self.flags, self.shape).ravel()[:n], self._first_places(n)
-        places.pop("kind_of_band")
-        return replace(self, survival=survival, flags=flags, places=places, labels=None)
+        flags, places = self._heads({"flags": self.flags}, n), self._heads(self.places, n)
+        return replace(self, survival=survival, places=places, labels=None, **flags)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Plot 90 % intervals against load for each texture, or the probabilities of one place.
