@@ -33,8 +33,8 @@ def importance_draws(model, *, seed=1, **effort):
 
 
 def drawn_posterior(model, *, seed=1, **effort):
-    """Return the posterior of importance draws of a model; fields of `Effort` as keywords."""
-    return posterior_of(model, importance_draws(model, seed=seed, **effort), seed)
+    """Return the fit of importance draws of a model; fields of `Effort` as keywords."""
+    return Fit.of(posterior_of(model, importance_draws(model, seed=seed, **effort), seed))
 
 
 def loads_of(log_mean, sd, weight, flags=None):

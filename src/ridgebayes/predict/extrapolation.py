@@ -142,9 +142,9 @@ class CalibratedRange:
 
 def common_flags(flags: Flags) -> Flags:
     """Return the flags that are set in more than 1 % of the draws, the first axis."""
-    return sum(
-        (_flag(((flags & bit) > 0).mean(axis=0) > MIN_HEAVY, bit) for bit in _BITS), np.uint8(0)
-    )
+    is_common = [((flags & bit) > 0).mean(axis=0) > MIN_HEAVY for bit in _BITS]
+    value: Flags = np.bitwise_or.reduce(list(map(_flag, is_common, _BITS)))
+    return value
 
 
 def names_of(flags: Flags) -> np.ndarray:

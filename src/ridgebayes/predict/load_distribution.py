@@ -7,6 +7,7 @@ from itertools import compress
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 
 from ridgebayes import drawing
@@ -149,7 +150,7 @@ class LoadDistribution(Predicted):
         InputError
             If a load is NaN, or the shapes do not broadcast.
         """
-        return self._at_loads(load_draws.cdf, p_over_E)
+        return self._at_loads(p_over_E, load_draws.cdf)
 
     @keep_labels
     def sf(self, p_over_E: ArrayLike) -> FloatArray:
@@ -170,7 +171,7 @@ class LoadDistribution(Predicted):
         InputError
             As `cdf`.
         """
-        return self._at_loads(load_draws.sf, p_over_E)
+        return self._at_loads(p_over_E, load_draws.sf)
 
     @keep_labels
     def pdf(self, p_over_E: ArrayLike) -> FloatArray:
@@ -192,7 +193,7 @@ class LoadDistribution(Predicted):
             As `cdf`.
         """
         p = numbers("p_over_E", p_over_E)
-        density = self._at_loads(load_draws.density, p)
+        density = self._at_loads(p, load_draws.density)
         return np.where(p > 0, density / np.where(p > 0, p, 1.0), 0.0)[()]
 
     @keep_labels
@@ -209,17 +210,12 @@ class LoadDistribution(Predicted):
         """Return the mean (0) or standard deviation (1) of the loads."""
         if not self.has_mean:
             return np.full(self.shape, np.inf)[()]
-        return self._by_column(lambda mean, sd: load_draws.moments(mean, sd, self.weight)[which])
+        return self._at(
+            np.zeros(()), lambda _, mean, sd: load_draws.moments(mean, sd, self.weight)[which]
+        )
 
     def _quantile(self, prob: FloatArray) -> FloatArray:
-        shape = np.broadcast_shapes(prob.shape, self.shape)
-        prob, place = np.broadcast_to(prob, shape), np.broadcast_to(self.place, shape)
-        value = np.empty(shape)
-        for level in np.unique(prob).tolist():
-            here = prob == level
-            at_level = partial(load_draws.quantile, level, weight=self.weight)
-            value[here] = self._by_column(at_level, place[here])
-        return value[()]
+        return self._at(prob, partial(load_draws.quantile, weight=self.weight))
 
     @keep_labels
     def median(self) -> FloatArray:
@@ -316,33 +312,26 @@ class LoadDistribution(Predicted):
             mean, sd = self.columns(ids)
             yield here, mean[:, place], sd[:, place]
 
-    def _by_column(
-        self,
-        function: Callable[[FloatArray, FloatArray], FloatArray],
-        place: IntArray | None = None,
-    ) -> FloatArray:
-        """Return a function's value at each place, computed once for places that share a column."""
-        place = self.place if place is None else place
-        columns, numbers_of = np.unique(place, return_inverse=True)
-        value = np.empty(len(columns))
-        for here, mean, sd in self._blocks(columns):
-            value[here] = function(mean, sd)
-        return value[numbers_of].reshape(place.shape)[()]  # a scalar for a single place
+    def _at(self, x: FloatArray, function: Callable[..., FloatArray]) -> FloatArray:
+        """Return a function of x, means and sds at each place, computed once for equal ones."""
+        shape = common_shape(x=x, distribution=self.place)
+        arrays = {"column": np.broadcast_to(self.place, shape), "x": np.broadcast_to(x, shape)}
+        pairs = pd.DataFrame({name: values.ravel() for name, values in arrays.items()})
+        distinct, row = pairs.drop_duplicates(), pairs.groupby([*pairs], sort=False).ngroup()
+        value = np.empty(len(distinct))
+        for here, mean, sd in self._blocks(distinct["column"].to_numpy()):
+            value[here] = function(distinct["x"].to_numpy()[here], mean, sd)
+        return value[row].reshape(shape)[()]  # a scalar for a single place
 
-    def _at_loads(
-        self, function: Callable[[FloatArray, FloatArray, FloatArray], FloatArray], load: ArrayLike
-    ) -> FloatArray:
+    def _at_loads(self, load: ArrayLike, function: Callable[..., FloatArray]) -> FloatArray:
         """Return the average over draws of a function of log loads, means and sds."""
         p = numbers("p_over_E", load)
         if np.any(np.isnan(p)):
             raise InputError(f"p_over_E: expected numbers, got {load!r}")
-        shape = common_shape(p_over_E=p, distribution=self.place)
+        common_shape(p_over_E=p, distribution=self.place)
         with np.errstate(divide="ignore"):
-            y = np.broadcast_to(np.log(np.maximum(p, 0)), shape).ravel()
-        value = np.empty(len(y))
-        for here, mean, sd in self._blocks(np.broadcast_to(self.place, shape).ravel()):
-            value[here] = load_draws.average(function(y[here], mean, sd), self.weight)
-        return value.reshape(shape)[()]
+            y = np.log(np.maximum(p, 0))
+        return self._at(y, lambda *x: load_draws.average(function(*x), self.weight))
 
 
 def mix_loads(parts: Iterable[LoadDistribution], weights: Sequence[float]) -> LoadDistribution:

@@ -48,7 +48,7 @@ def density(y: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
 
 def average(values: FloatArray, weight: FloatArray) -> FloatArray:
     """Return the average over draws, shape (n,)."""
-    return np.tensordot(weight, values, axes=1)
+    return np.asarray(np.tensordot(weight, values, axes=1))
 
 
 def moments(mean: FloatArray, sd: FloatArray, weight: FloatArray) -> Columns:
@@ -62,15 +62,17 @@ def moments(mean: FloatArray, sd: FloatArray, weight: FloatArray) -> Columns:
     return total, np.where(finite, np.sqrt(variance), np.inf)
 
 
-def quantile(prob: float, mean: FloatArray, sd: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return load quantiles, shape (n,); infinite if too few draws reach the count."""
+def quantile(prob: FloatArray, mean: FloatArray, sd: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return load quantiles, shape (n,) as `prob`; infinite if too few draws reach the count."""
     if not sd.any():
-        level = max(prob - 1e-12, 0.0)
-        return np.exp(np.quantile(mean, level, axis=0, weights=weight, method="inverted_cdf"))
+        order = np.argsort(mean, axis=0)
+        is_enough = np.cumsum(weight[order], axis=0) >= prob - 1e-12
+        first = np.take_along_axis(order, is_enough.argmax(axis=0, keepdims=True), axis=0)
+        return np.asarray(np.exp(np.take_along_axis(mean, first, axis=0)[0]))
     finite = np.isfinite(mean)
     share = average(finite.astype(float), weight)
     reached = np.flatnonzero(prob < share * (1 - 5e-13))
-    mean, sd, finite = mean[:, reached], sd[:, reached], finite[:, reached]
+    mean, sd, finite, prob = mean[:, reached], sd[:, reached], finite[:, reached], prob[reached]
     # Up to rounding, the quantile of a mixture lies between the quantiles of its components.
     ends = mean + ndtri(prob / share[reached]) * sd
     slack = 1e-6 * sd + 4 * np.spacing(np.where(finite, np.abs(ends), 1.0))
@@ -78,7 +80,7 @@ def quantile(prob: float, mean: FloatArray, sd: FloatArray, weight: FloatArray) 
     high = np.where(finite, ends + slack, -np.inf).max(axis=0)
 
     def excess(y: FloatArray, i: IntArray) -> FloatArray:
-        return average(cdf(y, mean[:, i], sd[:, i]), weight) - prob
+        return average(cdf(y, mean[:, i], sd[:, i]), weight) - prob[i]
 
     places, tolerances = np.arange(len(reached)), {"xatol": _LOG_QUANTILE_TOL, "xrtol": 0.0}
     root = elementwise.find_root(excess, (low, high), args=(places,), tolerances=tolerances)
