@@ -7,7 +7,6 @@ import xarray as xr
 from scipy import special, stats
 
 import ridgebayes as rb
-from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.model.prior_files import resolve_priors
 from ridgebayes.predict.joint_draws import RatioLoads
 from ridgebayes.predict.posterior_loads import PosteriorLoads
@@ -211,13 +210,13 @@ def test_predict_q__power_law_draws_a_new_textures_K_from_the_prior_that_was_giv
     two_textures, tmp_path, text
 ):
     fit = power_law(two_textures, {"K": text})
-    write_netcdf(fit, tmp_path / "p.nc")
+    fit.to_netcdf(tmp_path / "p.nc")
     a, b = 0.02, 0.025
     prior = K_PRIORS[text]
     K = prior.value_at(np.linspace(-2.0, 2.0, 9))
     loads, exact = (4 / K) ** 2, stats.norm.sf(prior.score(K))  # Q >= 6 where K sqrt(p) >= 4
     se = np.sqrt(exact * (1 - exact) / len(fit.draws))
-    for one in (fit, read_netcdf(tmp_path / "p.nc")):
+    for one in (fit, rb.Fit.from_netcdf(tmp_path / "p.nc")):
         q = one.predict(a, b, loads, kind="curve")
         # Monte Carlo: five standard errors of a share of the draws.
         assert np.all(np.abs(q.at_least(6) - exact) <= 5 * se + 2e-3)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -58,11 +59,7 @@ def q_of_scene(
     """
     if load is not None and p_over_E is not None:
         raise InputError("load and p_over_E: expected only one of the two, got both")
-    values: FloatArray | None
-    if p_over_E is None:
-        values, unit = _loads(load)
-    else:
-        values, unit = loads(p_over_E), NO_UNIT
+    values, unit = _loads(load) if p_over_E is None else (loads(p_over_E), NO_UNIT)
     parts = [_SceneLoads(averaged, part, unit, kind).q_distribution(values) for part in scene.apart]
     return parts[0] if len(parts) == 1 else stacked(parts)
 
@@ -99,26 +96,24 @@ def load_of_scene(
 
 def load_unit(scene: Scene) -> str:
     """Return the unit of a scene's load, ``p/E`` if the scene has no load unit."""
-    load = scene.body.load_unit
-    return NO_UNIT if load is None else load[0]
+    return (scene.body.load_unit or [NO_UNIT])[0]
 
 
 def _loads(load: ArrayLike | None) -> tuple[FloatArray | None, str | None]:
     """Return loads as numbers and, if they are texts, their unit."""
-    unit = None
     if load is None:
-        return None, unit
-    texts = np.asarray(load)
+        return None, None
+    texts, units = np.asarray(load), set[str]()
     if texts.dtype.kind == "U":
         parts = [number_and_unit(text) for text in texts.ravel().tolist()]
         units = {unit for _, unit in parts}
-        if len(units) > 1:
-            raise InputError(f"load: expected one unit, got {', '.join(sorted(units))}")
-        load, unit = np.array([number for number, _ in parts]).reshape(texts.shape), units.pop()
+        load = np.array([number for number, _ in parts]).reshape(texts.shape)
+    if len(units) > 1:
+        raise InputError(f"load: expected one unit, got {', '.join(sorted(units))}")
     values = numbers("load", load)
     if not np.all((values > 0) & np.isfinite(values)):
         raise InputError(f"load: expected finite loads > 0, got {load!r}")
-    return values, unit
+    return values, next(iter(units), None)
 
 
 class _SceneLoads:
@@ -147,7 +142,7 @@ class _SceneLoads:
         factor = 1 / self._bodies.p_over_E if load is None else self._factor()
         value = np.ones(1) if load is None else shown.ravel()
         p, shape = value / factor[:, None], shown.shape
-        places = {**self._medians(shape), "p_over_E": shown * self._size, "load": shown}
+        places = {**self._places, "p_over_E": shown * self._size, "load": shown}
 
         def part(sampler: PredictiveSampler, here: IntArray) -> QDistribution:
             reached = survival(self._columns(sampler, here, factor), np.log(value))
@@ -162,7 +157,7 @@ class _SceneLoads:
         """Return the distribution of the load, in the unit, that reaches each even count."""
         factor = self._factor()
         unit = float(np.median(factor / reduced_load(1.0, self._bodies.nu)))
-        places = {"kind_of_band": np.array(self._kind), **self._medians(count.shape), "Q": count}
+        places = {"kind_of_band": np.array(self._kind), **self._places, "Q": count}
 
         def part(sampler: PredictiveSampler, here: IntArray) -> LoadDistribution:
             calibrated = sampler.calibrated
@@ -204,14 +199,14 @@ class _SceneLoads:
         of_loads = calibrated.load_flags(p, self._bodies.nu[:, None])
         return common_flags(of_loads | calibrated.texture_flags(a, b, offset))
 
-    def _medians(self, shape: tuple[int, ...]) -> dict[str, np.ndarray]:
-        """Return table columns with the medians of the body."""
+    @property
+    def _places(self) -> dict[str, Any]:
+        """Table columns with the medians of the body."""
         texture = self._scene.textures[0]
-        medians: dict[str, float | str] = {
+        return {
             "a_over_R": texture.a_over_R,
             "b_over_R": texture.b_over_R,
             "offset_pitches": np.nan if isinstance(texture.offset, str) else texture.offset,
             "nu": self._scene.nu,
             "load_unit": self._unit,
         }
-        return {name: np.broadcast_to(value, shape) for name, value in medians.items()}
