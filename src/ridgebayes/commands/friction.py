@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pandas as pd
 import xarray as xr
 
-from ridgebayes.commands.parsing import refuse_existing
+from ridgebayes.commands.parsing import refuse_output
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import write_csv
 from ridgebayes.commands.terminal import Answer
@@ -32,7 +32,7 @@ def command(asked: SimpleNamespace) -> Answer:
         asked.out.with_name(f"{asked.out.stem}-{name}.csv") for name in ("mu", "mu-shares")
     )
     for path in (asked.out, mu_path, shares_path)[: 3 if asked.model else 1]:
-        refuse_existing(path, asked.force)
+        refuse_output(path, asked.force)
     check_name(asked.out)
     if asked.p_over_E is not None and asked.loads is not None:
         raise InputError("--p-over-E and --loads: expected only one of the two, got both")

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from ridgebayes.commands.options import flags_of, options_of
-from ridgebayes.commands.parsing import parse_numbers, refuse_existing
+from ridgebayes.commands.parsing import parse_numbers, refuse_output
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
 from ridgebayes.fea.read import import_files
@@ -23,7 +23,7 @@ def command(asked: SimpleNamespace) -> Answer:
     """Import files and write a contact table; suggest a command line if facts are missing."""
     for path in (asked.write_map, None if asked.dry_run else asked.out):
         if path is not None:
-            refuse_existing(path, asked.force)
+            refuse_output(path, asked.force)
     facts = vars(asked) | {
         "map": tuple(asked.mapping or ()),
         "empty": tuple(asked.empty or ()),

@@ -11,12 +11,7 @@ import pandas as pd
 
 from ridgebayes import drawing
 from ridgebayes._types import FloatArray
-from ridgebayes.commands.parsing import (
-    parse_form,
-    parse_inches,
-    refuse_existing,
-    refuse_suffix,
-)
+from ridgebayes.commands.parsing import parse_form, parse_inches, refuse_output
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.terminal import MOST_SHOWN, Answer
 from ridgebayes.comparison.bands import bands_table, scene_bands
@@ -47,11 +42,11 @@ _PROB_ERROR = "0.005 (from the number of draws)"
 def command(asked: SimpleNamespace) -> Answer:
     """Run `ridgebayes predict`."""
     check_name(asked.out)
-    files = [asked.out] if asked.plot is None else [asked.out, asked.plot]
-    for file in files:
-        refuse_existing(file, asked.force)
+    refuse_output(asked.out, asked.force)
+    files = [asked.out]
     if asked.plot is not None:
-        refuse_suffix(asked.plot, (".png", ".svg", ".pdf"))
+        refuse_output(asked.plot, asked.force, ".png", ".svg", ".pdf")
+        files.append(asked.plot)
     elif asked.width is not None:
         raise InputError(f"--width {asked.width!r}: needs --plot, whose width it sets")
     width = drawing.style.WIDTH if asked.width is None else parse_inches(asked.width, "--width")
