@@ -35,7 +35,8 @@ from ridgebayes.scene.units import (
 from ridgebayes.table.files import check_name, write_frame
 
 _MAX_Q_DRAWN = 200  # largest Q for which a figure of bands shows the exact load of each step
-_REL_STEP = 1e-9  # relative distance of the loads on both sides of a step; larger than rounding
+# Relative distance of the loads on both sides of a step; larger than rounding.
+_REL_STEP = np.sqrt(np.finfo(float).eps)
 _PROB_ERROR = "0.005 (from the number of draws)"
 
 

@@ -13,7 +13,7 @@ from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.extrapolation import CalibratedRange, Flags
-from ridgebayes.predict.load_draws import COUNTS_PER_BLOCK, MAX_Q, Columns
+from ridgebayes.predict.load_draws import MAX_Q, Columns
 from ridgebayes.predict.posterior_loads import PosteriorLoads
 
 MOST_TEXTURES = 16  # computed exactly; loads of more textures are interpolated over a/pitch
@@ -160,13 +160,11 @@ class PredictiveSampler:
             y = np.log(p)
         Q, is_reached = np.full(p.shape, 2), np.ones(p.shape, dtype=bool)
         unit = -np.log(reduced_load(1.0, nu))
-        for first in range(0, MAX_Q // 2, COUNTS_PER_BLOCK):
-            ids = first + np.arange(COUNTS_PER_BLOCK)
-            mean, sd = self.log_loads(textures, unit, which, ids)
-            for load in (mean + sd * score[:, None]).T:
-                # All counts of a body use one score, so its loads must be reached in order.
-                is_reached &= y >= load[:, None]
-                Q += 2 * is_reached
+        for i in range(MAX_Q // 2):
+            mean, sd = self.log_loads(textures, unit, which, np.array([i]))
+            # All counts of a body use one score, so its loads must be reached in order.
+            is_reached &= y >= mean + sd * score[:, None]
+            Q += 2 * is_reached
             if not is_reached.any():
                 calibrated = self.calibrated
                 flags = calibrated.load_flags(p, nu[:, None]) | calibrated.count_flags(Q)

@@ -21,7 +21,6 @@ MAX_Q = 20_000  # larger counts raise an error
 _MAX_Z = -ndtri(np.finfo(float).epsneg)
 # The interpolation error of 256 nodes is at most a tenth of the Monte Carlo error.
 _N_NODE = 256
-COUNTS_PER_BLOCK = 8  # counts computed together, until they are negligible
 NUMBERS_AT_ONCE = 2**19  # draws times loads or places in one block: arrays of 4 MB
 MAX_DRAWS_TIMES_ROWS = 32 * NUMBERS_AT_ONCE  # limits memory; more rows get fewer draws
 _LOG_QUANTILE_TOL = 1e-10  # absolute
@@ -114,13 +113,12 @@ def survival(columns: Callable[[IntArray], Columns], y: FloatArray, where: str =
         If counts exceed 20,000.
     """
     steps = [np.ones(len(y))]
-    for first in range(0, MAX_Q // 2, COUNTS_PER_BLOCK):
-        mean, sd = columns(first + np.arange(COUNTS_PER_BLOCK))
-        for i in range(COUNTS_PER_BLOCK):
-            # The probability of reaching a ridge cannot exceed that of the ridge before it.
-            steps.append(np.minimum(_interpolated_cdf(y, mean[:, i], sd[:, i]), steps[-1]))
-            if steps[-1].max() < NEGLIGIBLE_PROBABILITY:
-                return np.stack(steps, axis=-1)
+    for i in range(MAX_Q // 2):
+        mean, sd = (column[:, 0] for column in columns(np.array([i])))
+        # The probability of reaching a ridge cannot exceed that of the ridge before it.
+        steps.append(np.minimum(_interpolated_cdf(y, mean, sd), steps[-1]))
+        if steps[-1].max() < NEGLIGIBLE_PROBABILITY:
+            return np.stack(steps, axis=-1)
     raise InputError(f"p_over_E: expected counts up to {MAX_Q}, got more{where}")
 
 
@@ -153,8 +151,7 @@ def _sum_of_cdfs(y: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
     distribution functions are 0 or 1 and need not be computed.
     """
     total = np.zeros(len(y))
-    n_block = min(-(-len(y) * len(mean) // NUMBERS_AT_ONCE), len(mean))
-    for block in np.array_split(np.arange(len(mean)), n_block):
+    for block in np.array_split(np.arange(len(mean)), -(-len(mean) // _N_NODE)):
         m, s = mean[block], sd[block]
         total[y > (m + _MAX_Z * s).max()] += len(m)
         here = np.flatnonzero((y >= (m - _MAX_Z * s).min()) & (y <= (m + _MAX_Z * s).max()))
