@@ -293,35 +293,6 @@ def test_mix_q__of_a_hundred_alike_flags_what_all_flag(fits):
     assert mix_q([part] * 101, [1.0] * 101).extrapolation().all()  # none weighs 1 %
 
 
-@pytest.mark.parametrize("predict", [rb.Fit.predict, rb.Fit.predict_load])
-@pytest.mark.parametrize("bad", [0.0, -0.01, np.nan, np.inf])
-def test_predict__refuses_widths_that_are_not_positive(fits, predict, bad):
-    for a, b, name in ((bad, B, "a_over_R"), (A, bad, "b_over_R")):
-        with pytest.raises(rb.InputError, match=rf"{name}: expected finite and > 0, .*, got {bad}"):
-            predict(fits["modified"], a, b, 4)
-
-
-@pytest.mark.parametrize("bad", [-1e-3, np.nan, np.inf])
-def test_predict_q__refuses_loads_that_are_negative_or_not_finite(fits, bad):
-    with pytest.raises(rb.InputError, match=rf"p_over_E: expected finite and >= 0, .*, got {bad}"):
-        fits["modified"].predict(A, B, bad)
-
-
-@pytest.mark.parametrize("bad", [2, 5, np.nan])
-def test_predict_load__refuses_counts_that_need_no_load_or_do_not_exist(fits, bad):
-    with pytest.raises(rb.InputError, match=rf"Q: expected even and at least 4, .*, got {bad}"):
-        fits["modified"].predict_load(A, B, bad)
-
-
-def test_predict__refuses_other_kinds_and_poissons_ratios(fits):
-    fit = fits["modified"]
-    for predict, what in ((rb.Fit.predict, 0.01), (rb.Fit.predict_load, 4)):
-        with pytest.raises(rb.InputError, match="expected one of curve, simulation, got 'band'"):
-            predict(fit, A, B, what, kind="band")
-        with pytest.raises(rb.InputError, match=r"nu: expected 0 <= nu <= 0.5, got 0.6"):
-            predict(fit, A, B, what, nu=0.6)
-
-
 @pytest.mark.parametrize("kind", ["simulation", "curve"])
 def test_predict_q__draws_without_a_positive_rate_never_reach_a_ridge(fe_fits, kind):
     fit, texture = fe_fits["hybrid"], (0.001, 0.5)
@@ -349,25 +320,44 @@ def test_predict_q__curve_counts_a_draw_at_its_own_transition_load(fits):
     assert float(fit.predict(A, B, lowest, kind="curve").at_least(6)) >= 1 / len(fit.draws)
 
 
+WIDTH, LOAD, COUNT = (
+    f"expected {rule}, .*, got "
+    for rule in ("finite and > 0", "finite and >= 0", "even and at least 4")
+)
+
+
 @pytest.mark.parametrize(
-    ("ask", "shapes"),
+    ("where", "how", "expected"),
     [
-        (lambda fit: fit.predict([A, A], [B] * 3, 0.01), r"a_over_R \(2,\), b_over_R \(3,\)"),
-        (lambda fit: fit.predict(A, [B] * 2, [0.01] * 3), r"b_over_R \(2,\), p_over_E \(3,\)"),
-        (lambda fit: fit.predict(A, B, [0.01] * 2, nu=[0.5] * 3), r"nu \(3,\), p_over_E \(2,\)"),
-        (lambda fit: fit.predict_load(A, [B] * 2, [4, 6, 8]), r"b_over_R \(2,\), Q \(3,\)"),
+        *(((bad, B, 0.01), {}, f"a_over_R: {WIDTH}{bad}") for bad in (0.0, -0.01, np.nan)),
+        ((A, np.inf, 0.01), {}, f"b_over_R: {WIDTH}inf"),
+        *(((A, B, bad), {}, f"p_over_E: {LOAD}{bad}") for bad in (-1e-3, np.nan, np.inf)),
+        ((A, B, 0.01), {"kind": "band"}, "expected one of curve, simulation, got 'band'"),
+        ((A, B, 0.01), {"nu": 0.6}, "nu: expected 0 <= nu <= 0.5, got 0.6"),
+        ((A, B, 0.01), {"nu": "soft"}, "nu: expected numbers, got 'soft'"),
+        (("wide", B, 0.01), {}, "a_over_R: expected numbers, got 'wide'"),
+        (([A, A], [B] * 3, 0.01), {}, r"broadcast, got a_over_R \(2,\), b_over_R \(3,\)"),
+        ((A, B, [0.01] * 2), {"nu": [0.5] * 3}, r"broadcast, got nu \(3,\), p_over_E \(2,\)"),
     ],
 )
-def test_predict__refuses_shapes_that_do_not_broadcast(fits, ask, shapes):
-    with pytest.raises(rb.InputError, match=rf"arrays whose shapes broadcast, got {shapes}"):
-        ask(fits["modified"])
+def test_predict__refuses_bad_places(fits, where, how, expected):
+    with pytest.raises(rb.InputError, match=expected):
+        fits["modified"].predict(*where, **how)
 
 
-def test_predict__refuses_what_are_no_numbers(fits):
-    with pytest.raises(rb.InputError, match="a_over_R: expected numbers, got 'wide'"):
-        fits["modified"].predict("wide", B, 0.01)
-    with pytest.raises(rb.InputError, match="nu: expected numbers, got 'soft'"):
-        fits["modified"].predict(A, B, 0.01, nu="soft")
+@pytest.mark.parametrize(
+    ("where", "how", "expected"),
+    [
+        ((0.0, B, 4), {}, f"a_over_R: {WIDTH}0.0"),
+        *(((A, B, bad), {}, f"Q: {COUNT}{bad}") for bad in (2, 5, np.nan)),
+        ((A, B, 4), {"kind": "band"}, "expected one of curve, simulation, got 'band'"),
+        ((A, B, 4), {"nu": 0.6}, "nu: expected 0 <= nu <= 0.5, got 0.6"),
+        ((A, [B] * 2, [4, 6, 8]), {}, r"broadcast, got b_over_R \(2,\), Q \(3,\)"),
+    ],
+)
+def test_predict_load__refuses_bad_places(fits, where, how, expected):
+    with pytest.raises(rb.InputError, match=expected):
+        fits["modified"].predict_load(*where, **how)
 
 
 def test_predictions__of_data_arrays_meet_by_name_and_come_back_named(fits):

@@ -4,6 +4,7 @@ With --model the command also computes bands of the friction model and their sou
 """
 
 from collections.abc import Iterator
+from functools import reduce
 from types import SimpleNamespace
 
 import pandas as pd
@@ -49,11 +50,22 @@ def command(asked: SimpleNamespace) -> Answer:
         rng=asked.seed,
         edges=asked.edges or (model is not None and model.kappa != 0),
     )
-    sums: list[pd.DataFrame] = []
+    sums: list[pd.DataFrame] = []  # over each block of draws
     kept: list[FrictionInputs] = []
+
+    def summed(progress: Progress) -> Iterator[xr.Dataset]:
+        done = 0
+        for block in draws.blocks():
+            if model is not None and done < _MAX_MODEL_DRAWS:
+                kept.append(FrictionInputs.of(block, edges=model.kappa != 0))
+            yield block if asked.edges else block.drop_dims("edge", errors="ignore")
+            sums.append(block[[*_SHOWN, "extrapolation"]].sum("draw").to_dataframe())
+            done += block.sizes["draw"]
+            progress.count(done, draws.n)
+
     with Progress(1) as progress, progress.stage("draws"):
-        write_inputs(_with_sums(draws, sums, kept, model, asked.edges, progress), asked.out)
-    means = (sums[0] / draws.n).reset_index()
+        write_inputs(summed(progress), asked.out)
+    means = (reduce(pd.DataFrame.add, sums) / draws.n).reset_index()
     outside = float(means["extrapolation"].mean())
     summary = (
         f"{asked.out}: {draws.n} draws at {len(means)} loads; relative error of contacts up to "
@@ -82,23 +94,3 @@ def _answer(friction: FrictionBands) -> tuple[str | pd.DataFrame, ...]:
         "Shares of its variance at the largest load:",
         shown.where(shown.notna(), "")[["kind", "name", "share", "share_se", "total"]],
     )
-
-
-def _with_sums(
-    draws: InputDraws,
-    sums: list[pd.DataFrame],
-    kept: list[FrictionInputs],
-    model: FrictionModel | None,
-    edges: bool,
-    progress: Progress,
-) -> Iterator[xr.Dataset]:
-    """Yield blocks of draws; store their sum in `sums` and the model's inputs in `kept`."""
-    done = 0
-    for block in draws.blocks():
-        if model is not None and done < _MAX_MODEL_DRAWS:
-            kept.append(FrictionInputs.of(block, edges=model.kappa != 0))
-        yield block if edges else block.drop_dims("edge", errors="ignore")
-        sum_of_block = block[[*_SHOWN, "extrapolation"]].sum("draw").to_dataframe()
-        sums[:] = [sums[0] + sum_of_block if sums else sum_of_block]
-        done += block.sizes["draw"]
-        progress.count(done, draws.n)

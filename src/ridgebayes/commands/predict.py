@@ -68,7 +68,7 @@ def command(asked: SimpleNamespace) -> Answer:
         how |= _scene_loads(asked, scene)
         run = read_run(asked.folder)
         bands = drawn = scene_bands(run, scene, form, **how)
-        unit = _unit_of(bands)
+        unit = None if asked.p_over_E is not None else _unit_of(scene.body)
     else:
         textures, loads, how["nu"], unit = _where(asked, scene)
         run = read_run(asked.folder)
@@ -157,12 +157,12 @@ def _scene_loads(asked: SimpleNamespace, scene: Scene) -> dict[str, Any]:
     return {}
 
 
-def _unit_of(bands: pd.DataFrame) -> tuple[float, str] | None:
-    """Return the load at which p = E, in the unit of the scene's loads, and the unit."""
-    first = bands.iloc[0]
-    if first["load_unit"] == NO_UNIT:
+def _unit_of(body: Body) -> tuple[float, str] | None:
+    """Return the load at which p = E, in the unit of the body's loads, and the unit."""
+    if body.load_unit is None:
         return None
-    return float(first["load"] / first["p_over_E"]), str(first["load_unit"])
+    unit = body.load_unit[0]
+    return 1 / body.p_over_E(f"1 {unit}"), unit
 
 
 def _where(
@@ -182,9 +182,7 @@ def _where(
         highest = [scene.highest_load(texture) for texture in of_scene] or [scene.p_over_E]
         loads = np.array(highest)[:, None]
     nu = 0.5 if scene is None else scene.nu
-    unit = None if body.load_unit is None else body.load_unit[0]
-    size = unit and (1 / body.p_over_E(f"1 {unit}"), unit)
-    return textures, loads, nu if asked.nu is None else asked.nu, size or None
+    return textures, loads, nu if asked.nu is None else asked.nu, _unit_of(body)
 
 
 def _highest(loads: str) -> str:
