@@ -98,7 +98,7 @@ def survival(columns: Callable[[IntArray], Columns], y: FloatArray, where: str =
         Function of count numbers i, shape (n,), that returns mean and sd of the log load at which
         each draw reaches the count 4 + 2 i, both (n_draw, n).
     y : ndarray of float, shape (n,)
-        Log loads.
+        Log loads, or loads if the columns contain loads instead of log loads.
     where : str, optional
         Description of the texture for the error message.
 

@@ -55,7 +55,7 @@ class PosteriorLoads:
     """
 
     def __init__(self, fit: Posterior, kind: str = "simulation", share: float = 1.0) -> None:
-        is_curve = kind == "curve"
+        self._is_curve = is_curve = kind == "curve"
         self._has_offsets = bool(fit.noise.factors) and not is_curve
         self._is_power_law = isinstance(fit.form, PowerLaw)
         n = N_SHARED if self._has_offsets else len(fit.draws)
@@ -135,14 +135,19 @@ class PosteriorLoads:
         load = form.load(Q, *texture, theta[self._which])
         return np.nan_to_num(load, nan=np.inf, posinf=np.inf)
 
-    def survival(self, texture: Texture, y: FloatArray) -> FloatArray:
-        """Return P(Q >= 2), P(Q >= 4), ... at log loads at nu = 0.5, shape (n, n_step)."""
+    def survival(self, texture: Texture, p: FloatArray) -> FloatArray:
+        """Return P(Q >= 2), P(Q >= 4), ... at loads at nu = 0.5, shape (n, n_step)."""
 
         def columns(ids: IntArray) -> Columns:
             counts = 4 + 2 * ids
+            if self._is_curve:  # compares unrounded loads, not their logarithms
+                load = self.load(texture, counts)
+                return load, np.zeros(load.shape)
             mean, sd = self.at(texture, counts)
             return self.within_body(mean, *texture, counts), sd
 
+        with np.errstate(divide="ignore"):
+            y = p if self._is_curve else np.log(p)
         return survival(columns, y, f" at a/R, b/R = {texture}")
 
     def check_scaling(self, ratio: float) -> None:

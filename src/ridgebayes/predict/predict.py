@@ -239,12 +239,10 @@ def predict_q(
     a, b, poisson, p = places.values()
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.load_flags(p, poisson) | calibrated.texture_flags(a, b)
-    with np.errstate(divide="ignore"):
-        y = np.log(reduced_load(p, poisson)).ravel()
-    textures = by_texture(a, b)
+    reduced, textures = reduced_load(p, poisson).ravel(), by_texture(a, b)
 
     def distribution(part: PosteriorLoads) -> QDistribution:
-        blocks = [part.survival(texture, y[here]) for texture, here in textures]
+        blocks = [part.survival(texture, reduced[here]) for texture, here in textures]
         survival = np.zeros((p.size, max((block.shape[1] for block in blocks), default=1)))
         for (_, here), block in zip(textures, blocks, strict=True):
             survival[here, : block.shape[1]] = block
