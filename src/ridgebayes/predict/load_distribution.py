@@ -57,7 +57,7 @@ class LoadDistribution(Predicted):
     *Validity.* `extrapolation` is True where texture, count or load are beyond the calibrated
     range; `extrapolation_of` names them.
     *Cost.* `predict_load` returns distributions that compute their draws when a method needs them,
-    one block of places at a time. A million places take about 100 MB.
+    one block of places at a time. A million places take up to 170 MB.
     *Accuracy.* Under Student errors each draw has a normal error with a randomly drawn scale.
 
     Examples

@@ -171,7 +171,7 @@ class Predictive(ABC):
         load, except at the texture and count of a fitted row.
         *Cost.* Each distinct place is computed once, in blocks. A quantile takes about 2 ms for
         independent rows, 1 ms if textures or steps share offsets, and 8 ms under ``step-smooth``.
-        A million places take about 300 MB.
+        A million places take up to 170 MB.
 
         Examples
         --------
