@@ -23,4 +23,4 @@ def test_predictions__from_some_draws_at_a_time_are_those_of_all(paper, monkeypa
     np.testing.assert_allclose(load.quantile(0.3), whole[1].quantile(0.3), rtol=1e-9)
     assert (q.kind, q.q_calibrated_max) == (whole[0].kind, whole[0].q_calibrated_max)
     np.testing.assert_array_equal(q.extrapolation(), whole[0].extrapolation())
-    assert len(posterior_loads.PosteriorLoads(fit, "curve").parts()) == 1
+    assert len(list(posterior_loads.PosteriorLoads(fit, "curve").parts())) == 1

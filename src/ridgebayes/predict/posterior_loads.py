@@ -4,6 +4,7 @@ Given a draw, the log load is normal. A Student error is a normal error whose sc
 draws, and an offset without rows adds its variance.
 """
 
+from collections.abc import Iterator
 from copy import copy
 from functools import cached_property
 from typing import Any
@@ -66,31 +67,29 @@ class PosteriorLoads:
         self._sigma = self.theta[:, fit.model.n_coefficient] * (not is_curve)
         if not self.has_mean:
             self._sigma *= _student_scales(self.theta[:, -1], fit.seed)
-        self._which: slice | IntArray = slice(None)  # draws of this part
+        self._which = np.arange(len(self.theta))  # draws of this part
 
     def __len__(self) -> int:
         return len(self._sigma)
 
-    def parts(self) -> list["PosteriorLoads"]:
+    def parts(self) -> Iterator["PosteriorLoads"]:
         """Split the draws into parts that are computed one after the other.
 
         Smooth offsets need a matrix for each draw; only the matrices of one part are in memory.
         """
         n_place = self.fit.model.offsets.n_smooth if self._has_offsets else 0
-        n_part = -(-len(self) * n_place**2 // MAX_DRAWS_TIMES_ROWS)
-        if n_part <= 1:
-            return [self]
-        parts = []
+        n_part = max(-(-len(self) * n_place**2 // MAX_DRAWS_TIMES_ROWS), 1)
         for which in np.array_split(np.arange(len(self)), n_part):
             part = copy(self)
             part._which, part._sigma = which, self._sigma[which]
-            parts.append(part)
-        return parts
+            yield part
 
     @cached_property
     def _offsets(self) -> SharedOffsets | None:
-        if not self._has_offsets or isinstance(self._which, slice):
-            return self.fit.shared_offsets(self.stride) if self._has_offsets else None
+        if not self._has_offsets:
+            return None
+        if len(self) == len(self.theta):
+            return self.fit.shared_offsets(self.stride)
         model, scores = self.fit.model, self.fit.coordinates[:: self.stride][self._which]
         eta = self.theta[self._which, model.n_coefficient :]
         return SharedOffsets(model, eta, scores[:, model.n_parameter :])

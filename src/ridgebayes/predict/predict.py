@@ -249,7 +249,7 @@ def predict_q(
         survival = survival.reshape(*p.shape, survival.shape[1])
         return QDistribution(survival, flags, calibrated.Q_max, kind, places)
 
-    parts = PosteriorLoads(fit, kind, share).parts()
+    parts = list(PosteriorLoads(fit, kind, share).parts())
     return mix_q(map(distribution, parts), [len(part) for part in parts])
 
 
@@ -289,7 +289,7 @@ def predict_load(
         weight = np.full(len(part), 1 / len(part))
         return LoadDistribution(weight, at, place, flags, highest, where, part.has_mean)
 
-    parts = PosteriorLoads(fit, kind, share).parts()
+    parts = list(PosteriorLoads(fit, kind, share).parts())
     return mix_loads(map(distribution, parts), [len(part) for part in parts])
 
 
