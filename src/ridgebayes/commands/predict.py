@@ -218,19 +218,20 @@ def with_transitions(
     source = run if form == "average" else run.fits[form]
     calibrated = CalibratedRange.of(source.averaged[0][0])  # all posteriors have the same rows
     Q = np.arange(4, min(int(bands["q_upper"].max()), _MAX_Q_DRAWN) + 4, 2)
-    tail, loads_of = (1 - bands["prob"].iloc[0]) / 2, []
-    for a, b in textures:
-        part = bands[(bands["a_over_R"] == a) & (bands["b_over_R"] == b)]
-        p = np.unique(part["p_over_E"].to_numpy(float))
-        nu = float(part["nu"].iloc[0])
-        loads = [np.array([calibrated.load_max / reduced_load(1.0, nu)])]
-        for kind in part["kind_of_band"].unique():
-            at = source.predict_load(a, b, Q, nu=nu, kind=kind)
-            loads += [at.quantile(share) for share in (tail, 0.5, 1 - tail)]
-        # The loads on both sides show where bands step up and where extrapolation begins.
-        sides = [np.concatenate(loads) * (1 + side) for side in (-_REL_STEP, _REL_STEP)]
-        loads_of.append(np.sort(np.clip(np.concatenate([p, *sides]), p[0], p[-1])))
-    return np.array(loads_of)
+    kinds, tail = bands["kind_of_band"].unique(), (1 - bands["prob"].iloc[0]) / 2
+    rows = bands[bands["kind_of_band"] == kinds[0]]
+    a, b, nu, p = (
+        rows[name].to_numpy(float).reshape(len(textures), -1)
+        for name in ("a_over_R", "b_over_R", "nu", "p_over_E")
+    )
+    loads = [calibrated.load_max / reduced_load(1.0, nu[:, :1])]
+    for kind in kinds:
+        at = source.predict_load(a[:, :1], b[:, :1], Q, nu=nu[:, :1], kind=kind)
+        loads += [at.quantile(share) for share in (tail, 0.5, 1 - tail)]
+    # The loads on both sides show where bands step up and where extrapolation begins.
+    sides = [np.hstack(loads) * (1 + side) for side in (-_REL_STEP, _REL_STEP)]
+    ends = p.min(axis=1, keepdims=True), p.max(axis=1, keepdims=True)
+    return np.sort(np.clip(np.hstack([p, *sides]), *ends), axis=1)
 
 
 def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] | None) -> Answer:
