@@ -1,7 +1,7 @@
 """Predictions for a scene, whose uncertain values are drawn together with the posteriors."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -143,10 +143,11 @@ class _SceneLoads:
         value = np.ones(1) if load is None else shown.ravel()
         p, shape = value / factor[:, None], shown.shape
         places = {**self._places, "p_over_E": shown * self._size, "load": shown}
+        flags_of = cache(partial(self._flags, p))  # posteriors of the same rows have the same
 
         def part(sampler: PredictiveSampler, here: IntArray) -> QDistribution:
             reached = survival(self._columns(sampler, here, factor), np.log(value))
-            flags, Q_max = self._flags(sampler.calibrated, p), sampler.calibrated.Q_max
+            flags, Q_max = flags_of(sampler.calibrated), sampler.calibrated.Q_max
             return QDistribution(
                 reached.reshape(*shape, -1), flags.reshape(shape), Q_max, self._kind, places
             )
@@ -165,7 +166,7 @@ class _SceneLoads:
                 np.full(len(here), 1 / len(here)),
                 self._columns(sampler, here, factor),
                 (count - 4) // 2,
-                self._flags(calibrated, np.zeros((1, 1)))[0] | calibrated.count_flags(count),
+                self._flags(np.zeros((1, 1)), calibrated)[0] | calibrated.count_flags(count),
                 np.full(count.shape, calibrated.limit * unit),
                 places,
                 sampler.loads.has_mean,
@@ -193,7 +194,7 @@ class _SceneLoads:
                 factor = factor * (self._bodies.physical[name] / float(median))
         return factor
 
-    def _flags(self, calibrated: CalibratedRange, p: FloatArray) -> Flags:
+    def _flags(self, p: FloatArray, calibrated: CalibratedRange) -> Flags:
         """Return flags of quantities beyond the calibrated range in more than 1 % of bodies."""
         a, b, offset = (self._bodies.profile[name][:, None] for name in ("a", "b", "offset"))
         of_loads = calibrated.load_flags(p, self._bodies.nu[:, None])
