@@ -26,7 +26,7 @@ from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
-from ridgebayes.predict.predict import predict_q
+from ridgebayes.predict.predict import predict_q, q_places
 
 REPEATS = 3
 LONG = 5.0  # seconds: what takes longer runs once
@@ -86,7 +86,7 @@ def bands(n: int) -> Callable[[], object]:
     n_texture = min(1_000, max(1, n // 100))
     a, b = np.random.default_rng(0).uniform(0.01, 0.04, (2, n_texture, 1))
     loads = np.geomspace(5e-4, 0.02, n // n_texture)
-    return lambda: predict_q(fit, a, b, loads)
+    return lambda: predict_q(fit, q_places(a, b, loads))
 
 
 CURVES: dict[str, tuple[str, tuple[int, ...], Callable[[int], Callable[[], object]]]] = {

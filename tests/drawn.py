@@ -10,7 +10,6 @@ from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.target import ModelTarget
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
-from ridgebayes.predict.load_draws import LoadDraws
 
 
 def model_of(rows, form, noise="iid", priors=None):
@@ -34,8 +33,8 @@ def importance_draws(model, *, seed=1, **effort):
 
 
 def drawn_posterior(model, *, seed=1, **effort):
-    """Return the posterior of importance draws of a model; fields of `Effort` as keywords."""
-    return posterior_of(model, importance_draws(model, seed=seed, **effort), seed)
+    """Return the fit of importance draws of a model; fields of `Effort` as keywords."""
+    return Fit.of(posterior_of(model, importance_draws(model, seed=seed, **effort), seed))
 
 
 def loads_of(log_mean, sd, weight, flags=None):
@@ -48,7 +47,8 @@ def loads_of(log_mean, sd, weight, flags=None):
         sd.reshape(n, *[1] * (log_mean.ndim - sd.ndim), *sd.shape[1:]), log_mean.shape
     )
     columns = log_mean.reshape(n, -1), sd.reshape(n, -1)
-    draws = LoadDraws(weight, lambda ids: (columns[0][:, ids], columns[1][:, ids]))
     place = np.arange(log_mean[0].size).reshape(shape)
     flags = np.zeros(shape, np.uint8) if flags is None else flags
-    return LoadDistribution(draws, place, flags, np.full(shape, np.inf))
+    return LoadDistribution(
+        weight, lambda ids: tuple(x[:, ids] for x in columns), place, flags, np.full(shape, np.inf)
+    )

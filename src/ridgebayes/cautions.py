@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from ridgebayes.contact.hertz import transition_load
+from ridgebayes.contact.two_scale import REACH
 from ridgebayes.errors import CautionWarning
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.noise import SERIES, Noise
@@ -29,7 +30,6 @@ _MAX_PRIOR_SDS = 4.0  # distance from a prior's centre above which loads contrad
 # A groove ten times as wide as its ridge reduces the load of Q = 4 to 0.4 of a smooth body's; wrong
 # units change loads by a factor of ten or a thousand.
 _MAX_LOAD_OVER_SMOOTH = 5.0
-_MAX_LOAD = 0.5  # p/E; limit of the two-scale solver, the highest of all solvers
 # Neighbouring loads differ by less than offsets of steps; docs/derivations/error-models.md.
 _MIN_CLOSE_Q = 40
 _CHECK = "Check that widths are over R and loads are p/E"
@@ -109,9 +109,9 @@ def _beyond_any_body(table: ContactTable) -> list[str]:
             f"{worst['a_over_R']:g}, b/R = {worst['b_over_R']:g} ends {reach.max():.2g} R from the "
             f"axis. {_CHECK}."
         )
-    if n := int((rows["p_over_E"] > _MAX_LOAD).sum()):
+    if n := int((rows["p_over_E"] > REACH).sum()):
         sentences.append(
-            f"{count(n, 'row')} with p/E above {_MAX_LOAD:g}, up to {rows['p_over_E'].max():.3g}: "
+            f"{count(n, 'row')} with p/E above {REACH:g}, up to {rows['p_over_E'].max():.3g}: "
             f"no model here holds there. {_CHECK}."
         )
     return sentences

@@ -11,57 +11,28 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from ridgebayes import Noise
-from ridgebayes.commands.run_files import summary_table, verdicts, write_comparison, write_run_json
+from ridgebayes.commands.run_files import verdicts
 from ridgebayes.commands.run_folder import new_folder, write_csv
-from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, bayes_factor_table
-from ridgebayes.comparison.scores import loo_table
-from ridgebayes.evidence.tables import evidence_table
-from ridgebayes.inference.log_evidence import LogEvidence
 
-STAGES = [{"name": "calibrate classic", "wall_s": 1.5, "cpu_s": 1.25}]
-
-
-def about(folder, comparison, **more):
-    write_run_json(
-        folder, comparison, command="compare", seed=1, options={"forms": []}, stages=STAGES, **more
-    )
+QUICK = {"noise": "iid", "accuracy": "quick", "command": "compare", "workers": 1}
 
 
 @pytest.fixture(scope="module")
-def comparison(paper, fits):
-    """Classic, power law and Modified, and Hybrid as one that failed."""
-    chosen = {
-        name: replace(fits[name], cautions=(f"no {name}",))
-        for name in ("classic", "power-law", "modified")
-    }
-    values = {"classic": 19.19874340705391, "power-law": 77.158231, "modified": 78.862798}
-    found = {
-        (name, "iid"): [LogEvidence("bridge", value, 1.5e-4)] for name, value in values.items()
-    }
-    evidence = evidence_table(found)
-    sensitivity = pd.DataFrame(
-        {"prior": "c", "factor": [0.1, 10.0], "form": "classic", "log_evidence": [1 / 3, np.nan]}
-    )
-    return rb.Comparison(
-        replace(paper, where="my table"),
-        Noise(),
-        chosen,
-        evidence,
-        bayes_factor_table(evidence, list(chosen), Noise()),
-        loo_table(chosen),
-        sensitivity,
-        {"hybrid": "hybrid: no interior mode"},
-    )
-
-
-@pytest.fixture(scope="module")
-def written(comparison, tmp_path_factory):
+def compared(paper, tmp_path_factory):
+    """A comparison and its folder."""
     folder = tmp_path_factory.mktemp("runs") / "run"
-    folder.mkdir()
-    write_comparison(comparison, folder)
-    about(folder, comparison)
-    return folder
+    forms = ["classic", "power-law", "modified"]
+    return rb.run(replace(paper, where="my table"), folder, forms=forms, **QUICK), folder
+
+
+@pytest.fixture(scope="module")
+def comparison(compared):
+    return compared[0]
+
+
+@pytest.fixture(scope="module")
+def written(compared):
+    return compared[1]
 
 
 @pytest.fixture
@@ -197,7 +168,7 @@ def test_write_csv__in_full_and_with_plain_line_ends(tmp_path):
 
 def test_summary__is_not_rounded(written, comparison):
     frame = pd.read_csv(written / "summary.csv", dtype=str)
-    live = summary_table(comparison.fits.values())
+    live = pd.concat(fit.summary for fit in comparison.fits.values())
     for column in ("mean", "sd", "eti_lower", "eti_upper", "ess_bulk", "r_hat", "mcse_mean"):
         assert [float(text) for text in frame[column]] == live[column].tolist()
         digits = frame[column].str.replace(r"e.*|[.\-]", "", regex=True).str.lstrip("0").str.len()
@@ -205,13 +176,13 @@ def test_summary__is_not_rounded(written, comparison):
 
 
 def test_verdicts__of_a_comparison_with_a_failure(comparison):
-    found = verdicts(comparison)["verdicts"]
+    found = verdicts(replace(comparison, failures={"hybrid": "no interior mode"}))["verdicts"]
     assert found["complete"] is False
     assert found["best"] == "modified"
     assert found["probabilities"] == comparison.probabilities
     assert found["converged"] == {"classic": True, "power-law": True, "modified": True}
     assert found["missing"] == {}
-    assert found["failures"] == {"hybrid": "hybrid: no interior mode"}
+    assert found["failures"] == {"hybrid": "no interior mode"}
     assert found["caution"] == "rows are not independent"
     assert (found["n_calibration"], found["n_held_out"], found["n_left_out"]) == (41, 3, 0)
 
@@ -260,11 +231,11 @@ def test_read_run__brings_every_posterior_back(written, comparison):
         pd.testing.assert_frame_equal(again.fits[name].summary, fit.summary, rtol=1e-9)
 
 
-def test_read_run__a_comparison_of_one_form_has_no_factors(comparison, tmp_path):
-    nothing = pd.DataFrame(columns=BAYES_FACTOR_COLUMNS)
-    write_comparison(replace(comparison, bayes_factors=nothing), tmp_path)
-    about(tmp_path, comparison)
-    assert list(rb.read_run(tmp_path).bayes_factors) == BAYES_FACTOR_COLUMNS
+def test_read_run__a_comparison_of_one_form_has_no_factors(paper, tmp_path):
+    done = rb.run(paper, tmp_path / "run", forms="modified", **QUICK)
+    factors = rb.read_run(tmp_path / "run").bayes_factors
+    assert list(factors) == list(done.bayes_factors)
+    assert factors.empty
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS, reading
 from ridgebayes.comparison.ranking import factors_by_method
 from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY, weigh_pairs
 from ridgebayes.evidence.prior_sensitivity import scale_factors
-from ridgebayes.predict.predict import predict_load, predict_q
+from ridgebayes.predict.predict import load_places, predict_load, predict_q, q_places
 from ridgebayes.report import render_report
 from tests.drawn import model_of
 
@@ -283,7 +283,7 @@ def test_predict__is_the_mix_by_probability(comparison):
     p = np.geomspace(1e-4, 0.02, 7)
     q = mixed(comparison, **shares).predict(0.022, 0.02, p)
     # Each with so many of its draws as it weighs.
-    alone = {f: predict_q(fits[f], 0.022, 0.02, p, share=w) for f, w in shares.items()}
+    alone = {f: predict_q(fits[f], q_places(0.022, 0.02, p), share=w) for f, w in shares.items()}
     for n in (4, 6, 8, 10, 12):
         parts = [w * alone[f].at_least(n) for f, w in shares.items()]
         np.testing.assert_allclose(q.at_least(n), sum(parts), rtol=1e-13, atol=0)  # algebra
@@ -294,7 +294,8 @@ def test_predict__is_the_mix_by_probability(comparison):
 def test_predict_load__is_the_mix_by_probability(comparison):
     fits, shares = comparison.fits, {"classic": 0.25, "hybrid": 0.75}
     load = mixed(comparison, **shares).predict_load(0.022, 0.02, Q=8)
-    alone = {f: predict_load(fits[f], 0.022, 0.02, 8, share=w) for f, w in shares.items()}
+    place = load_places(0.022, 0.02, 8)
+    alone = {f: predict_load(fits[f], place, share=w) for f, w in shares.items()}
     for p in (0.004, 0.006, 0.008, 0.012):
         parts = [w * alone[f].cdf(p) for f, w in shares.items()]
         assert math.isclose(load.cdf(p), sum(parts), rel_tol=1e-12)  # algebra

@@ -15,7 +15,6 @@ from ridgebayes.friction.inputs import SMALL_STRAIN, InputDraws
 from ridgebayes.model.forms import form_named
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations
-from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.predict.q_distribution import mix_q
 from ridgebayes.scene.scene import Texture
 from tests.drawn import drawn_posterior
@@ -41,7 +40,7 @@ def average(paper):
 
 def predicted(source, a, b, loads, nu):
     parts, weights = zip(*source.averaged, strict=True)
-    return mix_q([predict_q(one, a, b, loads, nu=nu) for one in parts], weights)
+    return mix_q([one.predict(a, b, loads, nu=nu) for one in parts], weights)
 
 
 def assert_frequencies(counts, pmf, n):
@@ -65,7 +64,7 @@ def assert_frequencies(counts, pmf, n):
 def test_friction_inputs__counts_are_those_of_predict(average, texture):
     n, nu = 10_000, 0.4
     # Where one of the forms is in two minds.
-    hybrid = predict_load(average.averaged[0][0], *texture, np.array([4, 4, 6, 8, 10]), nu=nu)
+    hybrid = average.averaged[0][0].predict_load(*texture, [4, 4, 6, 8, 10], nu=nu)
     loads = hybrid.median() * [0.98, 1.0, 1.0, 1.0, 1.1]
     drawn = rb.friction_inputs(average, rb.Scene.of([texture], nu=nu), loads, n=n, rng=2)
     q = predicted(average, *texture, loads, nu)

@@ -15,7 +15,6 @@ from ridgebayes.inference.posterior import completed
 from ridgebayes.model.default_priors import default_priors
 from ridgebayes.model.forms import Form
 from ridgebayes.predict.load_distribution import mix_loads
-from ridgebayes.predict.predict import predict_q
 from ridgebayes.predict.q_distribution import mix_q
 from tests.drawn import drawn_posterior, model_of
 from tests.hard_cases.case import hard_case, refused
@@ -206,7 +205,7 @@ def skewed_posterior():
     fit = rb.calibrate(few, rb.Hybrid(), rng=1, noise="iid")
     skew = float(stats.skew(fit.draws[:, 2]))
     loads = np.geomspace(5e-4, 0.02, 20)
-    q = predict_q(fit, 0.032, 0.01, loads)
+    q = fit.predict(0.032, 0.01, loads)
     reference = drawn_posterior(model_of(few, rb.Hybrid()), seed=5, n_draw=4_096)
     theta = reference.model.to_theta(reference.chains.u.reshape(-1, 3))
     worst = 0.0

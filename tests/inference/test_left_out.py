@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ridgebayes import ComputationError, HalfNormal, LogNormal, Modified, PowerLaw
+from ridgebayes import ComputationError, Fit, HalfNormal, LogNormal, Modified, PowerLaw
 from ridgebayes.inference import left_out
 from ridgebayes.inference.importance import Effort
 from ridgebayes.inference.left_out import AllRows
-from ridgebayes.predict.predict import predict_load
 from tests.drawn import drawn_posterior, model_of
 from tests.exact_evidence import modified_evidence, power_law_evidence
 
@@ -100,7 +99,10 @@ def test_without__two_ways_agree_where_offsets_are_shared(rows, noise, is_bracke
     # Loads vary far less than coefficients and offsets do by themselves.
     a, b = np.array(rows.textures[0])
     low, high = zip(
-        *(predict_load(one.posterior(1), a, b, [4, 8]).interval(0.5) for one in (found, other)),
+        *(
+            Fit.of(one.posterior(1)).predict_load(a, b, [4, 8]).interval(0.5)
+            for one in (found, other)
+        ),
         strict=True,
     )
     widths = np.log(np.array(high) / low)

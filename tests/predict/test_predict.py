@@ -7,11 +7,9 @@ import xarray as xr
 from scipy import special, stats
 
 import ridgebayes as rb
-from ridgebayes.inference.netcdf import read_netcdf, write_netcdf
 from ridgebayes.model.prior_files import resolve_priors
 from ridgebayes.predict.joint_draws import RatioLoads
 from ridgebayes.predict.posterior_loads import PosteriorLoads
-from ridgebayes.predict.predict import predict_load, predict_q
 from ridgebayes.predict.q_distribution import mix_q
 from tests.drawn import drawn_posterior, model_of
 
@@ -32,7 +30,7 @@ def counts_of_draws(fit, a, b, p):
 @pytest.mark.parametrize("nu", [0.5, 0.3])
 def test_predict_q__simulation_is_what_brute_force_simulation_shows(fits, name, nu):
     fit = fits[name]
-    q = predict_q(fit, A, B, LOADS, nu=nu)
+    q = fit.predict(A, B, LOADS, nu=nu)
     n = len(fit.draws)
     for step, Q in enumerate(q.q):
         # P(Q >= n) of one noise number each: the share of draws whose n-th load is at or below.
@@ -49,7 +47,7 @@ def test_predict_q__simulation_is_what_brute_force_simulation_shows(fits, name, 
 @pytest.mark.parametrize("name", ["power-law", "hybrid"])
 def test_predict_q__curve_is_the_share_of_draws_with_that_count(fits, name):
     fit = fits[name]
-    q = predict_q(fit, A, B, LOADS, kind="curve")
+    q = fit.predict(A, B, LOADS, kind="curve")
     counts = counts_of_draws(fit, A, B, LOADS)
     expected = (counts[..., None] == q.q).mean(axis=0)
     np.testing.assert_allclose(q.pmf, expected, atol=1e-12)  # algebra: shares of 10,240
@@ -58,7 +56,7 @@ def test_predict_q__curve_is_the_share_of_draws_with_that_count(fits, name):
 @pytest.mark.parametrize("kind", ["simulation", "curve"])
 @pytest.mark.parametrize("name", ["classic", "power-law", "modified", "hybrid"])
 def test_predict_q__is_a_distribution_that_rises_with_load(fits, name, kind):
-    q = predict_q(fits[name], 0.012, 0.03, LOADS, kind=kind)
+    q = fits[name].predict(0.012, 0.03, LOADS, kind=kind)
     assert np.all(q.survival[:, 0] == 1)
     assert np.all(np.diff(q.survival, axis=1) <= 0)
     assert np.all(np.diff(q.survival, axis=0) >= -1e-14)  # algebra: a mean of 10,240
@@ -69,7 +67,7 @@ def test_predict_q__is_a_distribution_that_rises_with_load(fits, name, kind):
 
 
 def test_predict_q__of_no_load_is_two_edges(fits):
-    q = predict_q(fits["hybrid"], A, B, [0.0, 1e-9])
+    q = fits["hybrid"].predict(A, B, [0.0, 1e-9])
     assert q.median().tolist() == [2, 2]
     assert q.mean().tolist() == [2.0, 2.0]
 
@@ -87,8 +85,8 @@ def test_predict_q__of_very_many_loads_is_that_of_each(paper, noise):
     fit = quick(paper, noise)
     p = np.append(np.random.default_rng(2).uniform(0.003, 0.03, 30_000), [0.0, 0.012])
     nu = np.where(p > 0.02, 0.4, 0.5)
-    many = predict_q(fit, A, B, p, nu=nu)
-    few = predict_q(fit, A, B, p[::600], nu=nu[::600])
+    many = fit.predict(A, B, p, nu=nu)
+    few = fit.predict(A, B, p[::600], nu=nu[::600])
     n = few.survival.shape[-1]
     # Discretisation: a tenth of the standard error that the number of draws leaves.
     atol = 0.1 * 0.5 / np.sqrt(len(fit.draws))
@@ -99,7 +97,7 @@ def test_predict_q__of_very_many_loads_is_that_of_each(paper, noise):
 def test_predictions__of_student_errors_are_the_average_of_student_distributions(paper, noise):
     model = model_of(paper, rb.Hybrid(), noise)
     fit = drawn_posterior(model, n_draw=2_560)
-    q, load = predict_q(fit, A, B, LOADS), predict_load(fit, A, B, 8)
+    q, load = fit.predict(A, B, LOADS), fit.predict_load(A, B, 8)
     rng, n = np.random.default_rng(3), len(fit.draws)
     offset = np.zeros(n)
     if noise.startswith("texture"):
@@ -120,12 +118,13 @@ def test_predict_q__of_student_errors_has_no_count_of_more_than_the_whole_width(
     priors = {"df": rb.Uniform(0.3, 0.6)}  # tails that reach any count
     model = model_of(data, rb.Modified(), "iid:student", priors)
     fit = drawn_posterior(model, n_draw=128)
-    q = predict_q(fit, 0.3, 0.3, [0.01, 1.0])  # a groove, and a ridge and half a groove beside it
-    assert q.q.tolist() == [2, 4]
+    q = fit.predict(0.3, 0.3, [0.01, 1.0])  # a groove, and a ridge and half a groove beside it
+    assert q.at_least(6).tolist() == [0, 0]
     assert np.all(q.at_least(4) > 0.01)
-    assert predict_q(fit, 0.9, 1.0, 1.0).q.tolist() == [2]
+    assert fit.predict(0.9, 1.0, 1.0).at_least(4) == 0
     # A narrow texture's last count lies within the second block of eight.
-    assert predict_q(fit, 0.04, 0.04, 5.0).q[-1] == 26
+    q = fit.predict(0.04, 0.04, 5.0)
+    assert q.q[q.survival > 0][-1] == 26
 
 
 def peak_of(work):
@@ -145,28 +144,26 @@ def test_predict_load__of_a_million_places_takes_little_memory(paper, kind):
     found = []
 
     def textures():
-        load = predict_load(fit, share * pitch, (1 - share) * pitch, 6, kind=kind)
+        load = fit.predict_load(share * pitch, (1 - share) * pitch, 6, kind=kind)
         found.append((load.median(), load.extrapolation))
 
     def counts():
-        load = predict_load(fit, A, B, np.resize([4, 6, 8, 10], 10**6), kind=kind)
+        load = fit.predict_load(A, B, np.resize([4, 6, 8, 10], 10**6), kind=kind)
         found.append((load.interval(0.9)[1], load.extrapolation_of))
 
     assert peak_of(textures) < 5e7
     assert peak_of(counts) < 1.5e8
-    few = predict_load(
-        fit, share[::50] * pitch[::60], (1 - share[::50]) * pitch[::60], 6, kind=kind
-    )
+    few = fit.predict_load(share[::50] * pitch[::60], (1 - share[::50]) * pitch[::60], 6, kind=kind)
     np.testing.assert_allclose(found[0][0][::50, ::60], few.median(), rtol=1e-9)  # of a solver
-    four = predict_load(fit, A, B, [4, 6, 8, 10], kind=kind).interval(0.9)[1]
+    four = fit.predict_load(A, B, [4, 6, 8, 10], kind=kind).interval(0.9)[1]
     np.testing.assert_allclose(found[1][0][:4], four, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["hybrid", "power-law"])
 def test_predict_load__takes_a_poissons_ratio_of_each_place(fits, name):
     fit = fits[name]
-    mixed = predict_load(fit, A, B, [4, 6, 6], nu=[0.5, 0.3, 0.0]).median()
-    apart = [predict_load(fit, A, B, q, nu=nu).median() for q, nu in ((4, 0.5), (6, 0.3), (6, 0.0))]
+    mixed = fit.predict_load(A, B, [4, 6, 6], nu=[0.5, 0.3, 0.0]).median()
+    apart = [fit.predict_load(A, B, q, nu=nu).median() for q, nu in ((4, 0.5), (6, 0.3), (6, 0.0))]
     np.testing.assert_allclose(mixed, apart, rtol=1e-9)  # solver
 
 
@@ -176,13 +173,13 @@ def test_predict_q__flags_what_was_not_calibrated(fits):
     a = [0.012, 0.033, 0.22, 0.012, 0.04, 0.0079, 0.022]
     b = [0.03, 0.03, 0.20, 0.09, 0.01, 0.007, 0.02]
     p = [0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.021]
-    q = predict_q(fit, a, b, p)
+    q = fit.predict(a, b, p)
     expected = ["", "", "a/R,b/R", "a/pitch,b/R", "a/pitch", "a/R", "load"]
     assert q.extrapolation_of().tolist() == expected
     assert q.extrapolation().tolist() == [text != "" for text in expected]
     highest = int(fit.model.data.Q.max())
     load = float(fit.form.load(highest + 4, A, B, fit.draws.mean(axis=0)[:-1]))
-    q = predict_q(fit, A, B, [1e-3, load])
+    q = fit.predict(A, B, [1e-3, load])
     assert q.extrapolation().tolist() == [False, True]
     assert q.extrapolation_of().tolist() == ["", "Q,load"]
 
@@ -213,18 +210,18 @@ def test_predict_q__power_law_draws_a_new_textures_K_from_the_prior_that_was_giv
     two_textures, tmp_path, text
 ):
     fit = power_law(two_textures, {"K": text})
-    write_netcdf(fit, tmp_path / "p.nc")
+    fit.to_netcdf(tmp_path / "p.nc")
     a, b = 0.02, 0.025
     prior = K_PRIORS[text]
     K = prior.value_at(np.linspace(-2.0, 2.0, 9))
     loads, exact = (4 / K) ** 2, stats.norm.sf(prior.score(K))  # Q >= 6 where K sqrt(p) >= 4
     se = np.sqrt(exact * (1 - exact) / len(fit.draws))
-    for one in (fit, read_netcdf(tmp_path / "p.nc")):
-        q = predict_q(one, a, b, loads, kind="curve")
+    for one in (fit, rb.Fit.from_netcdf(tmp_path / "p.nc")):
+        q = one.predict(a, b, loads, kind="curve")
         # Monte Carlo: five standard errors of a share of the draws.
         assert np.all(np.abs(q.at_least(6) - exact) <= 5 * se + 2e-3)
         assert all("texture" in names for names in q.extrapolation_of())
-    one = predict_q(power_law(two_textures, {"K[x]": text}), a, b, loads, kind="curve")
+    one = power_law(two_textures, {"K[x]": text}).predict(a, b, loads, kind="curve")
     default = stats.norm.cdf((np.log(2 * 1.382 / (a + b) * np.sqrt(loads) / 4)) / 0.3)
     se = np.sqrt(default * (1 - default) / len(fit.draws))
     assert np.all(np.abs(one.at_least(6) - default) <= 5 * se)
@@ -245,9 +242,9 @@ def cdf_at(load, loads):
 @pytest.mark.parametrize("kind", ["simulation", "curve"])
 def test_predict_load__and_predict_q_are_two_views_of_one_distribution(fits, kind):
     fit = fits["hybrid"]
-    q = predict_q(fit, A, B, LOADS, kind=kind)
+    q = fit.predict(A, B, LOADS, kind=kind)
     for Q in (4, 8):
-        load = predict_load(fit, A, B, Q, kind=kind)
+        load = fit.predict_load(A, B, Q, kind=kind)
         np.testing.assert_allclose(
             cdf_at(load, LOADS), q.at_least(Q), rtol=0, atol=1e-12
         )  # algebra
@@ -255,7 +252,7 @@ def test_predict_load__and_predict_q_are_two_views_of_one_distribution(fits, kin
 
 def test_predict_load__has_the_mean_of_brute_force_simulation(fits):
     fit = fits["hybrid"]
-    load = predict_load(fit, A, B, 6, nu=0.3)
+    load = fit.predict_load(A, B, 6, nu=0.3)
     rng = np.random.default_rng(1)
     theta, sigma = fit.draws[:, :2], fit.draws[:, 2]
     slope = theta[:, 0] / (A + B) + theta[:, 1] / A
@@ -284,7 +281,7 @@ def test_predict_load__keeps_textures_and_counts_apart_and_flags_them(fits):
 
 def test_mix_q__flags_what_a_part_that_counts_flags(fits):
     new = (0.02, 0.025)  # inside the ratios, but without a K
-    parts = [predict_q(fits[name], *new, LOADS) for name in ("hybrid", "power-law")]
+    parts = [fits[name].predict(*new, LOADS) for name in ("hybrid", "power-law")]
     assert {"texture" in names for names in mix_q(parts, [0.9, 0.1]).extrapolation_of()} == {True}
     # The last load alone is above every calibrated one.
     light = mix_q(parts, [0.999, 0.001]).extrapolation_of()
@@ -292,37 +289,8 @@ def test_mix_q__flags_what_a_part_that_counts_flags(fits):
 
 
 def test_mix_q__of_a_hundred_alike_flags_what_all_flag(fits):
-    part = predict_q(fits["hybrid"], 0.25, 0.25, LOADS[:3])
+    part = fits["hybrid"].predict(0.25, 0.25, LOADS[:3])
     assert mix_q([part] * 101, [1.0] * 101).extrapolation().all()  # none weighs 1 %
-
-
-@pytest.mark.parametrize("predict", [predict_q, predict_load])
-@pytest.mark.parametrize("bad", [0.0, -0.01, np.nan, np.inf])
-def test_predict__refuses_widths_that_are_not_positive(fits, predict, bad):
-    for a, b, name in ((bad, B, "a_over_R"), (A, bad, "b_over_R")):
-        with pytest.raises(rb.InputError, match=rf"{name}: expected finite and > 0, .*, got {bad}"):
-            predict(fits["modified"], a, b, 4)
-
-
-@pytest.mark.parametrize("bad", [-1e-3, np.nan, np.inf])
-def test_predict_q__refuses_loads_that_are_negative_or_not_finite(fits, bad):
-    with pytest.raises(rb.InputError, match=rf"p_over_E: expected finite and >= 0, .*, got {bad}"):
-        predict_q(fits["modified"], A, B, bad)
-
-
-@pytest.mark.parametrize("bad", [2, 5, np.nan])
-def test_predict_load__refuses_counts_that_need_no_load_or_do_not_exist(fits, bad):
-    with pytest.raises(rb.InputError, match=rf"Q: expected even and at least 4, .*, got {bad}"):
-        predict_load(fits["modified"], A, B, bad)
-
-
-def test_predict__refuses_other_kinds_and_poissons_ratios(fits):
-    fit = fits["modified"]
-    for predict, what in ((predict_q, 0.01), (predict_load, 4)):
-        with pytest.raises(rb.InputError, match="expected one of curve, simulation, got 'band'"):
-            predict(fit, A, B, what, kind="band")
-        with pytest.raises(rb.InputError, match=r"nu: expected 0 <= nu <= 0.5, got 0.6"):
-            predict(fit, A, B, what, nu=0.6)
 
 
 @pytest.mark.parametrize("kind", ["simulation", "curve"])
@@ -352,25 +320,44 @@ def test_predict_q__curve_counts_a_draw_at_its_own_transition_load(fits):
     assert float(fit.predict(A, B, lowest, kind="curve").at_least(6)) >= 1 / len(fit.draws)
 
 
+WIDTH, LOAD, COUNT = (
+    f"expected {rule}, .*, got "
+    for rule in ("finite and > 0", "finite and >= 0", "even and at least 4")
+)
+
+
 @pytest.mark.parametrize(
-    ("ask", "shapes"),
+    ("where", "how", "expected"),
     [
-        (lambda fit: fit.predict([A, A], [B] * 3, 0.01), r"a_over_R \(2,\), b_over_R \(3,\)"),
-        (lambda fit: fit.predict(A, [B] * 2, [0.01] * 3), r"b_over_R \(2,\), p_over_E \(3,\)"),
-        (lambda fit: fit.predict(A, B, [0.01] * 2, nu=[0.5] * 3), r"nu \(3,\), p_over_E \(2,\)"),
-        (lambda fit: fit.predict_load(A, [B] * 2, [4, 6, 8]), r"b_over_R \(2,\), Q \(3,\)"),
+        *(((bad, B, 0.01), {}, f"a_over_R: {WIDTH}{bad}") for bad in (0.0, -0.01, np.nan)),
+        ((A, np.inf, 0.01), {}, f"b_over_R: {WIDTH}inf"),
+        *(((A, B, bad), {}, f"p_over_E: {LOAD}{bad}") for bad in (-1e-3, np.nan, np.inf)),
+        ((A, B, 0.01), {"kind": "band"}, "expected one of curve, simulation, got 'band'"),
+        ((A, B, 0.01), {"nu": 0.6}, "nu: expected 0 <= nu <= 0.5, got 0.6"),
+        ((A, B, 0.01), {"nu": "soft"}, "nu: expected numbers, got 'soft'"),
+        (("wide", B, 0.01), {}, "a_over_R: expected numbers, got 'wide'"),
+        (([A, A], [B] * 3, 0.01), {}, r"broadcast, got a_over_R \(2,\), b_over_R \(3,\)"),
+        ((A, B, [0.01] * 2), {"nu": [0.5] * 3}, r"broadcast, got nu \(3,\), p_over_E \(2,\)"),
     ],
 )
-def test_predict__refuses_shapes_that_do_not_broadcast(fits, ask, shapes):
-    with pytest.raises(rb.InputError, match=rf"arrays whose shapes broadcast, got {shapes}"):
-        ask(fits["modified"])
+def test_predict__refuses_bad_places(fits, where, how, expected):
+    with pytest.raises(rb.InputError, match=expected):
+        fits["modified"].predict(*where, **how)
 
 
-def test_predict__refuses_what_are_no_numbers(fits):
-    with pytest.raises(rb.InputError, match="a_over_R: expected numbers, got 'wide'"):
-        fits["modified"].predict("wide", B, 0.01)
-    with pytest.raises(rb.InputError, match="nu: expected numbers, got 'soft'"):
-        fits["modified"].predict(A, B, 0.01, nu="soft")
+@pytest.mark.parametrize(
+    ("where", "how", "expected"),
+    [
+        ((0.0, B, 4), {}, f"a_over_R: {WIDTH}0.0"),
+        *(((A, B, bad), {}, f"Q: {COUNT}{bad}") for bad in (2, 5, np.nan)),
+        ((A, B, 4), {"kind": "band"}, "expected one of curve, simulation, got 'band'"),
+        ((A, B, 4), {"nu": 0.6}, "nu: expected 0 <= nu <= 0.5, got 0.6"),
+        ((A, [B] * 2, [4, 6, 8]), {}, r"broadcast, got b_over_R \(2,\), Q \(3,\)"),
+    ],
+)
+def test_predict_load__refuses_bad_places(fits, where, how, expected):
+    with pytest.raises(rb.InputError, match=expected):
+        fits["modified"].predict_load(*where, **how)
 
 
 def test_predictions__of_data_arrays_meet_by_name_and_come_back_named(fits):
@@ -423,8 +410,8 @@ def test_predict__of_smooth_offsets_is_what_direct_simulation_of_a_dense_process
         variance += tau**2 * (1 - np.exp(-0.5 * ((beyond / lengths) ** 2).sum()))
         loads = mean + np.sqrt(variance) * rng.standard_normal(400)
         share.append((loads <= np.log(0.016)).mean())
-    predicted = float(predict_q(fit, 0.015, 0.045, 0.016).at_least(8))
-    load = predict_load(fit, 0.015, 0.045, 8)
+    predicted = float(fit.predict(0.015, 0.045, 0.016).at_least(8))
+    load = fit.predict_load(0.015, 0.045, 8)
     of_draws = stats.norm.cdf((np.log(0.016) - load.log_mean) / load.sd)
     # Monte Carlo: four standard errors; the package draws an offset where this integrates over it.
     se = np.hypot(*(np.std(x) / len(x) ** 0.5 for x in (of_draws, share)))

@@ -16,16 +16,6 @@ def random_distribution(seed, n=50, n_step=8):
     return rb.QDistribution(steps, np.zeros(n, bool), 100, "simulation")
 
 
-def test_pmf_and_cdf__are_differences_and_sums_of_one_another():
-    assert Q.q.tolist() == [2, 4, 6, 8]
-    assert Q.pmf.tolist() == [[0.25, 0.5, 0.25, 0.0], [0.0, 0.5, 0.375, 0.125]]
-    assert Q.cdf.tolist() == [[0.25, 0.75, 1.0, 1.0], [0.0, 0.5, 0.875, 1.0]]
-    many = random_distribution(1)
-    assert np.all(many.pmf >= 0)
-    np.testing.assert_allclose(many.pmf.sum(axis=-1), 1, rtol=1e-14)  # algebra: a sum
-    np.testing.assert_allclose(np.cumsum(many.pmf, axis=-1), many.cdf, rtol=1e-13, atol=1e-15)
-
-
 def test_at_least__counts_odd_numbers_up_and_ends_at_one_and_zero():
     assert Q.at_least(4).tolist() == [0.75, 1.0]
     assert Q.at_least(5).tolist() == Q.at_least(6).tolist() == [0.25, 0.5]

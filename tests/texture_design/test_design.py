@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import ridgebayes as rb
-from ridgebayes.predict.predict import predict_q
 from ridgebayes.predict.q_distribution import mix_q
 from ridgebayes.texture_design.bodies import Bodies, Tolerance
 from ridgebayes.texture_design.drawn_loads import drawn_loads
@@ -68,7 +67,7 @@ def test_values__of_a_mixture_are_those_of_predict(paper):
     values = values_of(source, rb.Scene.of([(0.02, 0.02)]), None, TEXTURES)
     goal, load = parse_goals("P(Q >= 8) >= 0.5", [Load(0.0085)])[0], 0.0085
     for a, b in TEXTURES:
-        q = mix_q([predict_q(one, a, b, load) for one in parts], (0.4, 0.3, 0.2, 0.1))
+        q = mix_q([one.predict(a, b, load) for one in parts], (0.4, 0.3, 0.2, 0.1))
         found = values.at(goal, a, b)
         # Monte Carlo: the power law's K of a new texture is drawn anew.
         assert found.value == pytest.approx(float(q.at_least(8)), abs=4 * found.se + 3e-3)
@@ -84,7 +83,7 @@ def test_values__of_uncertain_bodies_are_averages_of_predict(fit, uncertain):
     values = values_of(fit, uncertain, "5 %", TEXTURES)
     for a, b in TEXTURES[:2]:
         made = a * (1 + sd * z[3]) / radius, b * (1 + sd * z[4]) / radius
-        q = predict_q(fit, *made, p)
+        q = fit.predict(*made, p)
         each = q.at_least(6) - q.at_least(10)
         found = values.at(goal, a, b)
         se = np.hypot(each.std() / np.sqrt(n), found.se)

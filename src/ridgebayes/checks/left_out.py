@@ -27,7 +27,7 @@ from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import ResolvedPriors, priors_of
 from ridgebayes.predict.load_distribution import LoadDistribution
 from ridgebayes.predict.load_draws import MAX_DRAWS_TIMES_ROWS
-from ridgebayes.predict.predict import predict_load
+from ridgebayes.predict.predict import load_places, predict_load
 from ridgebayes.results import Fit
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of, stream
@@ -291,7 +291,7 @@ def row_loads(fit: Posterior, data: Observations) -> LoadDistribution:
         Shape (n_obs,), including the known relative error of each row.
     """
     a, b = data.a_over_R[data.texture], data.b_over_R[data.texture]
-    return predict_load(fit, a, b, data.Q.astype(float)).widened(data.rel_se)
+    return predict_load(fit, load_places(a, b, data.Q)).widened(data.rel_se)
 
 
 def row_crps(fit: Posterior, data: Observations, rng: np.random.Generator) -> FloatArray:

@@ -1,16 +1,16 @@
 """`ridgebayes export-deck`: write a scene as an input deck for a finite-element program."""
 
-from ridgebayes.commands import table_options as options
-from ridgebayes.commands.parsing import refuse_existing, refuse_suffix
+from types import SimpleNamespace
+
+from ridgebayes.commands.parsing import refuse_output
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.fea.deck_text import REACTION, SURFACE, export_deck
 from ridgebayes.scene.scene import Scene
 
 
-def command(asked: options.ExportDeck) -> Answer:
+def command(asked: SimpleNamespace) -> Answer:
     """Write the deck; print the command that imports its results."""
-    refuse_suffix(asked.out, (".inp",))
-    refuse_existing(asked.out, asked.force)
+    refuse_output(asked.out, asked.force, ".inp")
     disk = export_deck(asked.scene, asked.program, asked.out, edges=asked.edges)
     scene, out = Scene.from_toml(asked.scene), asked.out
     (texture,) = scene.textures

@@ -4,12 +4,13 @@ With --model the command also computes bands of the friction model and their sou
 """
 
 from collections.abc import Iterator
+from functools import reduce
+from types import SimpleNamespace
 
 import pandas as pd
 import xarray as xr
 
-from ridgebayes.commands import options
-from ridgebayes.commands.parsing import refuse_existing
+from ridgebayes.commands.parsing import refuse_output
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import write_csv
 from ridgebayes.commands.terminal import Answer
@@ -26,13 +27,13 @@ _SHOWN = ("p_over_E", "Q", "contact_length_over_R", "ridge_force_mean", "penetra
 _MAX_MODEL_DRAWS = 20_000  # draws for the bands; limits memory
 
 
-def command(asked: options.Friction) -> Answer:
+def command(asked: SimpleNamespace) -> Answer:
     """Write joint draws and, with --model, the bands and variance shares of friction."""
     mu_path, shares_path = (
         asked.out.with_name(f"{asked.out.stem}-{name}.csv") for name in ("mu", "mu-shares")
     )
     for path in (asked.out, mu_path, shares_path)[: 3 if asked.model else 1]:
-        refuse_existing(path, asked.force)
+        refuse_output(path, asked.force)
     check_name(asked.out)
     if asked.p_over_E is not None and asked.loads is not None:
         raise InputError("--p-over-E and --loads: expected only one of the two, got both")
@@ -49,11 +50,22 @@ def command(asked: options.Friction) -> Answer:
         rng=asked.seed,
         edges=asked.edges or (model is not None and model.kappa != 0),
     )
-    sums: list[pd.DataFrame] = []
+    sums: list[pd.DataFrame] = []  # over each block of draws
     kept: list[FrictionInputs] = []
+
+    def summed(progress: Progress) -> Iterator[xr.Dataset]:
+        done = 0
+        for block in draws.blocks():
+            if model is not None and done < _MAX_MODEL_DRAWS:
+                kept.append(FrictionInputs.of(block, edges=model.kappa != 0))
+            yield block if asked.edges else block.drop_dims("edge", errors="ignore")
+            sums.append(block[[*_SHOWN, "extrapolation"]].sum("draw").to_dataframe())
+            done += block.sizes["draw"]
+            progress.count(done, draws.n)
+
     with Progress(1) as progress, progress.stage("draws"):
-        write_inputs(_with_sums(draws, sums, kept, model, asked.edges, progress), asked.out)
-    means = (sums[0] / draws.n).reset_index()
+        write_inputs(summed(progress), asked.out)
+    means = (reduce(pd.DataFrame.add, sums) / draws.n).reset_index()
     outside = float(means["extrapolation"].mean())
     summary = (
         f"{asked.out}: {draws.n} draws at {len(means)} loads; relative error of contacts up to "
@@ -82,23 +94,3 @@ def _answer(friction: FrictionBands) -> tuple[str | pd.DataFrame, ...]:
         "Shares of its variance at the largest load:",
         shown.where(shown.notna(), "")[["kind", "name", "share", "share_se", "total"]],
     )
-
-
-def _with_sums(
-    draws: InputDraws,
-    sums: list[pd.DataFrame],
-    kept: list[FrictionInputs],
-    model: FrictionModel | None,
-    edges: bool,
-    progress: Progress,
-) -> Iterator[xr.Dataset]:
-    """Yield blocks of draws; store their sum in `sums` and the model's inputs in `kept`."""
-    done = 0
-    for block in draws.blocks():
-        if model is not None and done < _MAX_MODEL_DRAWS:
-            kept.append(FrictionInputs.of(block, edges=model.kappa != 0))
-        yield block if edges else block.drop_dims("edge", errors="ignore")
-        sum_of_block = block[[*_SHOWN, "extrapolation"]].sum("draw").to_dataframe()
-        sums[:] = [sums[0] + sum_of_block if sums else sum_of_block]
-        done += block.sizes["draw"]
-        progress.count(done, draws.n)

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
-from ridgebayes.commands import table_options as options
-from ridgebayes.commands.parsing import medians_taken, refuse_existing
+from ridgebayes.commands.parsing import medians_taken, refuse_output
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.atomic import exclusive_lock
@@ -25,9 +25,9 @@ from ridgebayes.table.files import check_name
 from ridgebayes.table.table import ContactTable
 
 
-def command(asked: options.Generate) -> Answer:
+def command(asked: SimpleNamespace) -> Answer:
     """Compute the table of a scene or of typed textures and write it."""
-    refuse_existing(asked.out, asked.force)
+    refuse_output(asked.out, asked.force)
     if asked.scene is not None and asked.texture:
         raise InputError("SCENE and --texture: expected only one of the two, got both")
     if asked.R is not None and not asked.texture:

@@ -9,29 +9,33 @@ from ridgebayes.errors import InputError
 from ridgebayes.scene.units import to_si
 
 
-def refuse_existing(path: Path, force: bool) -> None:
-    """Raise InputError for an output file that cannot be written, before the work starts."""
+def refuse_output(path: Path, force: bool, *suffixes: str) -> None:
+    """Raise InputError for an output file that cannot be written, before the work starts.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    force : bool
+        Whether an existing file may be replaced.
+    *suffixes : str
+        Allowed suffixes of the name; any if not given.
+    """
+    folder = path.absolute().parent
+    if suffixes and path.suffix.lower() not in suffixes:
+        expected = f"a file name that ends in {' or '.join(suffixes)}"
+        raise InputError(f"{path}: expected {expected}, got {path.suffix or 'no suffix'!r}")
     if path.is_dir():
         raise InputError(f"{path}: expected a file, got a folder")
-    if not path.absolute().parent.is_dir():
-        raise InputError(
-            f"{path}: folder {path.parent} does not exist; expected an existing folder"
-        )
-    if path.exists() and not force:
-        raise InputError(f"{path}: exists; use another name, or --force to replace it")
-    if not os.access(path.absolute().parent, os.W_OK):
-        raise InputError(
-            f"{path}: folder {path.parent} cannot be written to; expected a writable folder"
-        )
-
-
-def refuse_suffix(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Raise InputError for an output file whose suffix is not one of those given."""
-    if path.suffix.lower() not in suffixes:
-        raise InputError(
-            f"{path}: expected a file name that ends in {' or '.join(suffixes)}, "
-            f"got {path.suffix or 'no suffix'!r}"
-        )
+    why = (
+        "exists; use another name, or --force to replace it" if path.exists() and not force else ""
+    )
+    if not folder.is_dir():
+        why = f"folder {path.parent} does not exist; expected an existing folder"
+    elif not why and not os.access(folder, os.W_OK):
+        why = f"folder {path.parent} cannot be written to; expected a writable folder"
+    if why:
+        raise InputError(f"{path}: {why}")
 
 
 def parse_names(text: str, option: str = "--forms") -> list[str]:

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 
-from ridgebayes.commands import table_options as options
-from ridgebayes.commands.parsing import medians_taken, refuse_existing, refuse_suffix
+from ridgebayes.commands.parsing import medians_taken, refuse_output
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
 from ridgebayes.runtime.atomic import write_text
@@ -27,7 +27,7 @@ _METHODS = {
 }
 
 
-def command(asked: options.PlanOptions) -> Answer:
+def command(asked: SimpleNamespace) -> Answer:
     """Run `ridgebayes plan`, or write a new scene file."""
     if asked.new is not None:
         return _new_scene(asked)
@@ -35,7 +35,7 @@ def command(asked: options.PlanOptions) -> Answer:
         raise InputError("SCENE: missing; expected a scene file or --new")
     if asked.out is not None:
         check_name(asked.out)
-        refuse_existing(asked.out, asked.force)
+        refuse_output(asked.out, asked.force)
     if asked.figures is not None and asked.figures.exists() and not asked.figures.is_dir():
         raise InputError(f"{asked.figures}: not a folder; --figures names one")
     scene = Scene.from_toml(asked.scene)
@@ -59,13 +59,12 @@ def command(asked: options.PlanOptions) -> Answer:
     )
 
 
-def _new_scene(asked: options.PlanOptions) -> Answer:
+def _new_scene(asked: SimpleNamespace) -> Answer:
     """Write a commented scene file as a template."""
     path = asked.new
     if path is None or asked.scene is not None:
         raise InputError("--new: cannot be combined with a scene")
-    refuse_suffix(path, (".toml",))
-    refuse_existing(path, asked.force)
+    refuse_output(path, asked.force, ".toml")
     write_text(data_path("scenes/template.toml").read_text(encoding="utf-8"), path)
     summary = f"{path}: a scene to start from. Change its values, then: ridgebayes plan {path}"
     return Answer((summary,), files=[path])

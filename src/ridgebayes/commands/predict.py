@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,7 @@ import pandas as pd
 
 from ridgebayes import drawing
 from ridgebayes._types import FloatArray
-from ridgebayes.commands import options
-from ridgebayes.commands.parsing import (
-    parse_form,
-    parse_inches,
-    refuse_existing,
-    refuse_suffix,
-)
+from ridgebayes.commands.parsing import parse_form, parse_inches, refuse_output
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.terminal import MOST_SHOWN, Answer
 from ridgebayes.comparison.bands import bands_table, scene_bands
@@ -40,18 +35,19 @@ from ridgebayes.scene.units import (
 from ridgebayes.table.files import check_name, write_frame
 
 _MAX_Q_DRAWN = 200  # largest Q for which a figure of bands shows the exact load of each step
-_REL_STEP = 1e-9  # relative distance of the loads on both sides of a step; larger than rounding
+# Relative distance of the loads on both sides of a step; larger than rounding.
+_REL_STEP = np.sqrt(np.finfo(float).eps)
 _PROB_ERROR = "0.005 (from the number of draws)"
 
 
-def command(asked: options.Predict) -> Answer:
+def command(asked: SimpleNamespace) -> Answer:
     """Run `ridgebayes predict`."""
     check_name(asked.out)
-    files = [asked.out] if asked.plot is None else [asked.out, asked.plot]
-    for file in files:
-        refuse_existing(file, asked.force)
+    refuse_output(asked.out, asked.force)
+    files = [asked.out]
     if asked.plot is not None:
-        refuse_suffix(asked.plot, (".png", ".svg", ".pdf"))
+        refuse_output(asked.plot, asked.force, ".png", ".svg", ".pdf")
+        files.append(asked.plot)
     elif asked.width is not None:
         raise InputError(f"--width {asked.width!r}: needs --plot, whose width it sets")
     width = drawing.style.WIDTH if asked.width is None else parse_inches(asked.width, "--width")
@@ -72,7 +68,7 @@ def command(asked: options.Predict) -> Answer:
         how |= _scene_loads(asked, scene)
         run = read_run(asked.folder)
         bands = drawn = scene_bands(run, scene, form, **how)
-        unit = _unit_of(bands)
+        unit = None if asked.p_over_E is not None else _unit_of(scene.body)
     else:
         textures, loads, how["nu"], unit = _where(asked, scene)
         run = read_run(asked.folder)
@@ -90,7 +86,7 @@ def command(asked: options.Predict) -> Answer:
     return _answer(bands, files, unit)
 
 
-def _scene(asked: options.Predict) -> Scene | None:
+def _scene(asked: SimpleNamespace) -> Scene | None:
     """Return the scene of the file, or of typed values if one has an error, or else None."""
     typed = {"--R": asked.R, "--E": asked.E, "--thickness": asked.thickness}
     if asked.scene is None:
@@ -103,7 +99,7 @@ def _scene(asked: options.Predict) -> Scene | None:
     return Scene.from_toml(asked.scene)
 
 
-def _typed_scene(asked: options.Predict) -> Scene:
+def _typed_scene(asked: SimpleNamespace) -> Scene:
     """Return the scene of the values on the command line, some of which have errors."""
     varies = asked.R is not None and is_uncertain(asked.R)
     if varies and not all(map(has_unit, asked.texture or ())):
@@ -139,7 +135,7 @@ def _typed_scene(asked: options.Predict) -> Scene:
     return scene.model_copy(update={"textures": exact})
 
 
-def _scene_loads(asked: options.Predict, scene: Scene) -> dict[str, Any]:
+def _scene_loads(asked: SimpleNamespace, scene: Scene) -> dict[str, Any]:
     """Return the loads at which to predict a scene with distributions; empty for its own loads."""
     for option, value in (("--texture", asked.texture), ("--nu", asked.nu)):
         if value and asked.scene is not None:
@@ -161,16 +157,16 @@ def _scene_loads(asked: options.Predict, scene: Scene) -> dict[str, Any]:
     return {}
 
 
-def _unit_of(bands: pd.DataFrame) -> tuple[float, str] | None:
-    """Return the load at which p = E, in the unit of the scene's loads, and the unit."""
-    first = bands.iloc[0]
-    if first["load_unit"] == NO_UNIT:
+def _unit_of(body: Body) -> tuple[float, str] | None:
+    """Return the load at which p = E, in the unit of the body's loads, and the unit."""
+    if body.load_unit is None:
         return None
-    return float(first["load"] / first["p_over_E"]), str(first["load_unit"])
+    unit = body.load_unit[0]
+    return 1 / body.p_over_E(f"1 {unit}"), unit
 
 
 def _where(
-    asked: options.Predict, scene: Scene | None
+    asked: SimpleNamespace, scene: Scene | None
 ) -> tuple[Sequence[scaling.Texture], FloatArray, float, tuple[float, str] | None]:
     """Return textures, loads, Poisson's ratio and the unit of loads, as typed or of the scene."""
     body = Body.of(asked.R, asked.E, asked.thickness) if scene is None else scene.body
@@ -186,9 +182,7 @@ def _where(
         highest = [scene.highest_load(texture) for texture in of_scene] or [scene.p_over_E]
         loads = np.array(highest)[:, None]
     nu = 0.5 if scene is None else scene.nu
-    unit = None if body.load_unit is None else body.load_unit[0]
-    size = unit and (1 / body.p_over_E(f"1 {unit}"), unit)
-    return textures, loads, nu if asked.nu is None else asked.nu, size or None
+    return textures, loads, nu if asked.nu is None else asked.nu, _unit_of(body)
 
 
 def _highest(loads: str) -> str:
@@ -224,19 +218,20 @@ def with_transitions(
     source = run if form == "average" else run.fits[form]
     calibrated = CalibratedRange.of(source.averaged[0][0])  # all posteriors have the same rows
     Q = np.arange(4, min(int(bands["q_upper"].max()), _MAX_Q_DRAWN) + 4, 2)
-    tail, loads_of = (1 - bands["prob"].iloc[0]) / 2, []
-    for a, b in textures:
-        part = bands[(bands["a_over_R"] == a) & (bands["b_over_R"] == b)]
-        p = np.unique(part["p_over_E"].to_numpy(float))
-        nu = float(part["nu"].iloc[0])
-        loads = [np.array([calibrated.load_max / reduced_load(1.0, nu)])]
-        for kind in part["kind_of_band"].unique():
-            at = source.predict_load(a, b, Q, nu=nu, kind=kind)
-            loads += [at.quantile(share) for share in (tail, 0.5, 1 - tail)]
-        # The loads on both sides show where bands step up and where extrapolation begins.
-        sides = [np.concatenate(loads) * (1 + side) for side in (-_REL_STEP, _REL_STEP)]
-        loads_of.append(np.sort(np.clip(np.concatenate([p, *sides]), p[0], p[-1])))
-    return np.array(loads_of)
+    kinds, tail = bands["kind_of_band"].unique(), (1 - bands["prob"].iloc[0]) / 2
+    rows = bands[bands["kind_of_band"] == kinds[0]]
+    a, b, nu, p = (
+        rows[name].to_numpy(float).reshape(len(textures), -1)
+        for name in ("a_over_R", "b_over_R", "nu", "p_over_E")
+    )
+    loads = [calibrated.load_max / reduced_load(1.0, nu[:, :1])]
+    for kind in kinds:
+        at = source.predict_load(a[:, :1], b[:, :1], Q, nu=nu[:, :1], kind=kind)
+        loads += [at.quantile(share) for share in (tail, 0.5, 1 - tail)]
+    # The loads on both sides show where bands step up and where extrapolation begins.
+    sides = [np.hstack(loads) * (1 + side) for side in (-_REL_STEP, _REL_STEP)]
+    ends = p.min(axis=1, keepdims=True), p.max(axis=1, keepdims=True)
+    return np.sort(np.clip(np.hstack([p, *sides]), *ends), axis=1)
 
 
 def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] | None) -> Answer:

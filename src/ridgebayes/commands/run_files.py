@@ -45,6 +45,12 @@ _TABLES = {
     "coverage": ("coverage.csv", COVERAGE_COLUMNS),
     "cost": ("costs.csv", COST_COLUMNS),
 }
+# Kinds of the values of run.json that are read.
+_KINDS = {
+    **dict.fromkeys(("table", "noise", "accuracy", "command"), str),
+    **dict.fromkeys(("verdicts", "options"), dict),
+    **{"forms": list, "fits": list, "nugget": float, "seed": int},
+}
 # Commands that write other folders, by a file that identifies the folder.
 _OTHER_FOLDERS = {"coverage.json": "coverage", "cost.csv": "cost", "design.json": "design"}
 _OPTIONAL_TABLES = ("left_out", "coverage", "cost")
@@ -286,10 +292,10 @@ def _read_fit(
 
 def _read_posterior(path: Path, form: str, noise: str) -> Posterior:
     posterior = read_netcdf(path)
-    if posterior.form.name != form:
-        raise InputError(f"{path}: holds form {posterior.form.name!r}; expected {form!r}")
-    if posterior.noise.name != noise:
-        raise InputError(f"{path}: holds error model {posterior.noise.name!r}; expected {noise!r}")
+    names = {"form": (posterior.form.name, form), "error model": (posterior.noise.name, noise)}
+    for what, (name, expected) in names.items():
+        if name != expected:
+            raise InputError(f"{path}: holds {what} {name!r}; expected {expected!r}")
     return posterior
 
 
@@ -302,20 +308,17 @@ def _read_about(folder: Path) -> dict[str, Any]:
     with refusing(f"{path}: damaged, not JSON", ValueError, RecursionError, rule="; run again"):
         about: dict[str, Any] = json.loads(read_bytes(path, LARGEST_TEXT).decode("utf-8"))
     try:
-        named = [about["forms"], about["table"], about["noise"], about["accuracy"]]
-        named += [about["verdicts"]["failures"], about.setdefault("nugget", NUGGET)]
-        named += [about["command"], about["options"], about["seed"]]
+        about = {"nugget": NUGGET} | about
+        is_valid = all(isinstance(about[key], kind) for key, kind in _KINDS.items())
+        failures = about["verdicts"]["failures"]
+        texts = [*about["forms"], *failures, *failures.values()]
         fits = [(entry["form"], entry["noise"]) for entry in about["fits"]]
     except KeyError as error:
         raise InputError(f"{path}: damaged, key {error} is missing; run again") from None
-    except TypeError:
-        raise _invalid(path) from None
-    failures = about["verdicts"]["failures"]
-    kinds = (list, str, str, str, dict, float, str, dict, int)
-    if not all(map(isinstance, named, kinds)) or not all(
-        isinstance(text, str) for text in (*about["forms"], *failures, *failures.values())
-    ):
-        raise _invalid(path)
+    except (AttributeError, TypeError):
+        is_valid, texts = False, []
+    if not is_valid or not all(isinstance(text, str) for text in texts):
+        raise InputError(f"{path}: damaged, not what ridgebayes writes; run again")
     # Names of forms and error models become parts of file names, which must stay in the folder.
     for name in [*about["forms"], *(form for form, _ in fits)]:
         if name not in FORMS:
@@ -323,10 +326,6 @@ def _read_about(folder: Path) -> dict[str, Any]:
     for _, noise in fits:
         Noise.named(str(noise))
     return about
-
-
-def _invalid(path: Path) -> InputError:
-    return InputError(f"{path}: damaged, not what ridgebayes writes; run again")
 
 
 def _why_no_run(folder: Path) -> str:

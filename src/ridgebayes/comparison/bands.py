@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from copy import copy
 from functools import cache, partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,7 +20,7 @@ from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.load_draws import MAX_DRAWS_TIMES_ROWS, NEGLIGIBLE_PROBABILITY
 from ridgebayes.predict.of_scene import q_of_scene
 from ridgebayes.predict.posterior_loads import N_SHARED
-from ridgebayes.predict.predict import KINDS, predict_load, predict_q
+from ridgebayes.predict.predict import KINDS, Places, load_places, predict_load, predict_q, q_places
 from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.scene.scene import Scene
@@ -101,12 +100,12 @@ def bands_table(
         loads = default_loads(comparison, n_load)
     p = np.atleast_2d(loads).astype(float)
     mixtures = _mixtures(comparison, names)
-    where = {"a_over_R": a, "b_over_R": b, "p_over_E": p, "nu": poisson}
+    where = q_places(a, b, p, poisson)
     share_of = _largest_shares(mixtures)
     tasks = {id(fit): (fit, share_of[id(fit)]) for parts in mixtures.values() for fit, _ in parts}
     kept: dict[int, dict[str, QDistribution]] = {}
     # Each posterior enters the mixture of its form and the average, and is computed once if kept.
-    if np.broadcast(a, p).size <= MAX_BANDS_KEPT:
+    if where["a_over_R"].size <= MAX_BANDS_KEPT:
         predicted = partial(_predict, kinds=kinds, where=where)
         bands = map_ordered(predicted, [*tasks.values()], executor, name=lambda x: x[0].form.name)
         kept = dict(zip(tasks, bands, strict=True))
@@ -184,7 +183,7 @@ def loads_table(
     """
     frame = predicted_rows(comparison.table)
     blocks = []
-    a, b, q, nu = (frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu"))
+    where = load_places(*(frame[name].to_numpy() for name in ("a_over_R", "b_over_R", "Q", "nu")))
     mixtures = _mixtures(comparison, [*comparison.fits, AVERAGE])
     share_of = _largest_shares(mixtures)
     share_of_draws = min(MAX_DRAWS_TIMES_ROWS / (N_SHARED * max(len(frame), 1)), 1.0)
@@ -192,7 +191,7 @@ def loads_table(
     @cache
     def predicted(fit: Posterior, kind: str) -> LoadDistribution:
         share = share_of_draws * share_of[id(fit)]
-        return predict_load(fit, a, b, q, nu=nu, kind=kind, share=share)
+        return predict_load(fit, where, kind, share)
 
     for kind in kinds:
         rel_se = frame["rel_se"].to_numpy() * (kind == "simulation")
@@ -228,14 +227,14 @@ def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
 
 
 def _predict(
-    task: tuple[Posterior, float], kinds: Sequence[str], where: dict[str, Any]
+    task: tuple[Posterior, float], kinds: Sequence[str], where: Places
 ) -> dict[str, QDistribution]:
     """Predict with a copy of the posterior, so that its cached offsets are freed.
 
     The cached offsets of all fits would take gigabytes.
     """
     posterior, share = copy(task[0]), task[1]
-    return {kind: predict_q(posterior, kind=kind, share=share, **where) for kind in kinds}
+    return {kind: predict_q(posterior, where, kind, share) for kind in kinds}
 
 
 _Mixture = list[tuple[Posterior, float]]

@@ -122,7 +122,7 @@ def _log_quantiles(
     n = -(-_N_SAMPLE // len(load.weight)), len(load.weight), 1
     score = ndtri((np.arange(math.prod(n)) + 0.5) / golden % 1).reshape(n)
     value = np.empty((*load.shape, len(prob)))
-    columns = load.draws.columns(load.place.ravel())  # one call, which takes most of the time
+    columns = load.columns(load.place.ravel())  # one call, which takes most of the time
     log_mean, log_sd = (np.reshape(x, (len(load.weight), *load.shape)) for x in columns)
     for i in range(len(ratio)):
         order = np.argsort(log_mean[:, i], axis=0)

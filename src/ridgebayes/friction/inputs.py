@@ -213,7 +213,7 @@ class InputDraws:
             here = np.flatnonzero(part == j)
             if len(here):
                 drawn = sampler.draw(textures[here], p[here], nu[here], rng)
-                Q[here], flags[here], draw_index[here] = drawn.Q, drawn.flags, drawn.draw_index
+                Q[here], draw_index[here], flags[here] = drawn
         values = self._contacts(_profiles(bodies), Q, p, nu, rng)
         beyond = names_of(flags)
         is_large = nu[:, None] >= two_scale.LEAST_NU

@@ -19,7 +19,9 @@ from ridgebayes.model.forms import PowerLaw
 NAMES = ("Q", "load", "a/pitch", "a/R", "b/R", "texture", "offset")
 _BITS = Q, LOAD, RATIO, RIDGE, GROOVE, TEXTURE, OFFSET = [2**bit for bit in range(len(NAMES))]
 _MAX_WIDTH_FACTOR = 1.5  # widths beyond their calibrated range by more than this are flagged
-ROUNDING = 1e-12  # relative difference below which two values count as equal
+_ROUNDING = 1e-12  # relative difference below which two values count as equal
+# A mixture is flagged as extrapolated if a part, or a share of draws, above 1 % is.
+MIN_HEAVY = 0.01
 
 Flags = np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
 
@@ -79,30 +81,39 @@ class CalibratedRange:
             ends["textures"] = [list(texture) for texture in sorted(self.textures)]
         return ends
 
-    def texture_flags(self, a_over_R: FloatArray, b_over_R: FloatArray) -> Flags:
+    @property
+    def limit(self) -> float:
+        """Load p/E at nu = 0.5 above which predictions are flagged."""
+        return self.load_max * (1 + _ROUNDING)
+
+    def texture_flags(
+        self, a_over_R: FloatArray, b_over_R: FloatArray, offset: ArrayLike = 0.0
+    ) -> Flags:
         """Return the flags of textures.
 
         Parameters
         ----------
         a_over_R, b_over_R : ndarray of float, shape (...), dimensionless
             Textures.
+        offset : array_like of float, broadcastable, optional
+            Offset of the body from the groove's centre.
 
         Returns
         -------
         ndarray of uint8, shape (...)
             Set where a/pitch is beyond its calibrated range, a/R or b/R is below the lowest
-            calibrated value / 1.5 or above the highest x 1.5, or the form has no coefficient for
-            the texture.
+            calibrated value / 1.5 or above the highest x 1.5, the form has no coefficient for the
+            texture, or the body is off centre.
         """
         a, b = np.asarray(a_over_R, dtype=float), np.asarray(b_over_R, dtype=float)
-        flags = _flag(_beyond(a / (a + b), self.ratio, 1.0), RATIO)
+        flags = _flag(_beyond(a / (a + b), self.ratio, 1), RATIO)
         flags |= _flag(_beyond(a, self.ridge, _MAX_WIDTH_FACTOR), RIDGE)
         flags |= _flag(_beyond(b, self.groove, _MAX_WIDTH_FACTOR), GROOVE)
         if self.textures is not None:
             pairs = zip(a.ravel().tolist(), b.ravel().tolist(), strict=True)
             unknown = np.array([pair not in self.textures for pair in pairs], dtype=bool)
             flags |= _flag(unknown.reshape(a.shape), TEXTURE)
-        return flags
+        return flags | _flag(np.not_equal(offset, 0), OFFSET)
 
     def load_flags(self, p_over_E: ArrayLike, nu: ArrayLike) -> Flags:
         """Return the flags of loads above the highest calibrated load.
@@ -110,7 +121,7 @@ class CalibratedRange:
         The half-plane's scaling law extends to other pitches but not to higher loads, whose strains
         are larger.
         """
-        return _flag(reduced_load(p_over_E, nu) > self.load_max * (1 + ROUNDING), LOAD)
+        return _flag(reduced_load(p_over_E, nu) > self.limit, LOAD)
 
     def count_flags(self, count: ArrayLike) -> Flags:
         """Return the flags of counts above the highest calibrated count."""
@@ -124,10 +135,16 @@ class CalibratedRange:
         The limit is infinite at a fitted texture and count: the predicted load may exceed the
         highest observed load, but this transition was itself observed.
         """
-        highest = self.load_max * (1 + ROUNDING) / reduced_load(1.0, nu)
         places = zip(a_over_R.tolist(), b_over_R.tolist(), count.tolist(), strict=True)
         seen = np.array([place in self.places for place in places], dtype=bool)
-        return np.where(seen, np.inf, highest)
+        return np.where(seen, np.inf, self.limit / reduced_load(1.0, nu))
+
+
+def common_flags(flags: Flags) -> Flags:
+    """Return the flags that are set in more than 1 % of the draws, the first axis."""
+    is_common = [((flags & bit) > 0).mean(axis=0) > MIN_HEAVY for bit in _BITS]
+    value: Flags = np.bitwise_or.reduce(list(map(_flag, is_common, _BITS)))
+    return value
 
 
 def names_of(flags: Flags) -> np.ndarray:
@@ -145,7 +162,7 @@ def _ends(values: FloatArray) -> tuple[float, float]:
 
 
 def _beyond(value: FloatArray, ends: tuple[float, float], margin: float) -> BoolArray:
-    low, high = ends[0] / margin * (1 - ROUNDING), ends[1] * margin * (1 + ROUNDING)
+    low, high = ends[0] / margin * (1 - _ROUNDING), ends[1] * margin * (1 + _ROUNDING)
     return (value < low) | (value > high)
 
 

@@ -1,7 +1,6 @@
 """Random loads and counts of many bodies, each with its own texture and posterior draw."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -14,30 +13,11 @@ from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.extrapolation import CalibratedRange, Flags
-from ridgebayes.predict.load_draws import COUNTS_PER_BLOCK, MAX_Q, Columns
-from ridgebayes.predict.posterior_loads import PosteriorLoads, widest_count
+from ridgebayes.predict.load_draws import MAX_Q, Columns
+from ridgebayes.predict.posterior_loads import PosteriorLoads
 
 MOST_TEXTURES = 16  # computed exactly; loads of more textures are interpolated over a/pitch
 _N_RATIO_NODE = 13  # interpolated loads are within 0.03 % for a/pitch from 0.05 to 0.95
-
-
-@dataclass(frozen=True, eq=False)
-class PredictiveDraws:
-    """Counts drawn for m bodies at L loads each.
-
-    Parameters
-    ----------
-    Q : ndarray of int, shape (m, L)
-        Even counts; the counts of a body never decrease as the load increases.
-    draw_index : ndarray of int, shape (m,)
-        Row of the posterior's `draws` used for each body.
-    flags : ndarray of uint8, shape (m, L)
-        Flags of quantities beyond the calibrated range.
-    """
-
-    Q: IntArray
-    draw_index: IntArray
-    flags: Flags
 
 
 def textures_of(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -45,22 +25,19 @@ def textures_of(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.stack([a, b, a / (a + b)], axis=1)
 
 
-class _LoadCache:
-    """Log loads of all draws at several nodes, cached for each count."""
+class _NodeLoads:
+    """Log loads of all draws at several nodes, stored for each count."""
 
     def __init__(self, at_nodes: Sequence[Callable[[IntArray], Columns]]) -> None:
         self._at_nodes = at_nodes
-        self._cache: dict[int, Columns] = {}
+        self._stored: dict[int, Columns] = {}
 
-    def of(self, counts: Sequence[int]) -> list[Columns]:
-        """Return location and standard deviation for each count, both (n_node, n_draw)."""
-        missing = [count for count in counts if count not in self._cache]
-        if missing:
-            at_nodes = [at(np.array(missing)) for at in self._at_nodes]
-            location, sd = (np.stack(values) for values in zip(*at_nodes, strict=True))
-            for j, count in enumerate(missing):
-                self._cache[count] = location[:, :, j], sd[:, :, j]
-        return [self._cache[count] for count in counts]
+    def at(self, count: int) -> Columns:
+        """Return mean and standard deviation at a count, both (n_node, n_draw)."""
+        if count not in self._stored:
+            columns = [np.hstack(at(np.array([count]))).T for at in self._at_nodes]
+            self._stored[count] = tuple(np.stack(columns, axis=1))
+        return self._stored[count]
 
 
 class RatioLoads:
@@ -84,17 +61,12 @@ class RatioLoads:
 
     def __init__(self, loads: PosteriorLoads, low: float, high: float) -> None:
         loads.check_scaling(low)
-        self._loads = loads
         self._axis = Axis.over(special.logit(low), special.logit(high), _N_RATIO_NODE)
         nodes = special.expit(self._axis.nodes).tolist()
-        self._nodes = _LoadCache([partial(self._roots, node) for node in nodes])
-
-    def _roots(self, ratio: float, counts: IntArray) -> Columns:
-        location, sd = self._loads.at_ratio(ratio, counts)
-        return np.exp(-0.5 * location), sd
+        self._nodes = _NodeLoads([partial(_roots, loads, node) for node in nodes])
 
     def at(self, ratio: ArrayLike, which: IntArray | slice, counts: Sequence[int]) -> Columns:
-        """Return location and standard deviation of log loads at nu = 0.5.
+        """Return mean and standard deviation of log loads at nu = 0.5.
 
         Parameters
         ----------
@@ -108,20 +80,24 @@ class RatioLoads:
         Returns
         -------
         tuple of ndarray of float, shape (m, n)
-            The location is infinite if a draw never reaches the count.
+            The mean is infinite if a draw never reaches the count.
         """
         weights = self._axis.weights(np.atleast_1d(special.logit(ratio))).T
-        location, sd = [], []
-        for at_nodes in self._nodes.of(counts):
-            root, spread = ((weights * x[:, which]).sum(axis=0) for x in at_nodes)
-            with np.errstate(divide="ignore"):
-                location.append(-2 * np.log(np.maximum(root, 0)))
-            sd.append(np.maximum(spread, 0))
-        return np.stack(location, axis=-1), np.stack(sd, axis=-1)
+        at_counts = [
+            [(weights * x[:, which]).sum(axis=0) for x in self._nodes.at(count)] for count in counts
+        ]
+        root, sd = np.maximum(at_counts, 0).transpose(1, 2, 0)
+        with np.errstate(divide="ignore"):
+            return -2 * np.log(root), sd
+
+
+def _roots(loads: PosteriorLoads, ratio: float, counts: IntArray) -> Columns:
+    mean, sd = loads.at_ratio(ratio, counts)
+    return np.exp(-0.5 * mean), sd
 
 
 class PredictiveSampler:
-    """Sampler of Q from one posterior, for bodies whose textures may all differ.
+    """Sampler of loads and Q from one posterior, for bodies whose textures may all differ.
 
     Parameters
     ----------
@@ -145,18 +121,17 @@ class PredictiveSampler:
     """
 
     def __init__(self, fit: Posterior, seen: Spread, kind: str = "simulation") -> None:
-        self.loads = PosteriorLoads(fit, kind)
-        self._range, self._seen = CalibratedRange.of(fit), seen
-        self._ratio_loads: RatioLoads | None = None
+        self.loads = loads = PosteriorLoads(fit, kind)
+        self.calibrated, self._seen = CalibratedRange.of(fit), seen
         if seen.distinct is None:
-            self._ratio_loads = RatioLoads(self.loads, float(seen.low[2]), float(seen.high[2]))
+            self._ratio_loads = RatioLoads(loads, float(seen.low[2]), float(seen.high[2]))
         else:
             textures = seen.distinct[:, :2].tolist()
-            self._texture_loads = _LoadCache([partial(self.loads.at, (a, b)) for a, b in textures])
+            self._texture_loads = _NodeLoads([partial(loads.at, (a, b)) for a, b in textures])
 
     def draw(
         self, textures: FloatArray, p: FloatArray, nu: FloatArray, rng: np.random.Generator
-    ) -> PredictiveDraws:
+    ) -> tuple[IntArray, IntArray, Flags]:
         """Draw counts.
 
         Parameters
@@ -169,36 +144,45 @@ class PredictiveSampler:
             Poisson's ratios.
         rng : numpy.random.Generator
             Source of randomness.
+
+        Returns
+        -------
+        Q : ndarray of int, shape (m, L)
+            Even counts; the counts of a body never decrease as the load increases.
+        draw_index : ndarray of int, shape (m,)
+            Row of the posterior's `draws` used for each body.
+        flags : ndarray of uint8, shape (m, L)
+            Flags of quantities beyond the calibrated range.
         """
         which = rng.integers(len(self.loads), size=len(p))
         score = special.ndtri(rng.random(len(p)))
         with np.errstate(divide="ignore"):
             y = np.log(p)
         Q, is_reached = np.full(p.shape, 2), np.ones(p.shape, dtype=bool)
-        for first in range(0, MAX_Q // 2, COUNTS_PER_BLOCK):
-            ids = np.arange(first, first + COUNTS_PER_BLOCK)
-            location, sd = self.log_loads(textures, nu, which, ids)
-            for load in (location + sd * score[:, None]).T:
-                # All counts of a body use one score, so its loads must be reached in order.
-                is_reached &= y >= load[:, None]
-                Q += 2 * is_reached
+        unit = -np.log(reduced_load(1.0, nu))
+        for i in range(MAX_Q // 2):
+            mean, sd = self.log_loads(textures, unit, which, np.array([i]))
+            # All counts of a body use one score, so its loads must be reached in order.
+            is_reached &= y >= mean + sd * score[:, None]
+            Q += 2 * is_reached
             if not is_reached.any():
-                flags = self._range.load_flags(p, nu[:, None]) | self._range.count_flags(Q)
-                flags |= self._range.texture_flags(*textures[:, :2].T)[:, None]
-                return PredictiveDraws(Q, which * self.loads.stride, flags)
+                calibrated = self.calibrated
+                flags = calibrated.load_flags(p, nu[:, None]) | calibrated.count_flags(Q)
+                flags |= calibrated.texture_flags(*textures[:, :2].T)[:, None]
+                return Q, which * self.loads.stride, flags
         raise InputError(f"loads: expected counts up to {MAX_Q}, got more")
 
     def log_loads(
-        self, textures: FloatArray, nu: FloatArray, which: IntArray, ids: IntArray
+        self, textures: FloatArray, unit: FloatArray, which: IntArray, ids: IntArray
     ) -> Columns:
-        """Return location and standard deviation of log p/E at which bodies reach counts 4 + 2 ids.
+        """Return mean and standard deviation of log loads at which bodies reach counts 4 + 2 ids.
 
         Parameters
         ----------
         textures : ndarray of float, shape (m, 3)
             Result of `textures_of`.
-        nu : ndarray of float, shape (m,)
-            Poisson's ratios.
+        unit : ndarray of float, shape (m,)
+            Logarithm of the body's load for a load of 1 at nu = 0.5.
         which : ndarray of int, shape (m,)
             Index of the posterior draw of each body.
         ids : ndarray of int, shape (n,)
@@ -207,18 +191,15 @@ class PredictiveSampler:
         Returns
         -------
         tuple of ndarray of float, shape (m, n)
-            The location is infinite for counts that the body cannot reach.
+            The mean is infinite for counts that the body cannot reach.
         """
         a, b, ratio = textures.T
         counts = 4 + 2 * ids
-        if self._ratio_loads is not None:
-            location, sd = self._ratio_loads.at(ratio, which, counts.tolist())
-            location = location + 2 * np.log(a + b)[:, None]
+        if self._seen.distinct is None:
+            mean, sd = self._ratio_loads.at(ratio, which, counts.tolist())
+            mean += 2 * np.log(a + b)[:, None]
         else:
             place = self._seen.place(textures), which
-            at_textures = ([v[place] for v in x] for x in self._texture_loads.of(counts.tolist()))
-            location, sd = (np.stack(x, axis=-1) for x in zip(*at_textures, strict=True))
-        location = location - np.log(reduced_load(1.0, nu))[:, None]
-        if not self.loads.has_mean:
-            location[counts > widest_count(a, b)[:, None]] = np.inf
-        return location, sd
+            at_counts = [[x[place] for x in self._texture_loads.at(n)] for n in counts.tolist()]
+            mean, sd = np.array(at_counts).transpose(1, 2, 0)
+        return self.loads.within_body(mean + unit[:, None], a[:, None], b[:, None], counts), sd

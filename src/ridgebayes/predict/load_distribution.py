@@ -7,14 +7,16 @@ from itertools import compress
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 
 from ridgebayes import drawing
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import common_shape, numbers
+from ridgebayes.predict import load_draws
 from ridgebayes.predict.extrapolation import LOAD, Flags, names_of
-from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE, LoadDraws
+from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE, Columns
 from ridgebayes.predict.predicted import Predicted, keep_labels
 from ridgebayes.predict.q_distribution import heavy_parts, shares
 
@@ -32,16 +34,21 @@ class LoadDistribution(Predicted):
 
     Parameters
     ----------
-    draws : LoadDraws
-        Draws, whose columns may be computed later.
+    weight : ndarray of float, shape (n_draw,)
+        Weights of the draws, with sum 1.
+    columns : callable
+        Function of column numbers, shape (n,), that returns mean and standard deviation of
+        log(p/E) given each draw, both (n_draw, n). A standard deviation of 0 is a point.
     place : ndarray of int, shape (...)
-        Column of `draws` for each place; equal places share a column.
+        Column of each place; equal places share a column.
     flags : ndarray of uint8, shape (...)
         Texture and count quantities outside the calibrated range, see `predict.extrapolation`.
     highest : ndarray of float, shape (...), dimensionless
         Load p/E above which a median is flagged as extrapolation.
     places : mapping of str to ndarray, shape (...), optional
         Table columns for each place: kind_of_band, a_over_R, b_over_R, nu, Q.
+    has_mean : bool, optional
+        Whether the mean load is finite; under Student errors it is not.
     labels : xarray.DataArray, shape (...), optional
         Dimensions and coordinates of the methods' results; its values are not used.
 
@@ -50,7 +57,7 @@ class LoadDistribution(Predicted):
     *Validity.* `extrapolation` is True where texture, count or load are beyond the calibrated
     range; `extrapolation_of` names them.
     *Cost.* `predict_load` returns distributions that compute their draws when a method needs them,
-    one block of places at a time. A million places take about 100 MB.
+    one block of places at a time. A million places take up to 170 MB.
     *Accuracy.* Under Student errors each draw has a normal error with a randomly drawn scale.
 
     Examples
@@ -78,11 +85,13 @@ class LoadDistribution(Predicted):
     [6, 8]
     """
 
-    draws: LoadDraws
+    weight: FloatArray
+    columns: Callable[[IntArray], Columns]
     place: IntArray
     flags: Flags
     highest: FloatArray
     places: Mapping[str, np.ndarray] = field(default_factory=dict)
+    has_mean: bool = True
     labels: "xr.DataArray | None" = None
 
     _MIN_TAIL = 1e-12
@@ -94,11 +103,6 @@ class LoadDistribution(Predicted):
     def shape(self) -> tuple[int, ...]:
         """Broadcast shape of the textures and counts."""
         return self.place.shape
-
-    @property
-    def weight(self) -> FloatArray:
-        """Weights of the draws, shape (n_draw,), with sum 1."""
-        return self.draws.weight
 
     @property
     def log_mean(self) -> FloatArray:
@@ -146,7 +150,7 @@ class LoadDistribution(Predicted):
         InputError
             If a load is NaN, or the shapes do not broadcast.
         """
-        return self._at_loads(self.draws.cdf, p_over_E)
+        return self._at_loads(p_over_E, load_draws.cdf)
 
     @keep_labels
     def sf(self, p_over_E: ArrayLike) -> FloatArray:
@@ -167,7 +171,7 @@ class LoadDistribution(Predicted):
         InputError
             As `cdf`.
         """
-        return self._at_loads(self.draws.sf, p_over_E)
+        return self._at_loads(p_over_E, load_draws.sf)
 
     @keep_labels
     def pdf(self, p_over_E: ArrayLike) -> FloatArray:
@@ -189,27 +193,29 @@ class LoadDistribution(Predicted):
             As `cdf`.
         """
         p = numbers("p_over_E", p_over_E)
-        density = self._at_loads(self.draws.density, p)
+        density = self._at_loads(p, load_draws.density)
         return np.where(p > 0, density / np.where(p > 0, p, 1.0), 0.0)[()]
 
     @keep_labels
     def mean(self) -> FloatArray:
         """Return the mean load p/E, shape (...); infinite under Student errors."""
-        return self._by_column(lambda mean, sd: self.draws.moments(mean, sd)[0])
+        return self._moment(0)
 
     @keep_labels
     def std(self) -> FloatArray:
         """Return the standard deviation of the load, shape (...); infinite if the mean is."""
-        return self._by_column(lambda mean, sd: self.draws.moments(mean, sd)[1])
+        return self._moment(1)
+
+    def _moment(self, which: int) -> FloatArray:
+        """Return the mean (0) or standard deviation (1) of the loads."""
+        if not self.has_mean:
+            return np.full(self.shape, np.inf)[()]
+        return self._at(
+            np.zeros(()), lambda _, mean, sd: load_draws.moments(mean, sd, self.weight)[which]
+        )
 
     def _quantile(self, prob: FloatArray) -> FloatArray:
-        shape = np.broadcast_shapes(prob.shape, self.shape)
-        prob, place = np.broadcast_to(prob, shape), np.broadcast_to(self.place, shape)
-        value = np.empty(shape)
-        for level in np.unique(prob).tolist():
-            here = prob == level
-            value[here] = self._by_column(partial(self.draws.quantile, level), place[here])
-        return value[()]
+        return self._at(prob, partial(load_draws.quantile, weight=self.weight))
 
     @keep_labels
     def median(self) -> FloatArray:
@@ -238,17 +244,14 @@ class LoadDistribution(Predicted):
         LoadDistribution
             Widened distribution of the same shape.
         """
-        draws = self.draws.placed(self.place.ravel()).widened(np.ravel(rel_se))
-        return replace(self, draws=draws, place=self._place_ids)
-
-    @property
-    def _inputs(self) -> Mapping[str, np.ndarray]:
-        return self.places
+        columns = partial(_widened, self.columns, self.place.ravel(), np.ravel(rel_se))
+        return replace(self, columns=columns, place=self._place_ids)
 
     def _columns(self, prob: float) -> dict[str, np.ndarray]:
         lower, upper = self.interval(prob)
         name = "load" if "load_unit" in self.places else "p_over_E"  # a scene's load is in its unit
         return {
+            **self.places,
             f"{name}_median": self.median(),
             f"{name}_lower": lower,
             f"{name}_upper": upper,
@@ -258,9 +261,10 @@ class LoadDistribution(Predicted):
         }
 
     def _first(self, n: int) -> "LoadDistribution":
-        flags = np.broadcast_to(self.flags, self.shape).ravel()[:n]
-        place, highest = self.place.ravel()[:n], self.highest.ravel()[:n]
-        return LoadDistribution(self.draws, place, flags, highest, self._first_places(n))
+        arrays = {name: getattr(self, name) for name in ("place", "flags", "highest")}
+        return replace(
+            self, places=self._heads(self.places, n), labels=None, **self._heads(arrays, n)
+        )
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Plot 90 % intervals against count for each texture, or the cdf of one place.
@@ -295,7 +299,7 @@ class LoadDistribution(Predicted):
 
     def _all_draws(self, which: int) -> FloatArray:
         """Return location (0) or standard deviation (1) of all draws, shape (n_draw, ...)."""
-        value = np.array(self.draws.columns(self.place.ravel())[which])
+        value = np.array(self.columns(self.place.ravel())[which])
         return value.reshape(len(self.weight), *self.shape)
 
     def _blocks(self, columns: IntArray) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
@@ -305,36 +309,29 @@ class LoadDistribution(Predicted):
         for first in range(0, len(columns), step):
             here = order[first : first + step]
             ids, place = np.unique(columns[here], return_inverse=True)
-            mean, sd = self.draws.columns(ids)
+            mean, sd = self.columns(ids)
             yield here, mean[:, place], sd[:, place]
 
-    def _by_column(
-        self,
-        function: Callable[[FloatArray, FloatArray], FloatArray],
-        place: IntArray | None = None,
-    ) -> FloatArray:
-        """Return a function's value at each place, computed once for places that share a column."""
-        place = self.place if place is None else place
-        columns, numbers_of = np.unique(place, return_inverse=True)
-        value = np.empty(len(columns))
-        for here, mean, sd in self._blocks(columns):
-            value[here] = function(mean, sd)
-        return value[numbers_of].reshape(place.shape)[()]  # a scalar for a single place
+    def _at(self, x: FloatArray, function: Callable[..., FloatArray]) -> FloatArray:
+        """Return a function of x, means and sds at each place, computed once for equal ones."""
+        shape = common_shape(x=x, distribution=self.place)
+        arrays = {"column": np.broadcast_to(self.place, shape), "x": np.broadcast_to(x, shape)}
+        pairs = pd.DataFrame({name: values.ravel() for name, values in arrays.items()})
+        distinct, row = pairs.drop_duplicates(), pairs.groupby([*pairs], sort=False).ngroup()
+        value = np.empty(len(distinct))
+        for here, mean, sd in self._blocks(distinct["column"].to_numpy()):
+            value[here] = function(distinct["x"].to_numpy()[here], mean, sd)
+        return value[row].reshape(shape)[()]  # a scalar for a single place
 
-    def _at_loads(
-        self, function: Callable[[FloatArray, FloatArray, FloatArray], FloatArray], load: ArrayLike
-    ) -> FloatArray:
-        """Return a function of log loads, means and sds at the loads of each place."""
+    def _at_loads(self, load: ArrayLike, function: Callable[..., FloatArray]) -> FloatArray:
+        """Return the average over draws of a function of log loads, means and sds."""
         p = numbers("p_over_E", load)
         if np.any(np.isnan(p)):
             raise InputError(f"p_over_E: expected numbers, got {load!r}")
-        shape = common_shape(p_over_E=p, distribution=self.place)
+        common_shape(p_over_E=p, distribution=self.place)
         with np.errstate(divide="ignore"):
-            y = np.broadcast_to(np.log(np.maximum(p, 0)), shape).ravel()
-        value = np.empty(len(y))
-        for here, mean, sd in self._blocks(np.broadcast_to(self.place, shape).ravel()):
-            value[here] = function(y[here], mean, sd)
-        return value.reshape(shape)[()]
+            y = np.log(np.maximum(p, 0))
+        return self._at(y, lambda *x: load_draws.average(function(*x), self.weight))
 
 
 def mix_loads(parts: Iterable[LoadDistribution], weights: Sequence[float]) -> LoadDistribution:
@@ -361,11 +358,25 @@ def mix_loads(parts: Iterable[LoadDistribution], weights: Sequence[float]) -> Lo
     share = shares(weights)
     pairs = [(part, w) for part, w in zip(parts, share.tolist(), strict=True) if w > 1e-9]
     kept = [part for part, _ in pairs]
-    place, draws = kept[0].place, [part.draws for part in kept]
-    if not all(np.array_equal(part.place, place) for part in kept):
-        place, draws = kept[0]._place_ids, [part.draws.placed(part.place.ravel()) for part in kept]
-    joined = LoadDraws.joined(zip(draws, (w for _, w in pairs), strict=True))
     heavy = list(compress(kept, heavy_parts(share[share > 1e-9])))
-    flags = np.bitwise_or.reduce([part.flags for part in heavy])
-    highest = np.minimum.reduce([part.highest for part in heavy])
-    return LoadDistribution(joined, place, flags, highest, kept[0].places)
+    return replace(
+        kept[0],
+        weight=np.concatenate([w * part.weight for part, w in pairs]),
+        columns=partial(_joined, [part.columns for part in kept]),
+        flags=np.bitwise_or.reduce([part.flags for part in heavy]),
+        highest=np.minimum.reduce([part.highest for part in heavy]),
+        has_mean=all(part.has_mean for part in kept),
+    )
+
+
+def _joined(parts: Sequence[Callable[[IntArray], Columns]], ids: IntArray) -> Columns:
+    """Return the concatenated draws of several sets."""
+    means, sds = zip(*(columns(ids) for columns in parts), strict=True)
+    return np.concatenate(means), np.concatenate(sds)
+
+
+def _widened(
+    columns: Callable[[IntArray], Columns], place: IntArray, rel_se: FloatArray, ids: IntArray
+) -> Columns:
+    mean, sd = columns(place[ids])
+    return mean, np.hypot(sd, rel_se[ids])

@@ -1,7 +1,8 @@
 """Predictions for a scene, whose uncertain values are drawn together with the posteriors."""
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,23 +14,12 @@ from ridgebayes.errors import InputError
 from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms.arguments import even_counts, loads, numbers
-from ridgebayes.predict.extrapolation import (
-    GROOVE,
-    LOAD,
-    OFFSET,
-    RATIO,
-    RIDGE,
-    ROUNDING,
-    TEXTURE,
-    CalibratedRange,
-    Flags,
-    Q,
-)
+from ridgebayes.predict.extrapolation import CalibratedRange, Flags, common_flags
 from ridgebayes.predict.joint_draws import MOST_TEXTURES, PredictiveSampler, textures_of
-from ridgebayes.predict.load_distribution import LoadDistribution
-from ridgebayes.predict.load_draws import LoadDraws
+from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
+from ridgebayes.predict.load_draws import Columns, survival
 from ridgebayes.predict.posterior_loads import DRAWS_DIVISOR
-from ridgebayes.predict.q_distribution import MIN_HEAVY, QDistribution, heavy_parts, shares, stacked
+from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares, stacked
 from ridgebayes.scene.draws import draw_scene
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.units import load_to_si, number_and_unit
@@ -69,11 +59,7 @@ def q_of_scene(
     """
     if load is not None and p_over_E is not None:
         raise InputError("load and p_over_E: expected only one of the two, got both")
-    values: FloatArray | None
-    if p_over_E is None:
-        values, unit = _loads(load)
-    else:
-        values, unit = loads(p_over_E), NO_UNIT
+    values, unit = _loads(load) if p_over_E is None else (loads(p_over_E), NO_UNIT)
     parts = [_SceneLoads(averaged, part, unit, kind).q_distribution(values) for part in scene.apart]
     return parts[0] if len(parts) == 1 else stacked(parts)
 
@@ -110,26 +96,24 @@ def load_of_scene(
 
 def load_unit(scene: Scene) -> str:
     """Return the unit of a scene's load, ``p/E`` if the scene has no load unit."""
-    load = scene.body.load_unit
-    return NO_UNIT if load is None else load[0]
+    return (scene.body.load_unit or [NO_UNIT])[0]
 
 
 def _loads(load: ArrayLike | None) -> tuple[FloatArray | None, str | None]:
     """Return loads as numbers and, if they are texts, their unit."""
-    unit = None
     if load is None:
-        return None, unit
-    texts = np.asarray(load)
+        return None, None
+    texts, units = np.asarray(load), set[str]()
     if texts.dtype.kind == "U":
         parts = [number_and_unit(text) for text in texts.ravel().tolist()]
         units = {unit for _, unit in parts}
-        if len(units) > 1:
-            raise InputError(f"load: expected one unit, got {', '.join(sorted(units))}")
-        load, unit = np.array([number for number, _ in parts]).reshape(texts.shape), units.pop()
+        load = np.array([number for number, _ in parts]).reshape(texts.shape)
+    if len(units) > 1:
+        raise InputError(f"load: expected one unit, got {', '.join(sorted(units))}")
     values = numbers("load", load)
     if not np.all((values > 0) & np.isfinite(values)):
         raise InputError(f"load: expected finite loads > 0, got {load!r}")
-    return values, unit
+    return values, next(iter(units), None)
 
 
 class _SceneLoads:
@@ -140,92 +124,90 @@ class _SceneLoads:
         self._scene, self._kind = scene, kind
         self._unit = load_unit(scene) if unit is None else unit
         self._size = 1.0 if self._unit == NO_UNIT else scene.body.p_over_E(f"1 {self._unit}")
-        share = shares([weight for _, weight in averaged])
-        counts = np.maximum(N_KEPT * share, N_KEPT // DRAWS_DIVISOR).round().astype(int).tolist()
-        self._bodies = bodies = draw_scene(scene, sum(counts), _SEED)
-        textures = textures_of(bodies.profile["a"], bodies.profile["b"])
+        fits, self._weights = zip(*averaged, strict=True)
+        counts = np.maximum(N_KEPT * shares(self._weights), N_KEPT // DRAWS_DIVISOR).round()
+        ends = np.cumsum(counts.astype(int))
+        self._bodies = bodies = draw_scene(scene, int(ends[-1]), _SEED)
+        self._textures = textures_of(bodies.profile["a"], bodies.profile["b"])
         seen = Spread(MOST_TEXTURES)
-        seen.add(textures)
-        parts, first = [], 0
-        for (fit, _), n in zip(averaged, counts, strict=True):
-            here = slice(first, first + n)
-            sampler = PredictiveSampler(fit, seen, kind)
-            which = np.resize(np.arange(len(sampler.loads)), n)
-            columns = partial(sampler.log_loads, textures[here], bodies.nu[here], which)
-            parts.append(LoadDraws.uniform(n, columns, sampler.loads.has_mean))
-            first += n
-        self._draws = LoadDraws.joined(zip(parts, share.tolist(), strict=True))
-        heavy = np.flatnonzero(heavy_parts(share)).tolist()
-        self._ranges = [CalibratedRange.of(averaged[i][0]) for i in heavy]
-        self._load_max = min(calibrated.load_max for calibrated in self._ranges) * (1 + ROUNDING)
-        self._Q_max = min(calibrated.Q_max for calibrated in self._ranges)
-        self._factor = self._factors()
+        seen.add(self._textures)
+        self._samplers = [PredictiveSampler(fit, seen, kind) for fit in fits]
+        self._bodies_of = np.split(np.arange(ends[-1]), ends[:-1])
 
     def q_distribution(self, load: FloatArray | None) -> QDistribution:
         """Return the distribution of Q at loads in the unit, or at the scene's load for None."""
-        factor, value = self._factor, np.ones(1)
-        if load is None:
-            factor = 1 / self._bodies.p_over_E  # loads relative to the load of each body
-        else:
-            value = load.ravel()
-        p = value / factor[:, None]
-        survival = self._draws.shifted(np.log(factor)).reaching(np.log(value))
-        beyond = self._share(reduced_load(p, self._bodies.nu[:, None]) > self._load_max) > MIN_HEAVY
-        flags = self._texture_flags() | np.where(beyond, LOAD, 0).astype(np.uint8)
-        shape = np.shape(load) if load is not None else ()
-        highest = self._scene.highest_load(self._scene.textures[0])
-        shown = np.array(highest / self._size) if load is None else load
-        return QDistribution(
-            survival.reshape(*shape, -1),
-            flags.reshape(shape),
-            self._Q_max,
-            self._kind,
-            {**self._medians(shape), "p_over_E": shown * self._size, "load": shown},
-        )
+        highest = self._scene.highest_load(self._scene.textures[0]) / self._size
+        shown = np.asarray(highest if load is None else load)
+        # Without a load, loads are relative to the load of each body.
+        factor = 1 / self._bodies.p_over_E if load is None else self._factor()
+        value = np.ones(1) if load is None else shown.ravel()
+        p, shape = value / factor[:, None], shown.shape
+        places = {**self._places, "p_over_E": shown * self._size, "load": shown}
+        flags_of = cache(partial(self._flags, p))  # posteriors of the same rows have the same
+
+        def part(sampler: PredictiveSampler, here: IntArray) -> QDistribution:
+            reached = survival(self._columns(sampler, here, factor), np.log(value))
+            flags, Q_max = flags_of(sampler.calibrated), sampler.calibrated.Q_max
+            return QDistribution(
+                reached.reshape(*shape, -1), flags.reshape(shape), Q_max, self._kind, places
+            )
+
+        return mix_q(map(part, self._samplers, self._bodies_of), self._weights)
 
     def load_distribution(self, count: IntArray) -> LoadDistribution:
         """Return the distribution of the load, in the unit, that reaches each even count."""
-        flags = self._texture_flags() | np.where(count > self._Q_max, Q, 0).astype(np.uint8)
-        unit_load = np.median(self._factor / reduced_load(1.0, self._bodies.nu))
-        highest = np.full(count.shape, float(unit_load) * self._load_max)
-        where = {"kind_of_band": np.array(self._kind), **self._medians(count.shape), "Q": count}
-        draws = self._draws.shifted(np.log(self._factor))
-        return LoadDistribution(draws, (count - 4) // 2, flags, highest, where)
+        factor = self._factor()
+        unit = float(np.median(factor / reduced_load(1.0, self._bodies.nu)))
+        places = {"kind_of_band": np.array(self._kind), **self._places, "Q": count}
 
-    def _factors(self) -> FloatArray:
+        def part(sampler: PredictiveSampler, here: IntArray) -> LoadDistribution:
+            calibrated = sampler.calibrated
+            return LoadDistribution(
+                np.full(len(here), 1 / len(here)),
+                self._columns(sampler, here, factor),
+                (count - 4) // 2,
+                self._flags(np.zeros((1, 1)), calibrated)[0] | calibrated.count_flags(count),
+                np.full(count.shape, calibrated.limit * unit),
+                places,
+                sampler.loads.has_mean,
+            )
+
+        return mix_loads(map(part, self._samplers, self._bodies_of), self._weights)
+
+    def _columns(
+        self, sampler: PredictiveSampler, here: IntArray, factor: FloatArray
+    ) -> Callable[[IntArray], Columns]:
+        """Return the columns of log loads of some bodies, with the load at which p = E."""
+        unit = np.log(factor / reduced_load(1.0, self._bodies.nu))
+        which = np.resize(np.arange(len(sampler.loads)), len(here))
+        return partial(sampler.log_loads, self._textures[here], unit[here], which)
+
+    def _factor(self) -> FloatArray:
         """Return the load in the unit at which p = E, for each body."""
-        body, physical = self._scene.body, self._bodies.physical
-        factor = np.full(len(self._bodies.nu), 1 / self._size)
+        factor = np.full(len(self._textures), 1 / self._size)
         if self._unit == NO_UNIT:
             return factor
         needed = {"pressure": 1, "line load": 2, "force": 3}[load_to_si(f"1 {self._unit}")[1]]
-        for place, median in list(body.sizes.items())[:needed]:
+        for place, median in list(self._scene.body.sizes.items())[:needed]:
             name = place.partition(".")[2]
-            if name in physical and median is not None:
-                factor = factor * (physical[name] / float(median))
+            if name in self._bodies.physical and median is not None:
+                factor = factor * (self._bodies.physical[name] / float(median))
         return factor
 
-    def _share(self, is_true: np.ndarray) -> FloatArray:
-        return np.tensordot(self._draws.weight, is_true, axes=1)
+    def _flags(self, p: FloatArray, calibrated: CalibratedRange) -> Flags:
+        """Return flags of quantities beyond the calibrated range in more than 1 % of bodies."""
+        a, b, offset = (self._bodies.profile[name][:, None] for name in ("a", "b", "offset"))
+        of_loads = calibrated.load_flags(p, self._bodies.nu[:, None])
+        return common_flags(of_loads | calibrated.texture_flags(a, b, offset))
 
-    def _texture_flags(self) -> Flags:
-        """Return flags of quantities beyond the calibrated range in more than 1 % of the draws."""
-        profile = self._bodies.profile
-        total = OFFSET if np.any(profile["offset"] != 0) else 0
-        for calibrated in self._ranges:
-            flags = calibrated.texture_flags(profile["a"], profile["b"])
-            for bit in (RATIO, RIDGE, GROOVE, TEXTURE):
-                total |= bit if self._share((flags & bit) > 0) > MIN_HEAVY else 0
-        return np.array(total, dtype=np.uint8)
-
-    def _medians(self, shape: tuple[int, ...]) -> dict[str, np.ndarray]:
-        """Return table columns with the medians of the body."""
+    @property
+    def _places(self) -> dict[str, Any]:
+        """Table columns with the medians of the body."""
         texture = self._scene.textures[0]
-        medians: dict[str, float | str] = {
+        return {
             "a_over_R": texture.a_over_R,
             "b_over_R": texture.b_over_R,
             "offset_pitches": np.nan if isinstance(texture.offset, str) else texture.offset,
             "nu": self._scene.nu,
             "load_unit": self._unit,
         }
-        return {name: np.broadcast_to(value, shape) for name, value in medians.items()}

@@ -8,12 +8,13 @@ new textures widen the distribution.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 
 from ridgebayes._types import FloatArray, IntArray
@@ -23,14 +24,15 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, numbers, widths
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.load_draws import MAX_Q, NUMBERS_AT_ONCE, LoadDraws
+from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE, Columns
 from ridgebayes.predict.of_scene import load_of_scene, q_of_scene
-from ridgebayes.predict.posterior_loads import PosteriorLoads, distinct, widest_count
+from ridgebayes.predict.posterior_loads import PosteriorLoads, by_texture
 from ridgebayes.predict.predicted import align_arrays
 from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
 from ridgebayes.scene.scene import Scene
 
 KINDS = ("curve", "simulation")
+Places = dict[str, FloatArray]  # a_over_R, b_over_R, nu, and p_over_E or Q, of one shape
 _T = TypeVar("_T")
 
 
@@ -122,8 +124,8 @@ class Predictive(ABC):
         if load is not None or b_over_R is None or p_over_E is None:
             raise InputError("predict: expected a_over_R, b_over_R and p_over_E, or a Scene")
         named = {"a_over_R": a_over_R, "b_over_R": b_over_R, "p_over_E": p_over_E, "nu": nu}
-        (*where, nu), labels = align_arrays(**named)
-        mixed = mix_q(*self._parts(partial(predict_q, nu=nu, kind=kind), *where))
+        where, labels = align_arrays(**named)
+        mixed = mix_q(*self._parts(predict_q, q_places(*where), kind))
         return replace(mixed, labels=labels)
 
     def predict_load(
@@ -169,7 +171,7 @@ class Predictive(ABC):
         load, except at the texture and count of a fitted row.
         *Cost.* Each distinct place is computed once, in blocks. A quantile takes about 2 ms for
         independent rows, 1 ms if textures or steps share offsets, and 8 ms under ``step-smooth``.
-        A million places take about 300 MB.
+        A million places take up to 170 MB.
 
         Examples
         --------
@@ -186,36 +188,45 @@ class Predictive(ABC):
             return load_of_scene(self.averaged, a_over_R, Q, kind=kind)
         if isinstance(a_over_R, Scene) or b_over_R is None or Q is None:
             raise InputError("predict_load: expected a_over_R, b_over_R and Q, or a Scene and Q")
-        (*where, nu), labels = align_arrays(a_over_R=a_over_R, b_over_R=b_over_R, Q=Q, nu=nu)
-        mixed = mix_loads(*self._parts(partial(predict_load, nu=nu, kind=kind), *where))
+        where, labels = align_arrays(a_over_R=a_over_R, b_over_R=b_over_R, Q=Q, nu=nu)
+        mixed = mix_loads(*self._parts(predict_load, load_places(*where), kind))
         return replace(mixed, labels=labels)
 
     def _parts(
-        self, predicted: Callable[..., _T], *where: ArrayLike
+        self, predicted: Callable[..., _T], places: Places, kind: str
     ) -> tuple[Iterator[_T], list[float]]:
         """Return an iterator over the posteriors' predictions, and their weights."""
         posteriors, weights = zip(*self.averaged, strict=True)
         pairs = zip(posteriors, shares(weights).tolist(), strict=True)
-        return (predicted(fit, *where, share=share) for fit, share in pairs), list(weights)
+        return (predicted(fit, places, kind, share) for fit, share in pairs), list(weights)
+
+
+def q_places(
+    a_over_R: ArrayLike, b_over_R: ArrayLike, p_over_E: ArrayLike, nu: ArrayLike = 0.5
+) -> Places:
+    """Return the checked arguments of a prediction of Q, broadcast to one shape."""
+    return _broadcast(*widths(a_over_R, b_over_R), nu, p_over_E=loads(p_over_E))
+
+
+def load_places(
+    a_over_R: ArrayLike, b_over_R: ArrayLike, Q: ArrayLike, nu: ArrayLike = 0.5
+) -> Places:
+    """Return the checked arguments of a prediction of loads, broadcast to one shape."""
+    return _broadcast(*widths(a_over_R, b_over_R), nu, Q=even_counts(Q, least=4))
 
 
 def predict_q(
-    fit: Posterior,
-    a_over_R: ArrayLike,
-    b_over_R: ArrayLike,
-    p_over_E: ArrayLike,
-    *,
-    nu: ArrayLike = 0.5,
-    kind: str = "simulation",
-    share: float = 1.0,
+    fit: Posterior, places: Places, kind: str = "simulation", share: float = 1.0
 ) -> QDistribution:
-    """Return the predictive distribution of Q of one posterior, see `Predictive.predict`.
+    """Return the predictive distribution of Q of a single posterior, see `Predictive.predict`.
 
     Parameters
     ----------
     fit : Posterior
         Posterior.
-    a_over_R, b_over_R, p_over_E, nu, kind
+    places : dict of str to ndarray of float, shape (...)
+        Result of `q_places`.
+    kind : str, optional
         As in `Predictive.predict`.
     share : float, optional
         Weight of this posterior in an average; this share of its draws is used.
@@ -223,42 +234,27 @@ def predict_q(
     Returns
     -------
     QDistribution
-        Distribution with the broadcast shape.
+        Distribution with the shape of the places.
     """
-    _check_kind(kind)
-    places = _broadcast(*widths(a_over_R, b_over_R), nu, p_over_E=loads(p_over_E))
     a, b, poisson, p = places.values()
     calibrated = CalibratedRange.of(fit)
     flags = calibrated.load_flags(p, poisson) | calibrated.texture_flags(a, b)
-    y = reduced_load(p, poisson).ravel()
-    if kind != "curve":  # curves compare unrounded loads, not their logarithms
-        with np.errstate(divide="ignore"):
-            y = np.log(y)
-    first, place = distinct(a, b)
-    textures = list(zip(a.ravel()[first].tolist(), b.ravel()[first].tolist(), strict=True))
-    groups = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place))[:-1])
+    reduced, textures = reduced_load(p, poisson).ravel(), by_texture(a, b)
 
     def distribution(part: PosteriorLoads) -> QDistribution:
-        blocks = [_survival(part, *x, y[here]) for x, here in zip(textures, groups, strict=False)]
+        blocks = [part.survival(texture, reduced[here]) for texture, here in textures]
         survival = np.zeros((p.size, max((block.shape[1] for block in blocks), default=1)))
-        for here, block in zip(groups, blocks, strict=False):
+        for (_, here), block in zip(textures, blocks, strict=True):
             survival[here, : block.shape[1]] = block
         survival = survival.reshape(*p.shape, survival.shape[1])
         return QDistribution(survival, flags, calibrated.Q_max, kind, places)
 
-    parts = PosteriorLoads(fit, kind, share).parts()
+    parts = list(PosteriorLoads(fit, kind, share).parts())
     return mix_q(map(distribution, parts), [len(part) for part in parts])
 
 
 def predict_load(
-    fit: Posterior,
-    a_over_R: ArrayLike,
-    b_over_R: ArrayLike,
-    Q: ArrayLike,
-    *,
-    nu: ArrayLike = 0.5,
-    kind: str = "simulation",
-    share: float = 1.0,
+    fit: Posterior, places: Places, kind: str = "simulation", share: float = 1.0
 ) -> LoadDistribution:
     """Return the predictive distribution of loads of one posterior, see `Predictive.predict_load`.
 
@@ -266,64 +262,42 @@ def predict_load(
     ----------
     fit : Posterior
         Posterior.
-    a_over_R, b_over_R, Q, nu, kind
-        As in `Predictive.predict_load`.
-    share : float, optional
+    places : dict of str to ndarray of float, shape (...)
+        Result of `load_places`.
+    kind, share
         As in `predict_q`.
 
     Returns
     -------
     LoadDistribution
-        Distribution with the broadcast shape.
+        Distribution with the shape of the places.
     """
-    _check_kind(kind)
-    places = _broadcast(*widths(a_over_R, b_over_R), nu, Q=even_counts(Q, least=4))
-    a, b, poisson, q = places.values()
-    first, place = distinct(a, b, q, poisson)
-    a, b, q, poisson = columns = [column.ravel()[first] for column in (a, b, q, poisson)]
+    # Equal places share a column.
+    frame = pd.DataFrame({name: column.ravel() for name, column in places.items()})
+    a, b, poisson, q = columns = frame.drop_duplicates().to_numpy().T
+    ids = frame.groupby([*frame], sort=False).ngroup()
+    place = np.asarray(ids, np.int64).reshape(places["Q"].shape)
     calibrated = CalibratedRange.of(fit)
-    flags = calibrated.texture_flags(a, b) | calibrated.count_flags(q)
-    highest = calibrated.highest_load(a, b, q, poisson)
-    parts = []
-    for part in PosteriorLoads(fit, kind, share).parts():
-        draws = LoadDraws.uniform(len(part), partial(_at_places, part, columns), part.has_mean)
-        is_small = len(part) * len(first) <= NUMBERS_AT_ONCE
-        parts.append((draws.stored(len(first)) if is_small else draws, len(part)))
-    n_draw = sum(n for _, n in parts)
-    draws = LoadDraws.joined((draws, n / n_draw) for draws, n in parts)
-    place = place.reshape(places["Q"].shape)
+    flags = (calibrated.texture_flags(a, b) | calibrated.count_flags(q))[place]
+    highest = calibrated.highest_load(a, b, q, poisson)[place]
     where = {"kind_of_band": np.array(kind), **places, "Q": places["Q"].astype(np.int64)}
-    return LoadDistribution(draws, place, flags[place], highest[place], where)
+
+    def distribution(part: PosteriorLoads) -> LoadDistribution:
+        at = partial(part.at_places, columns)
+        if len(part) * len(q) <= NUMBERS_AT_ONCE:  # computed once
+            at = partial(_stored, *at(np.arange(len(q))))
+        weight = np.full(len(part), 1 / len(part))
+        return LoadDistribution(weight, at, place, flags, highest, where, part.has_mean)
+
+    parts = list(PosteriorLoads(fit, kind, share).parts())
+    return mix_loads(map(distribution, parts), [len(part) for part in parts])
 
 
-def _at_places(
-    loads: PosteriorLoads, places: Sequence[FloatArray], ids: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return location and sd of the log loads at the places (a/R, b/R, Q, nu) with these ids."""
-    a, b, q, nu = (column[ids] for column in places)
-    return loads.at_places(a, b, q, nu)
+def _stored(mean: FloatArray, sd: FloatArray, ids: IntArray) -> Columns:
+    return mean[:, ids], sd[:, ids]
 
 
-def _survival(loads: PosteriorLoads, a: float, b: float, y: FloatArray) -> FloatArray:
-    """Return P(Q >= 2), P(Q >= 4), ... of one texture at log loads at nu = 0.5, (n, n_step)."""
-
-    def columns(ids: IntArray) -> tuple[FloatArray, FloatArray]:
-        counts = 4 + 2 * ids
-        if loads.is_curve:
-            load = loads.load((a, b), counts)
-            return load, np.zeros(load.shape)
-        return loads.at((a, b), counts)
-
-    last = MAX_Q
-    if not loads.has_mean:
-        last = min(last, int(widest_count(np.array(a), np.array(b))))
-    draws = LoadDraws.uniform(len(loads), columns, loads.has_mean)
-    return draws.reaching(y, last, f" at a/R, b/R = {(a, b)}")
-
-
-def _broadcast(
-    a: FloatArray, b: FloatArray, nu: ArrayLike, **other: FloatArray
-) -> dict[str, FloatArray]:
+def _broadcast(a: FloatArray, b: FloatArray, nu: ArrayLike, **other: FloatArray) -> Places:
     """Broadcast textures, Poisson's ratio and loads or counts to one shape."""
     columns = {"a_over_R": a, "b_over_R": b, "nu": numbers("nu", nu), **other}
     shape = common_shape(**columns)

@@ -70,11 +70,6 @@ class Predicted(Tabular):
     def shape(self) -> tuple[int, ...]:
         """Broadcast shape of the textures and the loads or counts."""
 
-    @property
-    @abstractmethod
-    def _inputs(self) -> Mapping[str, Any]:
-        """Table columns that describe each place: arrays that broadcast to `shape`, by name."""
-
     @abstractmethod
     def _quantile(self, prob: FloatArray) -> np.ndarray:
         """Return quantiles at probabilities that broadcast with `shape`."""
@@ -85,7 +80,7 @@ class Predicted(Tabular):
 
     @abstractmethod
     def _columns(self, prob: float) -> dict[str, np.ndarray]:
-        """Return the predicted table columns, arrays that broadcast to `shape`."""
+        """Return the table columns of places and predictions, which broadcast to `shape`."""
 
     @abstractmethod
     def _first(self, n: int) -> "Predicted":
@@ -199,10 +194,7 @@ class Predicted(Tabular):
         InputError
             If `prob` is outside 0 to 1.
         """
-        columns = {**self._inputs, **self._columns(prob)}
-        return pd.DataFrame(
-            {name: np.broadcast_to(x, self.shape).ravel() for name, x in columns.items()}
-        )
+        return pd.DataFrame(self._heads(self._columns(prob)))
 
     def _first_rows(self, n: int) -> pd.DataFrame:
         return self._first(n).to_dataframe()
@@ -211,9 +203,9 @@ class Predicted(Tabular):
     def _place_ids(self) -> IntArray:
         return np.arange(prod(self.shape)).reshape(self.shape)
 
-    def _first_places(self, n: int) -> dict[str, np.ndarray]:
-        """Return the place columns of the first n distributions."""
-        return {k: np.broadcast_to(v, self.shape).ravel()[:n] for k, v in self._inputs.items()}
+    def _heads(self, columns: Mapping[str, Any], n: int | None = None) -> dict[str, Any]:
+        """Return the first n values of flattened arrays that broadcast to `shape`, by name."""
+        return {k: np.broadcast_to(x, self.shape).ravel()[:n] for k, x in columns.items()}
 
     def _checked_probability(self, prob: ArrayLike, n_tail: int) -> FloatArray:
         """Return probabilities; raise InputError if one of `n_tail` tails is below `_MIN_TAIL`."""

@@ -1,6 +1,7 @@
 """Distribution of the even count Q at each of many textures and loads."""
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -12,15 +13,12 @@ from ridgebayes import drawing
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import common_shape, numbers
-from ridgebayes.predict.extrapolation import Flags, Q, names_of
+from ridgebayes.predict.extrapolation import MIN_HEAVY, Flags, Q, names_of
 from ridgebayes.predict.predicted import Predicted, keep_labels
 
 if TYPE_CHECKING:  # heavy
     import xarray as xr
     from matplotlib.axes import Axes
-
-# A mixture is flagged as extrapolated if a part, or a share of draws, above 1 % is.
-MIN_HEAVY = 0.01
 
 
 class CountProbabilities(np.ndarray[Any, np.dtype[np.float64]]):
@@ -113,7 +111,8 @@ class QDistribution(Predicted):
     @property
     def pmf(self) -> CountProbabilities:
         """P(Q = q) for each of `q`, shape (..., n_step); ``pmf(k)`` is P(Q = k)."""
-        return CountProbabilities.of(self.survival - self._above, self._pmf)
+        values = self.survival - self._above
+        return CountProbabilities.of(values, lambda k: self._at(k, operator.eq, values))
 
     @property
     def cdf(self) -> CountProbabilities:
@@ -130,22 +129,18 @@ class QDistribution(Predicted):
         return np.concatenate([self.survival[..., 1:], np.zeros_like(self.survival[..., :1])], -1)
 
     def _sf(self, k: ArrayLike) -> FloatArray:
-        return self._from_step(np.floor(numbers("k", k) / 2), "k")
+        return self._at(k, operator.gt, self.survival)
 
-    def _pmf(self, k: ArrayLike) -> FloatArray:
-        count = numbers("k", k)
-        return np.where(count % 2 == 0, self._sf(count - 1) - self._sf(count), 0.0)[()]
-
-    def _from_step(self, step: FloatArray, name: str) -> FloatArray:
-        """Return P(Q >= 2 + 2 step) for whole steps that broadcast with the distributions."""
-        if np.any(np.isnan(step)):
+    def _at(
+        self, k: ArrayLike, is_in: Callable[..., Any], values: FloatArray, name: str = "k"
+    ) -> FloatArray:
+        """Return the largest value of the counts that compare with k, or 0."""
+        count = numbers(name, k)
+        if np.any(np.isnan(count)):
             raise InputError(f"{name}: expected a number, got nan")
-        n_step = self.survival.shape[-1]
-        shape = common_shape(**{name: step}, distribution=self._place_ids)
-        column = np.broadcast_to(np.clip(step, 0, n_step).astype(np.intp), shape)[..., None]
-        survival = np.broadcast_to(self.survival, (*shape, n_step))
-        value = np.take_along_axis(survival, np.minimum(column, n_step - 1), -1)
-        return np.where(column < n_step, value, 0.0)[..., 0][()]
+        common_shape(**{name: count}, distribution=self._place_ids)
+        chosen = np.where(is_in(self.q, count[..., None]), values, 0.0)
+        return np.asarray(chosen.max(axis=-1))[()]
 
     @keep_labels
     def at_least(self, n: ArrayLike) -> FloatArray:
@@ -166,7 +161,7 @@ class QDistribution(Predicted):
         InputError
             If a count is NaN, or the shapes do not broadcast.
         """
-        return self._from_step(np.ceil(numbers("n", n) / 2 - 1), "n")
+        return self._at(n, operator.ge, self.survival, "n")
 
     @keep_labels
     def mean(self) -> FloatArray:
@@ -241,13 +236,11 @@ class QDistribution(Predicted):
             draws += 2 * (number < step)
         return draws
 
-    @property
-    def _inputs(self) -> Mapping[str, Any]:
-        return {"kind_of_band": self.kind, **self.places}
-
     def _columns(self, prob: float) -> dict[str, np.ndarray]:
         (lower, upper), beyond = self.interval(prob), self.extrapolation_of(prob)
         return {
+            "kind_of_band": np.asarray(self.kind),
+            **self.places,
             "q_mean": self.mean(),
             "q_median": self.median(),
             "q_lower": lower,
@@ -259,9 +252,8 @@ class QDistribution(Predicted):
 
     def _first(self, n: int) -> "QDistribution":
         survival = self.survival.reshape(-1, self.survival.shape[-1])[:n]
-        flags, places = np.broadcast_to(self.flags, self.shape).ravel()[:n], self._first_places(n)
-        places.pop("kind_of_band")
-        return replace(self, survival=survival, flags=flags, places=places, labels=None)
+        flags, places = self._heads({"flags": self.flags}, n), self._heads(self.places, n)
+        return replace(self, survival=survival, places=places, labels=None, **flags)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Plot 90 % intervals against load for each texture, or the probabilities of one place.
@@ -322,8 +314,9 @@ def stacked(parts: Sequence[QDistribution]) -> QDistribution:
     for row, part in zip(survival, parts, strict=True):
         row[..., : part.survival.shape[-1]] = part.survival
     flags = np.stack([part.flags for part in parts])
-    places = {name: np.stack([part.places[name] for part in parts]) for name in parts[0].places}
-    return replace(parts[0], survival=survival, flags=flags, places=places)
+    places = [{k: np.broadcast_to(x, part.shape) for k, x in part.places.items()} for part in parts]
+    stacks = {name: np.stack([place[name] for place in places]) for name in places[0]}
+    return replace(parts[0], survival=survival, flags=flags, places=stacks)
 
 
 def shares(weights: Sequence[float]) -> FloatArray:
