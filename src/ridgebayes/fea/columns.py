@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import read_delimited
 from ridgebayes.fea.convert import Converter, listed, with_load_se
+from ridgebayes.fea.delimited import read_delimited
 from ridgebayes.fea.increments import of_corners, of_counts
 from ridgebayes.fea.mapping import (
     ABOVE_0,

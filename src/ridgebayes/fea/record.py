@@ -20,6 +20,7 @@ from ridgebayes.table.columns import CURVE, OK, TRANSITION
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.table import ContactTable
 
+Row = tuple[int, list[str]]  # line of a record, from 1, and its cells
 SHOWN = 3  # cells that a message lists for one broken rule; further cells are counted
 
 

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import TextTable
-from ridgebayes.fea.delimited import LOOKED_AT, Row, find_header, n_known
-from ridgebayes.fea.record import FileError, Given
+from ridgebayes.fea.delimited import LOOKED_AT, TextTable, find_header, n_known
+from ridgebayes.fea.record import FileError, Given, Row
 from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
 
 # Largest ratio of unpacked to packed size, for more than a megabyte: refuses zip bombs.
@@ -63,7 +62,12 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
         problems.where = f"{path}, sheet {name!r}"
         numbered = _padded(cells)[facts.skip_rows :]
         return TextTable(
-            numbered, "\t", facts, problems, lambda line, i: f"cell {letter(i)}{line}", typed
+            numbered,
+            "Excel",
+            facts,
+            problems,
+            cell=lambda line, i: f"cell {letter(i)}{line}",
+            typed=typed,
         )
     rows, places = _joined(path, grids, facts, problems)
 
@@ -72,7 +76,7 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
         return f"sheet {sheet!r}, cell {letter(column)}{at}"
 
     facts = replace(facts, header_row=None, skip_rows=0)
-    return TextTable(_padded(rows), "\t", facts, problems, spot, typed)
+    return TextTable(_padded(rows), "Excel", facts, problems, cell=spot, typed=typed)
 
 
 def _padded(rows: list[list[str]]) -> list[Row]:

@@ -51,6 +51,18 @@ def unit_factor(unit: str, dimension: Dimension) -> Fraction | None:
         return None
 
 
+def load_kind(unit: str) -> str:
+    """Return the key of the kind of load that a unit has: p, line or force; empty if none.
+
+    Examples
+    --------
+    >>> load_kind("N/mm"), load_kind("mm")
+    ('line', '')
+    """
+    kinds = ("p", "line", "force")
+    return next((key for key in kinds if unit_factor(unit, DIMENSIONS[key]) is not None), "")
+
+
 def split_header(header: str) -> tuple[str, str]:
     """Split a header into its words and the text in place of a unit.
 
