@@ -136,7 +136,7 @@ def test_spreadsheet__what_is_no_number_is_refused_with_its_cell(refusal, cell):
 
 def test_spreadsheet__rules_of_the_contract_name_rows_of_the_sheet(refusal):
     words = refusal(workbook([[], HEADER, ROWS[1], [0.03, 0.01, 6, 0.0001, "x"]]))
-    assert "sheet 'loads', row 2 (line 4): p_over_E = 0.0001" in words
+    assert "sheet 'loads', row 2 (line 4), p_over_E = 0.0001" in words
 
 
 def test_spreadsheet__several_sheets_need_a_name(read, refusal):

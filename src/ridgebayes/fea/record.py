@@ -3,7 +3,7 @@
 import hashlib
 import heapq
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -289,16 +289,27 @@ class FileError(InputError):
         texts = []
         for (header, rule), rows in self._cells.items():
             first = heapq.nsmallest(SHOWN, rows)
-            spots = [source.spot(row, header) for row in first]
             cells = [clipped(source.typed(row, header)) for row in first]
-            if len(rows) == 1:
-                text = f"{source.where}, {spots[0]}, column {header!r} = {cells[0]}: {rule}"
-            else:
-                pairs = [f"{spot} = {cell}" for spot, cell in zip(spots, cells, strict=True)]
-                shown = some_of(pairs, SHOWN, len(rows))
-                text = f"column {header!r}, {len(rows)} cells: {rule}: {shown}"
+            spots = list(zip([source.spot(row, header) for row in first], cells, strict=True))
+            text = broken_rule(source.where, f"column {header!r}", rule, spots, len(rows))
             texts.append((first[0], text))
         return [text for _, text in sorted(texts, key=lambda item: item[0])]
+
+
+def broken_rule(where: str, name: str, rule: str, spots: Sequence[tuple[str, str]], n: int) -> str:
+    """Return the message for n cells of a column that break a rule; `spots` are the first cells.
+
+    Examples
+    --------
+    >>> broken_rule("t.csv", "Q", "expected 4", [("row 1", "5")], 1)
+    't.csv, row 1, Q = 5: expected 4'
+    >>> broken_rule("t.csv", "Q", "expected 4", [("row 1", "5"), ("row 3", "7")], 2)
+    't.csv, Q, 2 cells: expected 4: row 1 = 5, row 3 = 7'
+    """
+    if n == 1:
+        return f"{where}, {spots[0][0]}, {name} = {spots[0][1]}: {rule}"
+    shown = some_of([f"{place} = {cell}" for place, cell in spots], SHOWN, n)
+    return f"{where}, {name}, {n} cells: {rule}: {shown}"
 
 
 FIRST = 4  # smallest Q with a transition load: two ridges touch at any load
