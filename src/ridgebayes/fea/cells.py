@@ -2,6 +2,7 @@
 
 import math
 import re
+import string
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
@@ -29,7 +30,8 @@ _UNDERLINE = re.compile(r"\s*[-=_]{9,}\s*")  # line below a header
 # A note has several words; a single word may be the label of a truncated row.
 _NOTE = re.compile(r"#.*|[^\W\d].*\s.*")
 # Whitespace without control characters, which occur in damaged files only.
-_BLANKS = "".join(c for c in map(chr, range(0x3001)) if c.isspace() and c not in "\x1c\x1d\x1e\x1f")
+_BLANKS = string.whitespace + "\x85\xa0\u1680\u2000\u2001\u2002\u2003\u2004\u2005\u2006\u2007\u2008"
+_BLANKS += "\u2009\u200a\u2028\u2029\u202f\u205f\u3000"
 _COMMA_NUMBER = re.compile(r"\s*[+-]?(?:\d+,\d*|,\d+|\d+)(?:[eE][+-]?\d+)?\s*", re.A)
 _DECIMALS = {"point": ".", "comma": ","}
 Style = tuple[str, str, re.Pattern[str]]  # decimal, mark between thousands, and such cells

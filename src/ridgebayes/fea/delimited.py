@@ -16,22 +16,21 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import SEPARATORS, WITH_UNIT, body_cells, numbers_in, tabs_for_blanks
-from ridgebayes.fea.record import FileError, Given, Row, TableFile
+from ridgebayes.fea.record import MOST, FileError, Given, Row, TableFile
 from ridgebayes.fea.words import corners_of, is_unit, key_of, split_header
 from ridgebayes.runtime.reading import decoded
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import NAMES
 from ridgebayes.table.files import even_lines, lossless, records
 
-LOOKED_AT = 60  # first records that are searched for the header
-_MAX_CELLS = 200  # cells of a record that are compared with known headers
+LOOKED_AT = 60  # first records, and first cells of each, that are searched for the header
 _NUMBER = re.compile(r"\s*[+-]?(?:\d[\d.,'\u2019 \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*%?\s*")
-_MAX_COLUMNS = 2000
 _MAX_HEADER_LENGTH = 500  # characters
 _NO_UNIT = ("", "-", "--", "\N{EN DASH}", "1", "#", "[-]", "(-)", "count", "%")
 _NOT_PLAIN = ("#", "=", "nan")  # signs of comments, formulas and missing numbers
-_IS_PANDAS_3_1 = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)  # floats exact by default
-_EXACT_FLOATS: dict[str, Any] = {} if _IS_PANDAS_3_1 else {"float_precision": "round_trip"}
+# From pandas 3.1 on, floats are exact by default.
+_IS_OLD = np.lib.NumpyVersion(pd.__version__) < "3.1.0"
+_EXACT_FLOATS: dict[str, Any] = {"float_precision": "round_trip"} if _IS_OLD else {}
 
 
 def read_delimited(content: bytes, facts: Given, problems: FileError) -> "TextTable":
@@ -177,8 +176,8 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
     ('Ridge width [mm]', '(column 2)', 'Q', 'Q #4')
     """
     texts = ["" if name is None else " ".join(str(name).split()) for name in names]
-    if len(texts) > _MAX_COLUMNS or not any(texts):
-        rule = f"at most {_MAX_COLUMNS}" if any(texts) else "a header for each column"
+    if len(texts) > MOST or not any(texts):
+        rule = f"at most {MOST}" if any(texts) else "a header for each column"
         raise InputError(f"{where}: {len(texts)} columns: expected {rule}")
     headers: list[str] = []
     for i, text in enumerate(texts, start=1):
@@ -221,7 +220,7 @@ def filled(frame: pd.DataFrame, problems: FileError) -> pd.DataFrame:
 
 def n_known(cells: Sequence[str]) -> int:
     """Return the number of cells that are recognised headers."""
-    words = [split_header(cell.strip())[0] for cell in cells[:_MAX_CELLS] if not _is_number(cell)]
+    words = [split_header(cell.strip())[0] for cell in cells[:LOOKED_AT] if not _is_number(cell)]
     keys = {text if text in NAMES else key_of(text) for text in words} - {""}
     return len(keys) + len(corners_of(words))
 

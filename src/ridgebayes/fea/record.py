@@ -21,6 +21,8 @@ from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.table import ContactTable
 
 Row = tuple[int, list[str]]  # line of a record, from 1, and its cells
+# Largest number of columns in a file, and of runs, each of which takes some milliseconds.
+MOST = 2000
 SHOWN = 3  # cells that a message lists for one broken rule; further cells are counted
 
 

@@ -177,6 +177,9 @@ _PATTERNS = [
 _TERMS = {term: _any_of(count["words"]) for term, count in _WORDS["counts"].items()}
 NOT_READ, DISGUISES, OPTIONS = (_WORDS[name] for name in ("not_read", "disguises", "options"))
 OF_NODES, ANSYS_CLOSED = _WORDS["nodes"], _WORDS["status"]["ansys_closed"]
+N_PLANE_FACES = _WORDS["calculix"]["n_plane_faces"]
+PLANE_CORNERS = _WORDS["calculix"]["plane_corners"]
+PRINTED_ROUNDING = _WORDS["calculix"]["rounding"]
 COUNTS = {term: count["said"] for term, count in _WORDS["counts"].items()}
 STATUS_RULE = (
     "expected open or 0, closed or 1, or an empty cell; --closed-is says which codes are contact"
