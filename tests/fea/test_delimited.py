@@ -49,13 +49,6 @@ def test_read__separators_line_ends_and_blank_lines_change_nothing(separator, en
     assert cells.lines[1] == 3
 
 
-def test_read__decimal_commas_are_recognised_and_said():
-    cells = read("a;b;Q\n0,032;1e-2;4\n+1,5;,25;6\n")
-    assert cells.frame["a"].tolist() == [0.032, 1.5]
-    assert cells.frame["b"].tolist() == [0.01, 0.25]
-    assert "decimal comma" in cells.messages[0]
-
-
 @pytest.mark.parametrize(("mark", "separator"), [(",", ";"), (".", ",")])
 def test_read__decimals_are_the_numbers_python_reads(mark, separator):
     values = np.random.default_rng(1).random(2000) * 10.0 ** np.arange(-10, 10).repeat(100)

@@ -70,11 +70,6 @@ def test_spreadsheet__a_header_may_stand_below_blank_rows_and_break_its_line(rea
     assert found.table.column("a_over_R").tolist() == [0.03]
 
 
-def test_spreadsheet__numbers_kept_as_text_are_numbers(read):
-    rows = [HEADER, ["0.03", "0.01", "4", "1e-3", ""]]
-    assert read(workbook(rows)).table.column("p_over_E").tolist() == [0.001]
-
-
 @pytest.mark.parametrize("column", [1, 4])
 @pytest.mark.parametrize("formula", ["=0.01", "=A2/8", "=SUM(A2:A3)"])
 def test_spreadsheet__formulas_are_refused_with_their_cells(refusal, formula, column):
@@ -149,10 +144,6 @@ def test_spreadsheet__several_sheets_need_a_name(read, refusal):
         content, sheet="third"
     )
     assert "no sheet with cells in 'empty'" in refusal(content, sheet="empty")
-
-
-def test_spreadsheet__an_empty_sheet_beside_is_no_question(read):
-    assert len(read(workbook(empty=[])).table) == 2
 
 
 def test_spreadsheet__a_false_dimension_cuts_nothing_off(read):
