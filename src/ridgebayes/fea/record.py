@@ -5,6 +5,7 @@ import heapq
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -236,7 +237,6 @@ class FileError(InputError):
     messages: list[str] = field(default_factory=list)
     columns: str = ""
     _cells: dict[tuple[str, str], list[int]] = field(default_factory=dict)
-    _reported_cells: set[tuple[int, str]] = field(default_factory=set)
 
     def __str__(self) -> str:
         lines = [*self.wrong, *self.needs]
@@ -264,14 +264,13 @@ class FileError(InputError):
     def cells(self, bad: "BoolArray | IntArray | pd.Index[int]", header: str, rule: str) -> None:
         """Record cells that break a rule, by a mask or by row numbers; report each cell once."""
         rows = np.flatnonzero(bad) if bad.dtype == bool else bad
-        fresh = [row for row in rows.tolist() if (row, header) not in self._reported_cells]
-        if fresh:
-            self._reported_cells |= {(row, header) for row in fresh}
+        seen = {row for (name, _), rows in self._cells.items() if name == header for row in rows}
+        if fresh := [row for row in rows.tolist() if row not in seen]:
             self._cells.setdefault((header, rule), []).extend(fresh)
 
     def rows(self) -> set[int]:
         """Return the rows with a reported cell."""
-        return {row for row, _ in self._reported_cells}
+        return set(chain(*self._cells.values()))
 
     def broken_rows(self) -> set[int]:
         """Return the rows with a reported cell that no option mends."""

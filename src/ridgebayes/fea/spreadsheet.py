@@ -15,7 +15,7 @@ import numpy as np
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.delimited import LOOKED_AT, TextTable, find_header, n_known
-from ridgebayes.fea.record import FileError, Given, Row
+from ridgebayes.fea.record import FileError, Given
 from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
 
 MOST_CELLS = 250_000  # largest number of cells or rows of a worksheet; openpyxl takes seconds
@@ -52,35 +52,23 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
     """
     _check_archive(content, str(path))
     grids, typed = _grids(content, problems, facts.sheet)
-    name, cells = next(iter(grids.items()))
-    if len(cells) <= facts.skip_rows:
+    name, rows = next(iter(grids.items()))
+    if len(rows) <= facts.skip_rows:
         raise InputError(f"{path}, sheet {name!r}: the file is empty")
+    problems.where = f"{path}, sheet {name!r}"
+    places: list[tuple[str, int]] = []
+    if len(grids) > 1:
+        rows, places = _joined(path, grids, facts, problems)
+        facts = replace(facts, header_row=None, skip_rows=0)
     letter = import_module("openpyxl.utils").get_column_letter
-    if len(grids) == 1:
-        problems.where = f"{path}, sheet {name!r}"
-        numbered = _padded(cells)[facts.skip_rows :]
-        return TextTable(
-            numbered,
-            "Excel",
-            facts,
-            problems,
-            cell=lambda line, i: f"cell {letter(i)}{line}",
-            typed=typed,
-        )
-    rows, places = _joined(path, grids, facts, problems)
 
     def spot(line: int, column: int) -> str:
-        sheet, at = places[line - 1]
-        return f"sheet {sheet!r}, cell {letter(column)}{at}"
+        sheet, at = places[line - 1] if places else ("", line)
+        return f"{sheet and f'sheet {sheet!r}, '}cell {letter(column)}{at}"
 
-    facts = replace(facts, header_row=None, skip_rows=0)
-    return TextTable(_padded(rows), "Excel", facts, problems, cell=spot, typed=typed)
-
-
-def _padded(rows: list[list[str]]) -> list[Row]:
-    """Return numbered rows, from 1, padded with empty cells to equal width."""
     width = max(map(len, rows))
-    return [(i, [*cells, *[""] * (width - len(cells))]) for i, cells in enumerate(rows, start=1)]
+    padded = [(i, [*row, *[""] * (width - len(row))]) for i, row in enumerate(rows, start=1)]
+    return TextTable(padded[facts.skip_rows :], "Excel", facts, problems, cell=spot, typed=typed)
 
 
 def _joined(
