@@ -544,9 +544,9 @@ def test_import__a_pickle_in_disguise_is_not_opened(refusal, name, protocol):
     [
         *((f"mine.{suffix}", b"PK\x03\x04", "macros") for suffix in ("xls", "xlsm", "xlsb")),
         *((f"mine.{end}", CONTRACT, "a suffix of .csv") for end in ("pkl", "json", "ods")),
-        ("mine.csv", b"PK\x03\x04", "a suffix that tells the format"),
-        ("mine.csv", b"PAR1", "a suffix that tells the format"),
-        ("mine.xlsx", CONTRACT, "a suffix that tells the format"),
+        ("mine.csv", b"PK\x03\x04", "the content is .xlsx; expected a .csv"),
+        ("mine.csv", b"PAR1", "the content is .parquet; expected a .csv"),
+        ("mine.xlsx", CONTRACT, "not a readable Excel file"),
         *((f"mine.{suffix}", b"", "empty") for suffix in ("csv", "xlsx", "parquet")),
     ],
 )

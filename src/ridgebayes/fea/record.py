@@ -245,7 +245,8 @@ class FileError(InputError):
         counts = ((len(self.wrong), "rules broken"), (len(self.needs), "values missing or unclear"))
         head = " and ".join(f"{n} {what}" for n, what in counts if n)
         more = [f"and {len(lines) - MOST_SHOWN} more"] if len(lines) > MOST_SHOWN else []
-        return "\n  ".join([f"{self.where}: {head}", *lines[:MOST_SHOWN], *more])
+        shown = [line.removeprefix(self.where).lstrip(",: ") for line in lines[:MOST_SHOWN]]
+        return "\n  ".join([f"{self.where}: {head}", *shown, *more])
 
     def __bool__(self) -> bool:
         return bool(self.wrong or self.needs or self._cells)

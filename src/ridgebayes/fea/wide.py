@@ -63,8 +63,8 @@ def _broken(rest: Sequence[Use], wide: Sequence[Use]) -> str:
     single = [use.header for use in rest if use.key in (*LOADS, "Q")]
     alone = [use for use in wide if use.Q not in counts]
     if single or not loads:
-        beside = f"column {single[0]!r} beside" if single else "no load"
-        return f"{beside}; expected a load for each Q, or columns Q and load"
+        fault = f"also column {single[0]!r}" if single else "no load"
+        return f"{fault}; expected a load for each Q, or columns Q and load"
     if alone:
         return f"no load of Q = {alone[0].Q} beside {alone[0].header!r}; expected one"
     several = len({use.key for use in loads}) > 1
