@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -137,8 +138,11 @@ def read_columns(path: Path, facts: Given) -> Imported:
     shown = ", ".join([*named, *(f"{key}={value}" for key, value in values.items())])
     details = [f"sheet={facts.sheet}"] * bool(facts.sheet) + [shown[:LONGEST_VALUE]] * bool(shown)
     origin = provenance(path, "columns", *details)
-    sources = as_text(frame["source"]) if "source" in frame else pd.Series("", frame.index)
-    frame["source"] = (origin + "; " + sources).where(sources != "", origin)
+    source_column: Any = origin
+    if "source" in frame:
+        sources = as_text(frame["source"])
+        source_column = (origin + "; " + sources).where(sources != "", origin)
+    frame["source"] = source_column
     lines = None if rows is None or source.lines is None else source.lines[rows]
     bodies = [use for use in uses if use.key in _BODY_KEYS and len(cells[use.header].unique()) > 1]
     del cells, converter  # for a million rows this frees 0.2 GB for the validation

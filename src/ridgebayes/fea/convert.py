@@ -155,9 +155,11 @@ class Converter:
         for key in keys:
             if (use := self.uses.get((key, None))) is not None:
                 self.tell(use)
-                codes, distinct = pd.factorize(self.cells[use.header], use_na_sentinel=False)
-                words = as_text(pd.Series(distinct)).take(codes)  # converts each text once
-                columns[key] = words.set_axis(self.cells.index)
+                cells = self.cells[use.header]
+                if cells.dtype.kind in "iuf":  # converts each number once
+                    codes, distinct = pd.factorize(cells, use_na_sentinel=False)
+                    cells = as_text(pd.Series(distinct)).take(codes).set_axis(cells.index)
+                columns[key] = as_text(cells)
             elif key in self._values:
                 self._used_values[key] = None
                 columns[key] = self._values[key]
