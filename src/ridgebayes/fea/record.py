@@ -214,7 +214,7 @@ class FileError(InputError):
     wrong, needs : list of str
         Broken rules, and facts that the user has to give.
     options : dict of str to str
-        Options for a second try, by name; ``?`` stands for a value that only the user knows.
+        Options for a second try, by name; ``?`` is a value that the user has to give.
     mapping : dict of str to str
         Entries of ``--map`` for a second try.
     known : dict of str to str
