@@ -237,7 +237,7 @@ class Printed:
         self.row(line, table)
 
     def begin(self, line: Line, key: Key, *, anew: bool = False, ignored: str = "") -> Increment:
-        """Start an increment, or return it if it exists; `anew` replaces it."""
+        """Start or continue an increment; with `anew`, replace an increment of the same key."""
         if anew and self.increments.pop(key, None) is not None:
             self._n_again += 1
         self.table = None
