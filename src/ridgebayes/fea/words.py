@@ -121,7 +121,7 @@ def column_unit(key: str, header: str, explicit: str | None) -> tuple[str, Fract
     (('mm', Fraction(1, 1000), ''), "the mapping says 'um'; expected one unit a column")
     """
     words, unit = split_header(header)
-    dimension, header_unit, one = DIMENSIONS.get(key), unit, Fraction(1)
+    dimension, header_unit, unity = DIMENSIONS.get(key), unit, Fraction(1)
     unit = unit if explicit is None else explicit.strip()
     factor = unit_factor(unit, dimension) if dimension else None
     if unit in _UNITS["none"]:
@@ -130,20 +130,20 @@ def column_unit(key: str, header: str, explicit: str | None) -> tuple[str, Fract
         is_unit_too = dimension and explicit is None and last != words
         if dimension and is_unit_too and unit_factor(last, dimension) is not None:
             way = f"expected --map '{key}={header};{last}', or 1 in its place for no unit"
-            return "", one, f"{last!r} may be its unit; {way}"
-        return "", one, ""
+            return "", unity, f"{last!r} may be its unit; {way}"
+        return "", unity, ""
     if dimension is None:
         power = _POWER.fullmatch(unit)
         if unit == "%" or power:
             return unit, Fraction(10) ** int(power[1]) if power else Fraction(1, 100), ""
         is_wrong = explicit is not None or is_unit(unit)
         rule = f"unit {unit!r}: expected {key} is a plain number, or in %"
-        return "", one, rule if is_wrong else ""
+        return "", unity, rule if is_wrong else ""
     if factor is None or factor <= 0:
         way = f"a unit such as [mm], [kPa] or [N/mm], or in the mapping {key}={header};1 for none"
-        return "", one, f"{unit!r} is no unit of {dimension}: expected {way}"
+        return "", unity, f"{unit!r} is no unit of {dimension}: expected {way}"
     if unit_factor(header_unit, dimension) not in (None, factor):
-        return "", one, f"the mapping says {explicit!r}; expected one unit a column"
+        return "", unity, f"the mapping says {explicit!r}; expected one unit a column"
     return unit, factor, ""
 
 
