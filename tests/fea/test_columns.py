@@ -223,15 +223,11 @@ def test_import__an_error_beside_a_mean_is_that_of_the_load(read, header, cells,
     ("header", "cell", "said"),
     [
         ("error (N)", ".01", "not read as errors of loads: 'error (N)'; --map 'load_sd=HEADER'"),
-        # A force over 2 R L is a pressure of 3.125 kPa/N.
-        ("pressure (kPa)", "{:g}", "column 'pressure (kPa)' is not read: its loads are 3 times"),
         ("SD (N),Sample", ".01,1", "repeats with an sd of their own"),
     ],
 )
 def test_import__columns_that_say_more_of_loads_are_spoken_of(read, header, cell, said):
-    rows = [
-        f".03,.01,{Q},{load},{cell.format(9.375 * load)}" for Q, load in ((4, 0.024), (6, 0.096))
-    ]
+    rows = [f".03,.01,{Q},{load},{cell}" for Q, load in ((4, 0.024), (6, 0.096))]
     rows += [row[:-1] + "2" for row in rows if "Sample" in header]
     table = read("\n".join([f"a/R,b/R,Q,force (N),{header}", *rows]), **SLICE)
     assert any(message.startswith(said) for message in table.messages)
@@ -303,8 +299,7 @@ def counts(term, *numbers):
 
 PRESSURES = "a_over_R,b_over_R,Q,Pressure [kPa],p [kPa],p [Pa]\n.03,.01,4,1,1,1000\n"
 TWO_LOADS = "a/R,b/R,Q,Load [N/mm],Load [kPa]\n0.03,0.01,4,0.0021,1\n"
-REACHED = "expected Q of 4 or more in some row, got a count of"
-UNDER_4 = "mine.csv: column 'Ridges in contact', 4 rows: " + REACHED
+UNDER_4 = "rows, a count of 2 at most: expected Q of 4 or more in some row"
 CELLS = "Steg;Nut;Kanten;Kraft\n0,24 mm;80 µm;4;2,1 N/m\n100 µm;80 µm;4;3 N/m\n"
 FIXED = (
     "  INC ridge_mm groove_mm edges   uy_mm load_N/mm\n"
@@ -337,9 +332,9 @@ FIXED = (
         ("a/R,b/R,Q=4,Q4\n.03,.01,.1,.2\n", {}, {}, "'Q=4', 'Q4' could all be load Q=4"),
         (CONTRACT.replace("Q", "nu,Q"), {}, {"nu": "0.4"}, "given as a value, and as column 'nu'"),
         (LONG, MAP, BODY | {"R": "0 mm"}, "above 0"),
-        (LONG, MAP, BODY | {"R": "8 kPa"}, "a number and a unit of length"),
+        (LONG, MAP, BODY | {"R": "8 kPa"}, "a finite number above 0 and a unit of length"),
         (LONG, MAP, BODY | {"R": "1e400"}, "above 0"),
-        (LONG, MAP, BODY | {"nu": "half"}, "a number"),
+        (LONG, MAP, BODY | {"nu": "half"}, "nu = 'half': expected a finite"),
         (LONG, MAP, BODY | {"Q": "4"}, "value 'Q'"),
         (LONG, MAP, BODY | {"radius": "8"}, "value 'radius'"),
         (LONG.replace("0.1,", ","), MAP, BODY, "line 4, column 'Ridge width [mm]' = '': exp"),
@@ -349,16 +344,16 @@ FIXED = (
             BODY,
             "line 3, column 'Load (N/mm)' = '-1': expected a",
         ),
-        (f"\n{CONTRACT}\n0.03,0.01,8,0.002\n", {}, {}, "(line 6): p_over_E = 0.002: must rise"),
+        (f"\n{CONTRACT}\n0.03,0.01,8,0.002\n", {}, {}, "(line 6), p_over_E = 0.002: must"),
         (CELLS, {}, BODY, "line 3, column 'Steg [mm]' = '100 µm'"),
         ("a/R,b/R,Q,Force [N]\n.03,.01,4,.042\n", {}, BODY, "--thickness '? mm'"),
         (rows("4,.002", "4,.0019", "6,.005"), {}, {}, "each Q must stand once in a curve"),
-        (counts("Ridges in contact", 0, 2, 0, 2), {}, {}, f"{UNDER_4} 2 at most: that many touch"),
-        (counts("Ridges in contact", 2, 2, 2, 2), {}, {}, f"{UNDER_4} 2 at most: that many touch"),
-        (counts("Edges per side", 1, 1), {}, {}, "'Edges per side', 2 rows: expected Q of 4"),
-        ("a/R,b/R,Q=0,Q=2\n.03,.01,,.1\n", {}, {}, "mine.csv: Q, 1 row: expected Q of 4"),
+        (counts("Ridges in contact", 0, 2, 0, 2), {}, {}, f"mine.csv: Q, 4 {UNDER_4}"),
+        (counts("Ridges in contact", 2, 2, 2, 2), {}, {}, f"mine.csv: Q, 4 {UNDER_4}"),
+        (counts("Edges per side", 1, 1), {}, {}, "Q, 2 rows, a count of 1 at most"),
+        ("a/R,b/R,Q=0,Q=2\n.03,.01,,.1\n", {}, {}, "mine.csv: Q, 1 row, a count of 2"),
         (rows("2,x1"), {}, {}, "line 2, column 'p/E' = 'x1': expected a finite number"),
-        (rows(*(f"3,.00{i}" for i in (1, 2, 3))), {}, {}, "Q, 3 rows: must be even"),
+        (rows(*(f"3,.00{i}" for i in (1, 2, 3))), {}, {}, "Q, 3 cells: must be even"),
         (
             "a/R,b/R,Q,Load 1 [kPa],Load 2 [kPa]\n.03,.01,4,,\n",
             {},
@@ -380,7 +375,7 @@ FIXED = (
             for header in ("a_per_mm", "ridge mm", "load_N_mm")
         ),
         *(
-            ("a/R,b/R,Q,Force [N]\n.03,.01,4,.024\n", {}, SLICE | {"load_se": text}, "--load-se ")
+            ("a/R,b/R,Q,Force [N]\n.03,.01,4,.024\n", {}, SLICE | {"load_se": text}, "load_se = ")
             for text in ("0 N", "-1 N", "0.05 mm", "x", "1 N N")
         ),
         *(
@@ -508,7 +503,7 @@ def test_import__each_texture_is_a_run_of_its_own(read):
     other = "\n".join(line.replace(".03", ".05") for line in first.splitlines()[1:])
     table = read(first + other.replace(",1", ",0", 1))
     assert table.table.textures == ((0.03, 0.01), (0.05, 0.01))
-    assert "status Q=4: column 'status Q=4'" in table.messages
+    assert any("status Q=4" in text for text in table.messages)
 
 
 @pytest.mark.parametrize(
@@ -549,9 +544,9 @@ def test_import__a_pickle_in_disguise_is_not_opened(refusal, name, protocol):
     [
         *((f"mine.{suffix}", b"PK\x03\x04", "macros") for suffix in ("xls", "xlsm", "xlsb")),
         *((f"mine.{end}", CONTRACT, "a suffix of .csv") for end in ("pkl", "json", "ods")),
-        ("mine.csv", b"PK\x03\x04", "a suffix that tells the format"),
-        ("mine.csv", b"PAR1", "a suffix that tells the format"),
-        ("mine.xlsx", CONTRACT, "a suffix that tells the format"),
+        ("mine.csv", b"PK\x03\x04", "the content is .xlsx; expected a .csv"),
+        ("mine.csv", b"PAR1", "the content is .parquet; expected a .csv"),
+        ("mine.xlsx", CONTRACT, "not a readable Excel file"),
         *((f"mine.{suffix}", b"", "empty") for suffix in ("csv", "xlsx", "parquet")),
     ],
 )

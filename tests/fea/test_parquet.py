@@ -83,7 +83,7 @@ def test_parquet__absurdly_many_rows_are_refused(refusal, monkeypatch):
 
 
 def test_parquet__rules_of_the_contract_name_the_row(refusal):
-    assert "row 2: p_over_E = 0.0001: must rise" in refusal({"p_over_E": [0.001, 0.0001]})
+    assert "row 2, p_over_E = 0.0001: must rise" in refusal({"p_over_E": [0.001, 0.0001]})
 
 
 def test_parquet__without_pyarrow_the_extra_is_named(tmp_path, monkeypatch):

@@ -70,11 +70,6 @@ def test_spreadsheet__a_header_may_stand_below_blank_rows_and_break_its_line(rea
     assert found.table.column("a_over_R").tolist() == [0.03]
 
 
-def test_spreadsheet__numbers_kept_as_text_are_numbers(read):
-    rows = [HEADER, ["0.03", "0.01", "4", "1e-3", ""]]
-    assert read(workbook(rows)).table.column("p_over_E").tolist() == [0.001]
-
-
 @pytest.mark.parametrize("column", [1, 4])
 @pytest.mark.parametrize("formula", ["=0.01", "=A2/8", "=SUM(A2:A3)"])
 def test_spreadsheet__formulas_are_refused_with_their_cells(refusal, formula, column):
@@ -136,7 +131,7 @@ def test_spreadsheet__what_is_no_number_is_refused_with_its_cell(refusal, cell):
 
 def test_spreadsheet__rules_of_the_contract_name_rows_of_the_sheet(refusal):
     words = refusal(workbook([[], HEADER, ROWS[1], [0.03, 0.01, 6, 0.0001, "x"]]))
-    assert "sheet 'loads', row 2 (line 4): p_over_E = 0.0001" in words
+    assert "sheet 'loads', row 2 (line 4), p_over_E = 0.0001" in words
 
 
 def test_spreadsheet__several_sheets_need_a_name(read, refusal):
@@ -149,10 +144,6 @@ def test_spreadsheet__several_sheets_need_a_name(read, refusal):
         content, sheet="third"
     )
     assert "no sheet with cells in 'empty'" in refusal(content, sheet="empty")
-
-
-def test_spreadsheet__an_empty_sheet_beside_is_no_question(read):
-    assert len(read(workbook(empty=[])).table) == 2
 
 
 def test_spreadsheet__a_false_dimension_cuts_nothing_off(read):
@@ -177,7 +168,7 @@ def test_spreadsheet__document_types_are_refused(refusal, inserted, part):
     ("change", "said"),
     [
         (lambda data: data.decode().encode("utf-16"), "XML as UTF-8"),
-        (lambda data: data + b" " * 50_000_000, "times its size"),
+        (lambda data: data + b" " * 2**26, "bytes of sheets; expected at most"),
         (lambda data: data.replace(b'<row r="3"', b'<row r="2"'), "rising order"),
         *(
             (lambda data, v=v: data.replace(b"<v>4</v>", f"<v>{v}</v>".encode()), "a number")

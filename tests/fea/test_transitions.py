@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from ridgebayes import InputError
-from ridgebayes.fea.transitions import last_digit, transitions_of, transitions_of_runs
+from ridgebayes.fea.transitions import transitions_of
 
 LOAD = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
 
@@ -77,12 +77,6 @@ def test_transitions_of__contact_seen_only_while_unloading_does_not_count():
         transitions_of(load, gap, np.array([4]))
 
 
-def test_transitions_of__errors_of_the_gap_are_errors_of_the_load():
-    rows, _ = transitions_of(LOAD, straight(0.37), np.array([4]), gap_error=0.01)
-    # Gap and load change alike here: 0.01 of gap is 0.01 of load.
-    assert rows["rel_se"].iloc[0] == pytest.approx(0.01 / 0.37, rel=1e-9)
-
-
 def test_transitions_of__without_increments_says_so():
     with pytest.raises(InputError, match="no increment is left"):
         transitions_of(np.zeros(3), straight(0.37, np.zeros(3)), np.array([4]))
@@ -114,14 +108,3 @@ def test_transitions_of__a_gap_within_one_printed_digit_is_closed():
     np.testing.assert_allclose(rows["rel_se"], [5e-7 / 0.1 / 0.4], rtol=1e-6)
     with pytest.raises(InputError, match="no corner is reached"):
         transitions_of(LOAD, gap, np.array([4]))
-
-
-def test_transitions_of_runs__gaps_are_closed_at_their_last_digit():
-    gap = np.array([0.003, 0.002, 0.0001, 0.00004, 0.0])[:, None]
-    curve = pd.DataFrame({"a_over_R": [0.04] * 5, "b_over_R": 0.02})
-    rows, _ = transitions_of_runs(
-        curve, LOAD, gap, np.array([4]), brackets=True, digits=last_digit(gap) / 2
-    )
-    assert rows["p_over_E"].tolist() == [0.5]
-    rows, _ = transitions_of_runs(curve, LOAD, gap, np.array([4]), brackets=True, digits=5e-5)
-    assert rows["p_over_E"].tolist() == [0.4]

@@ -11,7 +11,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Deck, read_deck
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line
-from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
+from ridgebayes.fea.printed import Increment, NodeTable, Printed, on
 from ridgebayes.fea.record import Given, provenance
 
 _DASHES = re.compile(r"\s*-{9,}\s*$")
@@ -57,17 +57,10 @@ def read_abaqus_rpt(paths: Sequence[Path], facts: Given) -> ContactHistory:
     nodes, driven = (list(dict.fromkeys(numbers)) for numbers in sets)
     digits = []
 
-    def table(
-        increment: Increment, names: tuple[str, ...], region: str | None, numbers: list[int]
-    ) -> NodeTable:
-        table = increment.table(names, region or "", *[""] * bool(numbers))
-        if not table.whole:
-            raise MissingError(f"{', '.join(names)} of {table.nodes} is cut off")
-        return table
-
     def state(increment: Increment) -> tuple[float, FloatArray]:
-        rim = table(increment, columns, surface, nodes)
-        forces = table(increment, (_RF,), reaction, driven)
+        # A set of the deck may be part of a larger region.
+        rim = increment.table(columns, surface or "", *[""] * bool(nodes))
+        forces = increment.table((_RF,), reaction or "", *[""] * bool(driven))
         nodes[:] = nodes or rim.rows.index.tolist()
         digits.append(_digits(rim))
         return _force(forces, driven), rim.of(nodes, *columns)
@@ -80,17 +73,13 @@ def read_abaqus_rpt(paths: Sequence[Path], facts: Given) -> ContactHistory:
         printed.messages.append(how)
     else:
         undeformed = sheet.coordinates(nodes, str(deck))
+    rigid = sheet.coordinates(sheet.rigid_nodes(nodes), str(deck))
+    rounding = 0.5 * 10.0 ** (1 - max(digits)) * float(np.abs(moved).max())
     options = {"deck": deck and deck.name, "surface": surface, "reaction": reaction}
-    source = (f"{key}={name}" for key, name in options.items() if name)
-    return printed.history(
-        load,
-        provenance(path, "abaqus-rpt", *source),
-        "abaqus",
-        at=undeformed + moved,
-        undeformed=undeformed,
-        rigid=sheet.coordinates(sheet.rigid_nodes(nodes), str(deck)),
-        digits=0.5 * 10.0 ** (1 - max(digits)) * float(np.abs(moved).max()),
-    )
+    named = (f"{key}={name}" for key, name in options.items() if name)
+    source = provenance(path, "abaqus-rpt", *named)
+    places = {"at": undeformed + moved, "undeformed": undeformed, "rigid": rigid}
+    return printed.history(load, source, "abaqus", digits=rounding, **places)
 
 
 class _Report(Printed):
@@ -130,14 +119,16 @@ class _Report(Printed):
             self.others.add(line.text.strip())
         elif self.increment is not None:
             self.table = NodeTable(line, match[1], rule=self._rule)
-            self.increment.tables.append(self.table)
 
     def blank(self) -> None:
-        """End the header or the rows of a table."""
-        if self.table is not None and self.table.lines:
-            self.table.whole = self.table.whole or not self._pending
-        elif not self._pending:
+        """End the header or the rows of a table; a table that is cut off does not count."""
+        if self._pending:
+            return
+        if self.table is None or not self.table.lines:
             self._header = []
+        elif self.increment is not None and not self.table.whole:
+            self.table.whole = True
+            self.increment.tables.append(self.table)
 
     def row(self, line: Line, table: NodeTable) -> None:
         """Parse a line of a table: a header, a row or part of a row, or a summary."""

@@ -14,6 +14,7 @@ from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line, numbers_of
 from ridgebayes.fea.printed import Increment, NodeTable, Printed, on
 from ridgebayes.fea.record import Given
+from ridgebayes.fea.words import N_PLANE_FACES, PRINTED_ROUNDING
 from ridgebayes.runtime.text import clipped
 
 _FACES = "slave element+face"
@@ -27,9 +28,6 @@ _COLUMNS = {
 }
 # CalculiX expands a plane element to one layer of solid elements. Faces 1 and 2 of the solid are
 # the front and back of the plane; face i + 2 is side i of the plane element.
-_N_PLANE_FACES = 2
-_DAT_ROUNDING = 5e-7  # relative rounding error of a displacement: a .dat prints seven digits
-_FRD_ROUNDING = 5e-6  # a .frd prints six digits
 
 
 def read_calculix(paths: Sequence[Path], facts: Given) -> ContactHistory:
@@ -77,7 +75,8 @@ def read_calculix(paths: Sequence[Path], facts: Given) -> ContactHistory:
     load, states = printed.states(state, path, required)
     source = deck.provenance(path, "calculix")
     if is_moved:
-        digits = float((_FRD_ROUNDING if is_frd else _DAT_ROUNDING) * np.abs(states).max())
+        rounding = PRINTED_ROUNDING["frd" if is_frd else "dat"]
+        digits = float(rounding * np.abs(states).max())
         at = deck.undeformed + np.array(states)
         return printed.history(load, source, "calculix", at=at, digits=digits, **deck.places)
     pressed = _pressed(states, deck)
@@ -90,7 +89,7 @@ def _pressed(stress: Sequence[FloatArray], run: RunDeck) -> dict[str, np.ndarray
     """Return the pressed faces in each increment, and their undeformed positions."""
     pressed = [{(int(row[0]), int(row[1])) for row in rows if row[2] > 0} for rows in stress]
     faces = sorted(set().union(*pressed))
-    ends = np.array([run.ends(element, side - _N_PLANE_FACES) for element, side in faces])
+    ends = np.array([run.ends(element, side - N_PLANE_FACES) for element, side in faces])
     ends = ends.reshape(-1, 2)
     closed = np.array([[face in closed_faces for face in faces] for closed_faces in pressed])
     x = np.broadcast_to(ends.mean(axis=1), closed.shape)
@@ -169,7 +168,7 @@ def _faces(table: NodeTable) -> FloatArray:
     """Return element, face and pressure of each row of contact stress."""
     rows = numbers_of(table.lines, _STRESS)
     element, face, pressure = rows[:, :3].T
-    is_face = (element % 1 == 0) & (face % 1 == 0) & ((face > _N_PLANE_FACES) | (pressure <= 0))
+    is_face = (element % 1 == 0) & (face % 1 == 0) & ((face > N_PLANE_FACES) | (pressure <= 0))
     for i in np.flatnonzero(~is_face)[:1]:
         raise table.lines[i].error(
             f"face {face[i]:g} of {element[i]:g}; expected a side of a plane element"

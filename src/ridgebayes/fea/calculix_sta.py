@@ -7,11 +7,11 @@ from pathlib import Path
 from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import read_lines
 from ridgebayes.fea.printed import Printed
+from ridgebayes.fea.words import PRINTED_ROUNDING
 
 # Step, increment, attempt (with a U if it did not converge), iterations, three times.
 _ATTEMPT = re.compile(r"\s*\d{1,9}\s+\d{1,9}\s+\d{1,9}(U?)\s+\d{1,9}\s+(\S+)\s+(\S+)\s+(\S+)\s*$")
 _HEADERS = ("SUMMARY OF JOB INFORMATION", "STEP")
-_TIME_RTOL = 2e-6  # a .sta prints six digits of a time, a .dat seven
 
 
 def ignore_unconverged(printed: Printed, path: Path) -> None:
@@ -55,5 +55,5 @@ def ignore_unconverged(printed: Printed, path: Path) -> None:
     stopped = f"; it stopped after {n_tail} attempts without convergence" if n_tail else ""
     printed.messages.append(f"{path}: {len(ends)} converged increments{stopped}")
     for (time,), increment in printed.increments.items():
-        if not any(math.isclose(time, end, rel_tol=_TIME_RTOL) for end in ends):
+        if not any(math.isclose(time, end, rel_tol=PRINTED_ROUNDING["sta"]) for end in ends):
             increment.ignored = "it did not converge"

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import read_delimited
-from ridgebayes.fea.convert import Converter, listed, with_load_se
+from ridgebayes.fea.convert import Converter, listed
+from ridgebayes.fea.delimited import read_delimited
 from ridgebayes.fea.increments import of_corners, of_counts
 from ridgebayes.fea.mapping import (
     ABOVE_0,
@@ -22,12 +23,20 @@ from ridgebayes.fea.mapping import (
 )
 from ridgebayes.fea.missing import ask_columns
 from ridgebayes.fea.parquet import ParquetTable
-from ridgebayes.fea.record import SHOWN, FileError, Given, Imported, TableFile, provenance
+from ridgebayes.fea.record import (
+    SHOWN,
+    FileError,
+    Given,
+    Imported,
+    TableFile,
+    broken_rule,
+    provenance,
+)
 from ridgebayes.fea.spreadsheet import read_workbook
 from ridgebayes.fea.wide import melted
 from ridgebayes.fea.words import DISGUISES, MOST_DISTINCT
 from ridgebayes.runtime.reading import read_bytes
-from ridgebayes.runtime.text import LONGEST_VALUE, count, some_of
+from ridgebayes.runtime.text import LONGEST_VALUE, count
 from ridgebayes.table.columns import RawTable
 from ridgebayes.table.rules import as_text, checked, row_codes
 from ridgebayes.table.table import ContactTable
@@ -96,16 +105,14 @@ def read_columns(path: Path, facts: Given) -> Imported:
     check_constants(values, str(path))
     problems = FileError(str(path))
     source = open_table(path, facts, problems)
-    where = source.where
     uses, term = assign(source.headers, mapping, values, problems)
     problems.known = {use.name: use.typed for use in uses if use.repeat is None}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
     _fill_down(cells, uses, problems)
     for use in uses:
         if use.header not in cells:
-            raise InputError(
-                f"{where}, column {use.header!r}, {use.name}: expected numbers or text"
-            )
+            rule = "expected numbers or text"
+            raise problems.error(f"column {use.header!r}, {use.name}: {rule}")
         _check_cells(cells, use, problems)
     if needed := lacking(uses, values):
         uses = ask_columns(needed, cells, uses, values, problems)
@@ -114,42 +121,41 @@ def read_columns(path: Path, facts: Given) -> Imported:
         cells, uses = melted(cells, uses, problems)
     cells, uses = _one_series(cells, uses, problems)
     converter = Converter(cells, uses, values, facts, problems)
-    frame, rows = _transitions(converter, corners, term)
-    if frame.empty:
+    rows: pd.Index[int] | None = None  # row in the file; None if rows are increments
+    frame = of_corners(converter, corners) if corners else converter.rows(term)
+    if not corners and len(frame):
+        if "kind" not in frame and "status" not in frame and _counts_repeat(frame):
+            frame = of_counts(converter, frame)
+        else:
+            frame = converter.finished(frame)
+            rows, frame = frame.index, frame.reset_index(drop=True)
+    if frame.empty or "decimal" in problems.options:  # all numbers are ambiguous
         problems.raise_all(source)
-        raise _all_under_4(cells, uses, problems)
+        rule = "expected Q of 4 or more in some row: fewer ridges touch at any load"
+        most = cells[next(use.header for use in uses if use.key == "Q")].max()
+        raise problems.error(f"Q, {count(len(cells), 'row')}, a count of {most:g} at most: {rule}")
     named = [f"{key}={text!r}" for key, text in problems.known.items() if key != text]
     shown = ", ".join([*named, *(f"{key}={value}" for key, value in values.items())])
     details = [f"sheet={facts.sheet}"] * bool(facts.sheet) + [shown[:LONGEST_VALUE]] * bool(shown)
     origin = provenance(path, "columns", *details)
+    source_column: Any = origin
     if "source" in frame:
         sources = as_text(frame["source"])
-        frame["source"] = (origin + "; " + sources).where(sources != "", origin)
-    else:
-        frame["source"] = origin
+        source_column = (origin + "; " + sources).where(sources != "", origin)
+    frame["source"] = source_column
     lines = None if rows is None or source.lines is None else source.lines[rows]
-    if "decimal" in problems.options:  # the decimal mark is ambiguous, and so are all numbers
-        problems.raise_all(source)
     bodies = [use for use in uses if use.key in _BODY_KEYS and len(cells[use.header].unique()) > 1]
     del cells, converter  # for a million rows this frees 0.2 GB for the validation
-    table = _validated(RawTable(frame, where, lines), rows, problems, source, bodies)
-    return Imported(table, (*problems.messages, *_kept(table)), problems.known)
-
-
-def _transitions(
-    converter: Converter, corners: list[Use], term: str | None
-) -> tuple[pd.DataFrame, "pd.Index[int] | None"]:
-    """Return a row per transition, and its row in the file (None if rows are increments)."""
-    if corners:
-        return of_corners(converter, corners), None
-    frame = converter.rows(term)
-    is_plain = "kind" not in frame and "status" not in frame
-    if len(frame) and is_plain and _counts_repeat(frame):
-        return of_counts(converter, frame), None
-    if len(frame):
-        load_se = frame.pop("load_se").to_numpy() if "load_se" in frame else None
-        frame = converter.finished(with_load_se(frame, load_se))
-    return frame.reset_index(drop=True), frame.index
+    table = _validated(RawTable(frame, source.where, lines), rows, problems, source, bodies)
+    Q = table.column("Q")
+    n_bracket = int(np.isfinite(table.column("p_over_E_lower")).sum())
+    problems.messages += [
+        f"textures: {len(table.labels)}: {listed(table.labels)}",
+        f"kept: {len(table)} rows, Q = {Q.min()} to {Q.max()}, {n_bracket} as brackets",
+    ]
+    if n_not_ok := len(table.left_out):
+        problems.messages.append(f"{n_not_ok} rows whose status is not 'ok'")
+    return Imported(table, tuple(problems.messages), problems.known)
 
 
 def _counts_repeat(frame: pd.DataFrame) -> bool:
@@ -242,17 +248,6 @@ def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:
         cells[use.header] = np.where(is_low, np.nan, numbers)
 
 
-def _all_under_4(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> InputError:
-    """Return the error for a table in which all counts are below 4."""
-    counts = next(use for use in uses if use.key == "Q")
-    name = "Q" if counts.how == "wide" else f"column {counts.header!r}"
-    most = cells[counts.header].max()
-    rule = f"expected Q of 4 or more in some row, got a count of {most:g} at most"
-    return problems.error(
-        f"{name}, {count(len(cells), 'row')}: {rule}: that many touch at any load"
-    )
-
-
 def _validated(
     raw: RawTable,
     rows: "pd.Index[int] | None",
@@ -278,13 +273,10 @@ def _validated(
         if not len(bad):
             continue
         rule = rule if other is None else rule.format(other=int(other[0]) + 1)
-        first = [(raw.place(int(row)), raw.shown(int(row), column)) for row in bad[:SHOWN]]
-        if len(bad) == 1:
-            problems.wrong.append(f"{first[0][0]}: {column} = {first[0][1]}: {rule}")
-        else:
-            spots = [f"{place.removeprefix(f'{raw.where}, ')} = {cell}" for place, cell in first]
-            shown = some_of(spots, SHOWN, len(bad))
-            problems.wrong.append(f"{column}, {len(bad)} rows: {rule}: {shown}")
+        places = [raw.place(row).removeprefix(f"{raw.where}, ") for row in bad[:SHOWN].tolist()]
+        cells = [raw.shown(row, column) for row in bad[:SHOWN].tolist()]
+        spots = list(zip(places, cells, strict=True))
+        problems.wrong.append(broken_rule(raw.where, column, rule, spots, len(bad)))
     problems.raise_all(source)
     return ContactTable(frame, raw.where)
 
@@ -302,28 +294,10 @@ def open_table(path: Path, facts: Given, problems: FileError) -> TableFile:
     if not content:
         raise InputError(f"{path}: the file is empty")
     for beginning, what in DISGUISES.items():
-        if content.startswith(bytes.fromhex(beginning)):
+        if content.startswith(bytes.fromhex(beginning)) and what != suffix:
             raise InputError(f"{path}: the content is {what}; expected a {suffix} file")
-    for beginning, what in ((b"PK\x03\x04", ".xlsx"), (b"PAR1", ".parquet")):
-        if content.startswith(beginning) != (suffix == what):
-            is_it = "begins as" if content.startswith(beginning) else "does not begin as"
-            raise InputError(
-                f"{path}: {is_it} a {what} file; expected a suffix that tells the format"
-            )
     if suffix == ".parquet":
         return ParquetTable(path, content)
     if suffix == ".xlsx":
         return read_workbook(path, content, facts, problems)
     return read_delimited(content, facts, problems)
-
-
-def _kept(table: ContactTable) -> list[str]:
-    labels = table.labels
-    n_bracket = int(np.isfinite(table.column("p_over_E_lower")).sum())
-    Q = table.column("Q")
-    messages = [
-        f"textures: {len(labels)}: {listed(labels)}",
-        f"kept: {len(table)} rows, Q = {Q.min()} to {Q.max()}, {n_bracket} as brackets",
-    ]
-    n_not_ok = len(table.left_out)
-    return [*messages, f"{n_not_ok} rows whose status is not 'ok'"] if n_not_ok else messages

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray
-from ridgebayes.errors import InputError
 from ridgebayes.fea.mapping import ABOVE_0, LOADS, SDS, Use
 from ridgebayes.fea.record import FileError, Given
 from ridgebayes.fea.words import (
@@ -17,7 +16,7 @@ from ridgebayes.fea.words import (
     column_unit,
     divided,
     is_error,
-    key_of,
+    load_kind,
     number_and_unit,
     split_header,
     unit_factor,
@@ -65,10 +64,11 @@ class Converter:
     ) -> None:
         self.cells, self.facts, self.problems = cells, facts, problems
         self.messages = problems.messages
-        self.uses, self._values = {(use.key, use.Q): use for use in uses}, values
-        self.used: dict[Use, None] = {}
-        self._used_values: set[str] = set()
-        self._units: dict[str, str] = {}  # unit of each quantity, by its name in messages
+        self.uses = {(use.key, use.Q): use for use in uses}
+        self.used: dict[Use, str] = {}  # how each column is read, for messages
+        self._values = {key: str(value).strip() for key, value in values.items()}
+        self._used_values: dict[str, None] = {}
+        self._units: dict[str, tuple[str, str]] = {}  # key and unit of each column and constant
 
     def rows(self, term: str | None) -> pd.DataFrame:
         """Return a row for each transition or increment, with contract columns.
@@ -83,12 +83,11 @@ class Converter:
         DataFrame
             Empty if a column is missing; the missing column is reported.
         """
-        columns = self.curve()
-        columns["Q"] = self._counts(self.quantity("Q"), term)
+        columns = self.curve() | {"Q": self._counts(self.number("Q"), term)}
         load = columns["p_over_E"] = self.load()
         columns |= {"p_over_E_lower": self.load("_lower"), "rel_se": self._rel_se(load)}
-        columns["load_se"] = self.load_se()
         columns |= self.texts("kind", "role", "status")
+        self.load_se()  # its unit belongs to the summary
         self.summarize()
         if any(columns[key] is None for key in ("a_over_R", "b_over_R", "Q", "p_over_E")):
             return pd.DataFrame()
@@ -96,32 +95,27 @@ class Converter:
 
     def finished(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Return the rows that are transitions, with the user's additional columns."""
-        left = self.left()
-        extra = [name for name in left if name not in NAMES]
-        for name in left:
-            if name in NAMES:
-                self.messages.append(f"column {name!r} ignored: the mapping uses another column")
-        if extra:
-            self.messages.append(f"kept as they are: {listed(extra)}")
-        if errors := [*filter(is_error, extra)]:
-            self.messages.append(
-                f"not read as errors of loads: {listed(errors)}; --map 'load_sd=HEADER' takes a "
-                "standard deviation, 'load_sem=HEADER' a standard error"
-            )
+        if (load_se := self.load_se()) is not None:
+            rel_se = frame["rel_se"].fillna(0.0) if "rel_se" in frame else 0.0
+            frame = frame.assign(rel_se=np.hypot(rel_se, load_se / frame["p_over_E"]))
+        extra = [name for name in self.left() if name not in NAMES]
+        ignored = [name for name in self.left() if name in NAMES]
+        errors = [*filter(is_error, extra)]
         has_sd = any(use.key in SDS for use in self.used)
-        if has_sd and frame.duplicated(["a_over_R", "b_over_R", "Q"]).any():
-            self.messages.append(
-                "repeats with an sd of their own: sigma is fitted to the scatter of repeats, so an "
-                "sd over the same repeats counts it twice"
-            )
-        for name in extra:
-            self._compare_loads(name, frame["p_over_E"])
+        has_repeats = has_sd and frame.duplicated(["a_over_R", "b_over_R", "Q"]).any()
         frame = frame.assign(**{name: self.cells[name] for name in extra})
-        keep = (frame["Q"] >= 4) | ~frame["Q"].isin([0, 2]) | (frame.get("kind", "") == COUNT)
-        if n := int((~keep).sum()):
-            self.messages.append(f"{n} rows of Q under 4 ignored: that many touch at any load")
-        keep &= ~self._empty(frame, extra)
-        return frame[keep]
+        few = (frame["Q"] < 4) & frame["Q"].isin([0, 2]) & (frame.get("kind", "") != COUNT)
+        remarks = {
+            f"ignored, as the mapping uses other columns: {listed(ignored)}": ignored,
+            f"kept as they are: {listed(extra)}": extra,
+            f"not read as errors of loads: {listed(errors)}; --map 'load_sd=HEADER' takes a "
+            "standard deviation, 'load_sem=HEADER' a standard error": errors,
+            "repeats with an sd of their own: sigma is fitted to the scatter of repeats, so an "
+            "sd over the same repeats counts it twice": has_repeats,
+            f"{few.sum()} rows of Q under 4 ignored: that many touch at any load": few.any(),
+        }
+        self.messages += [remark for remark, holds in remarks.items() if holds]
+        return frame[~few & ~self._empty(frame, extra)]
 
     def curve(self) -> dict[str, Any]:
         """Return the columns that are constant along a curve."""
@@ -130,13 +124,13 @@ class Converter:
             b = np.round(pitch - a, 12)  # removes rounding errors of a difference of decimals
             self.messages.append("b: pitch minus ridge width")
         columns = {"a_over_R": a, "b_over_R": b, "offset_over_R": self._over_R("offset")}
-        columns["nu"] = self.quantity("nu")
+        columns["nu"] = self.number("nu")
         return columns | self.texts("texture", "series", "solver", "source")
 
     def load(self, suffix: str = "") -> FloatArray | None:
         """Return p/E of the loads, whatever their kind; None without a column of loads."""
         for key in LOADS:
-            if (numbers := self.quantity(key + suffix)) is not None:
+            if (numbers := self.number(key + suffix)) is not None:
                 return self._over_E(key, numbers)
         return None
 
@@ -144,20 +138,12 @@ class Converter:
         """Return the standard error of the loads over E, or None if the user gives none."""
         if "load_se" not in self._values:
             return None
-        text = str(self._values["load_se"]).strip()
-        number, unit = number_and_unit(text)
-        key = next((key for key in LOADS[1:] if unit_factor(unit, DIMENSIONS[key])), "")
-        if not unit and (use := self.load_use()) is not None:  # loads without a unit
-            key = use.key
-        if not key or not number > 0:
-            raise self.problems.error(
-                f"--load-se {text!r}: expected a number above 0 and a unit of loads, as '0.05 N'"
-            )
-        self._tell_value("load_se")
-        if key in DIMENSIONS:
-            self._units[f"{key} (--load-se)"] = unit
-        factor = unit_factor(unit, DIMENSIONS[key]) if unit else None
-        return self._over_E(key, np.array(number * float(factor or 1)))
+        unit, use = number_and_unit(self._values["load_se"])[1], self.load_use()
+        key = load_kind(unit) if unit else use.key if use is not None else ""
+        if not key:
+            rule = "expected a number above 0 and a unit of loads, as '0.05 N'"
+            raise self.problems.error(f"value load_se = {self._values['load_se']!r}: {rule}")
+        return self._over_E(key, self._constant("load_se", key))
 
     def load_use(self) -> Use | None:
         """Return the column of loads, or None if there is none or one column per Q."""
@@ -169,39 +155,45 @@ class Converter:
         for key in keys:
             if (use := self.uses.get((key, None))) is not None:
                 self.tell(use)
-                codes, distinct = pd.factorize(self.cells[use.header], use_na_sentinel=False)
-                words = as_text(pd.Series(distinct)).take(codes)  # converts each text once
-                columns[key] = words.set_axis(self.cells.index)
+                cells = self.cells[use.header]
+                if cells.dtype.kind in "iuf":  # converts each number once
+                    codes, distinct = pd.factorize(cells, use_na_sentinel=False)
+                    cells = as_text(pd.Series(distinct)).take(codes).set_axis(cells.index)
+                columns[key] = as_text(cells)
             elif key in self._values:
-                self._tell_value(key)
-                columns[key] = str(self._values[key])
+                self._used_values[key] = None
+                columns[key] = self._values[key]
         return columns
 
-    def quantity(self, key: str, Q: int | None = None) -> FloatArray | None:
+    def number(self, key: str, Q: int | None = None) -> FloatArray | None:
         """Return a column or constant in SI units, or None if there is none."""
         use = self.uses.get((key, Q)) or self.uses.get((key, None))
-        return self._constant(key) if use is None else self._column(use)
+        if use is not None:
+            return self._column(use)
+        return self._constant(key, key) if key in self._values else None
 
-    def tell(self, use: Use, what: str = "", *, is_plain: bool = True) -> None:
-        """Report that a column is used, unless its header is its key (see `summarize`)."""
-        self.used[use] = None
-        what += ", guessed from its header" if use.how == "guessed" else ""
-        if use.name != use.header or what or not is_plain:
-            self.messages.append(f"{use.name}: column {use.header!r}{what}")
+    def tell(self, use: Use, how: str = "") -> None:
+        """Note that a column is used, for the summary."""
+        self.used[use] = how + (", guessed from its header" if use.how == "guessed" else "")
 
     def summarize(self) -> None:
-        """Report the columns whose header is their key, and ask for missing units."""
-        if plain := [use.key for use in self.used if use.key == use.header and use.key in NAMES]:
+        """Report the columns and constants that are used, and ask for missing units."""
+        plain = [use.name for use, how in self.used.items() if use.name == use.header and not how]
+        if plain:
             self.messages.append(f"recognised by name: {', '.join(plain)}")
-        have = [f"{name} in {unit}" for name, unit in self._units.items() if unit]
-        bare = [name for name, unit in self._units.items() if not unit]
+        for use, how in self.used.items():
+            if use.name != use.header or how:
+                self.messages.append(f"{use.name}: column {use.header!r}{how}")
+        self.messages += [f"{key}: {self._values[key]}, as given" for key in self._used_values]
+        if unused := self._values.keys() - self._used_values:
+            self.messages.append(f"values given but not used: {', '.join(sorted(unused))}")
+        bare = [name for name, (_, unit) in self._units.items() if not unit]
+        have = [f"{name} in {unit}" for name, (_, unit) in self._units.items() if unit]
         if have and bare:
             self._ask_units(have, bare)
         elif have or bare:
             one_system = "no units given; one consistent system assumed"
             self.messages.append("all units converted" if have else one_system)
-        if unused := set(self._values) - self._used_values:
-            self.messages.append(f"values given but not used: {', '.join(sorted(unused))}")
 
     def framed(self, columns: Mapping[str, Any]) -> pd.DataFrame:
         """Return a frame of the columns that are not None."""
@@ -214,48 +206,41 @@ class Converter:
         return [name for name in map(str, self.cells) if name not in used]
 
     def _column(self, use: Use) -> FloatArray:
-        key = use.key
-        try:
-            unit, factor = column_unit(key, use.header, use.unit, self.problems.where)
-        except InputError as error:
+        key, has_dimension = use.key, use.key in DIMENSIONS
+        unit, factor, rule = column_unit(key, use.header, use.unit)
+        if rule:
             last = split_header(use.header)[0].replace("_", " ").split()[-1]
-            fits = key in DIMENSIONS and unit_factor(last, DIMENSIONS[key]) is not None
-            self.problems.need(str(error), {use.name: f"{use.header};{last if fits else '?'}"})
-            unit, factor = None, Fraction(1)
-        if use not in self.used:
-            self.tell(use, f" in {unit}" if unit else ", no unit" if key in DIMENSIONS else "")
-        if unit is not None and key in DIMENSIONS:  # a None was reported above
-            self._units[f"{key} ({use.header!r})"] = unit
+            fits = has_dimension and unit_factor(last, DIMENSIONS[key]) is not None
+            self.problems.need(
+                f"{self.problems.where}, header {use.header!r}: {rule}",
+                {use.name: f"{use.header};{last if fits else '?'}"},
+            )
+        elif has_dimension:
+            self._units[f"{key} ({use.header!r})"] = key, unit
+        self.used.setdefault(use, "")
+        if not self.used[use]:
+            self.tell(use, f" in {unit}" if unit else ", no unit" if has_dimension else "")
         numbers = self.cells[use.header].to_numpy(dtype=float)
         return numbers if factor == 1 else divided(numbers * float(factor))
 
-    def _constant(self, key: str) -> FloatArray | None:
-        if key not in self._values:
-            return None
-        text = str(self._values[key]).strip()
+    def _constant(self, name: str, key: str) -> FloatArray:
+        """Return a constant in SI units; `key` tells its dimension, and whether it is above 0."""
+        text, kind = self._values[name], DIMENSIONS.get(key)
         number, unit = number_and_unit(text)
-        factor = unit_factor(unit, DIMENSIONS[key]) if unit and key in DIMENSIONS else None
-        rule = ""
-        if np.isnan(number) or (unit and factor is None):
-            rule = f"a number and a unit of {DIMENSIONS[key]}" if key in DIMENSIONS else "a number"
-        elif not np.isfinite(number) or (key in ABOVE_0 and number <= 0):
-            rule = "above 0" if key in ABOVE_0 else "finite"
-        if rule:
-            raise self.problems.error(f"value {key} = {text!r}: expected {rule}")
-        self._tell_value(key)
-        if key in DIMENSIONS:
-            self._units[key] = unit
-        return np.array(number * float(factor or 1))
-
-    def _tell_value(self, key: str) -> None:
-        """Report once that a constant is used."""
-        if key not in self._used_values:
-            self.messages.append(f"{key}: {str(self._values[key]).strip()}, as given")
-        self._used_values.add(key)
+        factor = Fraction(1) if not unit else unit_factor(unit, kind) if kind else None
+        is_above_0 = key in (*ABOVE_0, "p_over_E")
+        if factor is None or not np.isfinite(number) or (is_above_0 and number <= 0):
+            rule = f"a finite number{' above 0' if is_above_0 else ''}"
+            rule += f" and a unit of {kind}" if kind else ""
+            raise self.problems.error(f"value {name} = {text!r}: expected {rule}")
+        self._used_values[name] = None
+        if kind:
+            self._units[name] = key, unit
+        return np.array(number * float(factor))
 
     def _over_R(self, key: str) -> FloatArray | None:
-        ratio = self.quantity(f"{key}_over_R")
-        if ratio is not None or (length := self.quantity(key)) is None:
+        ratio = self.number(f"{key}_over_R")
+        if ratio is not None or (length := self.number(key)) is None:
             return ratio
         return divided(length, self._needed("R"))
 
@@ -264,19 +249,19 @@ class Converter:
         return divided(loads / 2 if len(by) > 1 else loads, *by) if by else loads
 
     def _needed(self, key: str) -> FloatArray:
-        if (numbers := self.quantity(key)) is not None:
+        if (numbers := self.number(key)) is not None:
             return numbers
-        if key == "R" and (numbers := self.quantity("D")) is not None:
+        if key == "R" and (numbers := self.number("D")) is not None:
             return numbers / 2
         why, example = _MISSING_CONSTANTS[key]
-        self._units[key] = example.split()[1]  # the unit in the user's answer
+        self._units[key] = key, example.split()[1]  # the unit in the user's answer
         ways = f"expected --{key} '{example}', or a column, --map '{key}=HEADER'"
         self.problems.need(f"{key} is missing ({why}): {ways}", None, **{key: example})
         return np.array(1.0)  # a placeholder, so that all other errors are found, too
 
     def _rel_se(self, load: FloatArray | None) -> FloatArray | None:
         """Return the relative standard error of loads, from the columns of errors and sds."""
-        rel_se, se, n = self.quantity("rel_se"), self.load("_sem"), self.uses.get(("n_mean", None))
+        rel_se, se, n = self.number("rel_se"), self.load("_sem"), self.uses.get(("n_mean", None))
         if se is None and (se := self.load("_sd")) is not None and n is not None:
             se = se / np.sqrt(self.cells[n.header].to_numpy(dtype=float))
             self.tell(n, ", how many loads the mean is of: its error is sd over their root")
@@ -307,44 +292,29 @@ class Converter:
         is_ok = frame["status"].isin(["", OK]) if "status" in frame else True
         empty = frame["p_over_E"].isna() & is_ok
         empty &= ~frame.index.isin(list(self.problems.broken_rows()))
-        if not empty.any():
-            return empty
-        if not self.facts.skip_empty:
+        if empty.any() and not self.facts.skip_empty:
             use = self.load_use()
             rule = "expected a load; --skip-empty leaves out rows without one"
             if use is not None and use.header in self.cells:
                 self.problems.cells(frame.index[empty], use.header, rule)
             self.problems.options.setdefault("skip_empty", "yes")
             return empty & False
-        texts = [name for name in extra if frame[name].dtype.kind not in "if"]
-        why = frame.loc[empty, texts].astype(str).agg(" ".join, axis=1).str.strip()
-        reasons = listed(why.mask(why == "", "no reason given").unique(), "")
-        self.messages.append(f"{int(empty.sum())} rows without a load left out: {reasons}")
+        if n := int(empty.sum()):
+            texts = [name for name in extra if frame[name].dtype.kind not in "if"]
+            why = frame.loc[empty, texts].astype(str).agg(" ".join, axis=1).str.strip()
+            reasons = listed(why.mask(why == "", "no reason given").unique(), "")
+            self.messages.append(f"{n} rows without a load left out: {reasons}")
         return empty
-
-    def _compare_loads(self, name: str, p_over_E: "pd.Series[float]") -> None:
-        """Report the ratio of an unused column of loads to the loads that are read."""
-        words, unit = split_header(name)
-        for key in LOADS[1:]:
-            factor = unit_factor(unit, DIMENSIONS[key])
-            is_load = factor is not None and key_of(words) in (key, "load")
-            if is_load and all(self.quantity(by) is not None for by in _LOAD_DIVISORS[key]):
-                others = pd.to_numeric(self.cells[name], errors="coerce").to_numpy(dtype=float)
-                ratio = np.nanmedian(self._over_E(key, others * float(factor or 1)) / p_over_E)
-                self.messages.append(
-                    f"column {name!r} is not read: its loads are {ratio:.3g} times those that are"
-                )
 
     def _ask_units(self, have: list[str], bare: list[str]) -> None:
         """Ask for missing units, and propose the unit of another quantity of the same dimension."""
-        units = {DIMENSIONS[name.split(" ")[0]]: unit for name, unit in self._units.items() if unit}
+        units = {DIMENSIONS[key]: unit for key, unit in self._units.values() if unit}
         mapping, options = {}, {}
         for name in bare:
-            key = name.split(" ")[0]
+            key = self._units[name][0]
             unit = units.get(DIMENSIONS[key], "?")
-            option = "load_se" if name.endswith("(--load-se)") else key
-            if option in self._values:
-                options[option] = f"{self._values[option]} {unit}"
+            if name in self._values:
+                options[name] = f"{self._values[name]} {unit}"
             elif (use := self.uses.get((key, None))) is not None:
                 mapping[key] = f"{use.header};{unit}"
         self.problems.need(
@@ -353,14 +323,6 @@ class Converter:
             mapping,
             **options,
         )
-
-
-def with_load_se(frame: pd.DataFrame, p_se: FloatArray | None) -> pd.DataFrame:
-    """Return rows with the load cell's error `p_se` (over E) added to rel_se in quadrature."""
-    if p_se is None:
-        return frame
-    rel_se = frame["rel_se"].fillna(0.0) if "rel_se" in frame else 0.0
-    return frame.assign(rel_se=np.hypot(rel_se, p_se / frame["p_over_E"].to_numpy()))
 
 
 def listed(names: Iterable[str], quote: str = "'") -> str:

@@ -13,11 +13,11 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import Line, read_lines
 from ridgebayes.fea.record import Given, provenance
+from ridgebayes.fea.words import PLANE_CORNERS
 from ridgebayes.table.columns import LARGEST_Q
 
 _MAX_INCLUDE_DEPTH = 4  # refuses *INCLUDE cycles
 _MAX_SET_NODES = 1_000_000  # limits the memory that one GENERATE can take
-_CORNER_COUNTS = (3, 4)  # plane elements are triangles or quadrilaterals
 
 
 @dataclass
@@ -175,8 +175,8 @@ class RunDeck:
         nodes = self.deck.elements.get(element, ())
         places = [self.deck.nodes[node] for node in nodes if node in self.deck.nodes]
         # Corner nodes come first; quadratic elements have as many mid-side nodes after them.
-        n = len(nodes) if len(nodes) in _CORNER_COUNTS else len(nodes) // 2
-        if len(set(places)) < len(nodes) or n not in _CORNER_COUNTS or not 0 < side <= n:
+        n = len(nodes) if len(nodes) in PLANE_CORNERS else len(nodes) // 2
+        if len(set(places)) < len(nodes) or n not in PLANE_CORNERS or not 0 < side <= n:
             raise InputError(
                 f"{self.path}: no side {side} of an element {element}, which is pressed; expected "
                 "the run's deck, of plane triangles and quadrilaterals"

@@ -1,79 +1,77 @@
-"""Splitting of text files into records: encoding, separator, header, row of units, and headers."""
+"""Text tables: encoding, separator, header, row of units, and cells."""
 
 import codecs
+import csv
+import io
 import re
 from collections import Counter
-from collections.abc import Sequence
-from itertools import islice
+from collections.abc import Callable, Collection, Iterable, Sequence
+from contextlib import suppress
+from functools import cached_property
+from itertools import chain, islice
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.record import FileError
+from ridgebayes.fea.cells import SEPARATORS, WITH_UNIT, body_cells, numbers_in, tabs_for_blanks
+from ridgebayes.fea.record import MOST, FileError, Given, Row, TableFile
 from ridgebayes.fea.words import corners_of, is_unit, key_of, split_header
 from ridgebayes.runtime.reading import decoded
-from ridgebayes.runtime.text import clipped, some_of
+from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import NAMES
-from ridgebayes.table.files import records
+from ridgebayes.table.files import even_lines, lossless, records
 
-SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
-_NUMBER_START = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # start of a number within a word
-_UNDERLINE = re.compile(r"\s*[-=_]{9,}\s*")  # line below a header
-LOOKED_AT = 60  # first records that are searched for the header
-_MAX_CELLS = 200  # cells of a record that are compared with known headers
+LOOKED_AT = 60  # first records, and first cells of each, that are searched for the header
 _NUMBER = re.compile(r"\s*[+-]?(?:\d[\d.,'\u2019 \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*%?\s*")
-_MAX_COLUMNS = 2000
 _MAX_HEADER_LENGTH = 500  # characters
-_UNNAMED = "(column {})"
 _NO_UNIT = ("", "-", "--", "\N{EN DASH}", "1", "#", "[-]", "(-)", "count", "%")
-Row = tuple[int, list[str]]  # line number, from 1, and cells
+_NOT_PLAIN = ("#", "=", "nan")  # signs of comments, formulas and missing numbers
+# From pandas 3.1 on, floats are exact by default.
+_IS_OLD = np.lib.NumpyVersion(pd.__version__) < "3.1.0"
+_EXACT_FLOATS: dict[str, Any] = {"float_precision": "round_trip"} if _IS_OLD else {}
 
 
-def separated_text(content: bytes, skip_rows: int, problems: FileError) -> tuple[str, str]:
-    """Return the text of a file below the skipped lines, and its separator.
+def read_delimited(content: bytes, facts: Given, problems: FileError) -> "TextTable":
+    """Read a delimited text file.
 
     Parameters
     ----------
     content : bytes
         Content of the file: UTF-8, UTF-16 with a byte order mark, or Windows-1252, with any line
-        ends.
-    skip_rows : int
-        Lines to skip at the top.
+        ends, and tabs, semicolons, bars, commas or blanks between cells.
+    facts : Given
+        The user's options.
     problems : FileError
-        Collects messages about the text.
+        Collects messages and errors.
 
     Raises
     ------
     InputError
-        If the content is not text, is empty, or has only one column.
+        If the content is not text, is empty, has only one column, or has a quote without end.
     """
-    text = _as_text(content, problems).lstrip("\ufeff")
-    lines = text.split("\n", skip_rows)
-    text = lines[-1] if len(lines) > skip_rows else ""
+    lines = _as_text(content, problems).lstrip("\ufeff").split("\n", facts.skip_rows)
+    text = lines[-1] if len(lines) > facts.skip_rows else ""
     if not text.strip():
         raise problems.error("the file is empty")
-    return _separated(text, problems)
+    text, separator = _separated(text, problems)
+    numbered = records(text, problems.where, separator)
+    rows = ((line + facts.skip_rows, cells) for line, cells in numbered)
+    kind = f"CSV, separator {SEPARATORS[separator]}"
+    return TextTable(rows, kind, facts, problems, separator=separator, text=text)
 
 
 def _as_text(content: bytes, problems: FileError) -> str:
-    """Decode text; report an encoding of UTF-16 or Windows-1252."""
-    where = problems.where
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        try:
-            content = content.decode("utf-16").encode()
-        except UnicodeDecodeError:
-            raise problems.error("begins as UTF-16 text, and is none") from None
-        problems.messages.append(f"{where}: UTF-16 text")
-    try:
-        return decoded(content, where)
-    except InputError as error:
-        try:
-            text = decoded(content.decode("cp1252").encode(), where)
-        except UnicodeDecodeError:
-            raise error from None
-        byte = str(error).removesuffix("; expected UTF-8")
-        problems.messages.append(f"{byte}: read as Windows-1252")
-        return text
+    has_mark = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    for encoding in ("utf-16",) if has_mark else ("utf-8", "cp1252"):
+        with suppress(UnicodeDecodeError):
+            text = content.decode(encoding)
+            if encoding != "utf-8":
+                name = {"utf-16": "UTF-16", "cp1252": "Windows-1252, as it is not UTF-8"}[encoding]
+                problems.messages.append(f"{problems.where}: read as {name}")
+            return decoded(text.encode(), problems.where)
+    return decoded(content, problems.where)
 
 
 def _separated(text: str, problems: FileError) -> tuple[str, str]:
@@ -94,57 +92,12 @@ def _separated(text: str, problems: FileError) -> tuple[str, str]:
         width, n = max(widths.items(), key=lambda item: (item[1] * (item[0] > 1), item[0]))
         if width > 1 and n > best[0]:
             best = n, separator
-    blank = "" if 2 * best[0] > n_record else _tabs_for_blanks(text, problems)
-    if blank:
+    if 2 * best[0] <= n_record and (blank := tabs_for_blanks(text, problems, LOOKED_AT)):
         return blank, "\t"
-    if best[1]:
-        return text, best[1]
-    raise failed or InputError(
-        f"{problems.where}, line 1: one column only; expected columns separated by commas, "
-        "semicolons, bars or tabs"
-    )
-
-
-def _tabs_for_blanks(text: str, problems: FileError) -> str:
-    """Return text with tabs between columns; empty if most lines differ in number of words."""
-    lines = text.split("\n")
-    n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith(("#", "%"))), 0)
-    rows = [re.sub(r"^\s*[#%]+", "", row) for row in lines[:n]] + lines[n:]  # may be a header
-    rows = ["" if _UNDERLINE.fullmatch(row) else row for row in rows]
-    some = [row.split() for row in rows[:LOOKED_AT] if row.strip() and row.lstrip()[0] not in "#%"]
-    widths = Counter(map(len, some))
-    width, n = widths.most_common(1)[0] if widths else (0, 0)
-    is_table = width >= 2 and n >= 2 and 2 * n > widths.total()
-    touching = next((i for i, row in enumerate(rows) if _NUMBER_START.search(row)), None)
-    if touching is not None and len(widths) > 1:
-        # Numbers in columns of fixed width can touch. They are split if all rows then have the
-        # same number of cells.
-        split = [_NUMBER_START.sub(" ", row) for row in rows]
-        counts = sorted({len(row.split()) for row in split if row.strip()})
-        symptom = f"{problems.where}, line {touching + 1}: columns run together, such as "
-        symptom += clipped(lines[touching])
-        if len(counts) == 1:
-            problems.messages.append(f"{symptom}: split before signs, {counts[0]} columns")
-            rows, width, is_table = split, counts[0], True
-        elif not is_table:
-            raise InputError(
-                f"{symptom}; split before signs, lines have {' or '.join(map(str, counts))} cells: "
-                "expected blanks between columns"
-            )
-    if not is_table:
-        return ""
-    return "\n".join(
-        _with_tabs(row, width) or (row and as_is) for row, as_is in zip(rows, lines, strict=True)
-    )
-
-
-def _with_tabs(row: str, width: int) -> str:
-    """Return a line of `width` cells with tabs between them; empty if it has another width.
-
-    Cells may contain single blanks, like column names of Abaqus.
-    """
-    splits = (row.split(), re.split(r"\s{2,}", row.strip()))
-    return next(("\t".join(cells) for cells in splits if len(cells) == width), "")
+    if not best[1]:
+        rule = "expected columns separated by commas, semicolons, bars or tabs"
+        raise failed or problems.error(f"line 1: one column only; {rule}")
+    return text, best[1]
 
 
 def find_header(
@@ -179,28 +132,31 @@ def find_header(
     >>> find_header(rows, None, FileError("mine.csv"))
     (['Steg [mm]', 'Q'], 3)
     """
-    where = problems.where
-    i = _guess_header(rows) if header_row is None else _index_of_line(rows, header_row, where)
+    lines = [line for line, _ in rows]
+    if header_row and header_row not in lines:
+        raise problems.error(f"--header-row {header_row}: expected a line with cells near the top")
+    i = lines.index(header_row) if header_row else None if header_row == 0 else _guess_header(rows)
     if i is None:
         headers = [f"column {n}" for n in range(1, len(rows[0][1]) + 1)]
         names = f"columns are {headers[0]!r} to {headers[-1]!r}"
-        problems.messages.append(f"{where}: no header; {names}")
+        problems.messages.append(f"{problems.where}: no header; {names}")
         return headers, 0
-    line, headers = rows[i][0], [*rows[i][1]]
+    headers = [*rows[i][1]]
     headers[0] = re.sub(r"^\s*(?:#|%|//)\s*", "", headers[0])
     if header_row is None:
-        _refuse_rows(rows[:i], headers, line, where)
+        _refuse_rows(rows[:i], headers, lines[i], problems.where)
     if i:
-        problems.messages.append(f"{where}: header in line {line}, {i} title lines above it")
-    for below, cells in rows[i + 1 : i + 2]:
-        units = [cell.strip().removeprefix("#").strip().strip("[]()") for cell in cells]
-        if any(map(is_unit, units)) and all(unit in _NO_UNIT or is_unit(unit) for unit in units):
-            problems.messages.append(f"{where}: units in line {below}")
-            for j, unit in enumerate(units[: len(headers)]):
-                if unit not in _NO_UNIT and not split_header(headers[j])[1]:
-                    headers[j] = f"{headers[j]} [{unit}]"
-            return headers, i + 2
-    return headers, i + 1
+        shown = f"header in line {lines[i]}, {i} title lines above it"
+        problems.messages.append(f"{problems.where}: {shown}")
+    below = rows[i + 1][1] if i + 1 < len(rows) else []
+    units = [cell.strip().removeprefix("#").strip().strip("[]()") for cell in below]
+    if not (any(map(is_unit, units)) and all(unit in _NO_UNIT or is_unit(unit) for unit in units)):
+        return headers, i + 1
+    problems.messages.append(f"{problems.where}: units in line {lines[i + 1]}")
+    for j, unit in enumerate(units[: len(headers)]):
+        if unit not in _NO_UNIT and not split_header(headers[j])[1]:
+            headers[j] = f"{headers[j]} [{unit}]"
+    return headers, i + 2
 
 
 def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
@@ -219,79 +175,58 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
     >>> clean_headers(["Ridge  width\n[mm]", None, "Q", "Q"], "mine.csv")
     ('Ridge width [mm]', '(column 2)', 'Q', 'Q #4')
     """
-    if len(names) > _MAX_COLUMNS:
-        raise InputError(f"{where}: {len(names)} columns; expected at most {_MAX_COLUMNS}")
+    texts = ["" if name is None else " ".join(str(name).split()) for name in names]
+    if len(texts) > MOST or not any(texts):
+        rule = f"at most {MOST}" if any(texts) else "a header for each column"
+        raise InputError(f"{where}: {len(texts)} columns: expected {rule}")
     headers: list[str] = []
-    for i, name in enumerate(names, start=1):
-        text = "" if name is None else " ".join(str(name).split())
+    for i, text in enumerate(texts, start=1):
         rules = {
             "expected values, not formulas": text.startswith("="),
             "expected no control characters": re.search(r"[\x00-\x1f\x7f]", text) is not None,
             f"expected at most {_MAX_HEADER_LENGTH} characters": len(text) > _MAX_HEADER_LENGTH,
         }
-        for rule, is_broken in rules.items():
-            if is_broken:
-                raise InputError(f"{where}, header, column {i} = {text[:60]!r}: {rule}")
+        if broken := [rule for rule, is_broken in rules.items() if is_broken]:
+            raise InputError(f"{where}, header, column {i} = {text[:60]!r}: {broken[0]}")
         if text in headers:
             words, unit = split_header(text)
             text = f"{words} #{i}" + (f" [{unit}]" if unit else "")
-        headers.append(text or _UNNAMED.format(i))
-    if all(name == _UNNAMED.format(i) for i, name in enumerate(headers, start=1)):
-        raise InputError(f"{where}: no header; expected a header for each column")
+        headers.append(text or f"(column {i})")
     return tuple(headers)
 
 
 def filled(frame: pd.DataFrame, problems: FileError) -> pd.DataFrame:
     """Return a table without empty rows and without empty columns that have no header.
 
-    Parameters
-    ----------
-    frame : DataFrame, n_row rows
-        All cells by header: numbers (NaN for an empty cell) or text.
-    problems : FileError
-        Collects a message with the number of empty rows.
-
-    Returns
-    -------
-    DataFrame
-        Its index is the row in the file, from 0.
+    The index of the result is the row in the file, from 0.
 
     Raises
     ------
     InputError
-        If all rows are empty.
+        If all rows are empty, and no cell was reported.
     """
     empty = frame.isna() | (frame == "")
-    unnamed = {_UNNAMED.format(i) for i in range(1, len(empty.columns) + 1)}
-    used = [name for name in frame if name not in unnamed or not empty[name].all()]
+    is_unnamed = [f"(column {i})" == name for i, name in enumerate(frame, start=1)]
+    is_used = ~(np.array(is_unnamed) & empty.all().to_numpy())
     blank = empty.all(axis=1)
-    if blank.all() and not problems:
-        raise problems.error("no rows below the header")
-    blank &= not blank.all()  # if all are blank, their cells were reported as invalid numbers
+    if blank.all():
+        if not problems:
+            raise problems.error("no rows below the header")
+        blank = ~blank  # the cells were reported as invalid numbers
     if n := int(blank.sum()):
         problems.messages.append(f"{n} empty rows ignored")
-    return frame.loc[~blank, used]
+    return frame.loc[~blank, is_used]
 
 
 def n_known(cells: Sequence[str]) -> int:
     """Return the number of cells that are recognised headers."""
-    words = [split_header(cell.strip())[0] for cell in cells[:_MAX_CELLS] if not is_number(cell)]
+    words = [split_header(cell.strip())[0] for cell in cells[:LOOKED_AT] if not _is_number(cell)]
     keys = {text if text in NAMES else key_of(text) for text in words} - {""}
     return len(keys) + len(corners_of(words))
 
 
-def is_number(cell: str) -> bool:
-    """Return whether a cell looks like a number with any decimal mark and thousands separator."""
+def _is_number(cell: str) -> bool:
     return _NUMBER.fullmatch(cell) is not None
-
-
-def _index_of_line(rows: Sequence[Row], line: int, where: str) -> int | None:
-    if line == 0:
-        return None
-    lines = [number for number, _ in rows]
-    if line not in lines:
-        raise InputError(f"{where}: --header-row {line}: expected a line with cells near the top")
-    return lines.index(line)
 
 
 def _guess_header(rows: Sequence[Row]) -> int | None:
@@ -305,12 +240,12 @@ def _guess_header(rows: Sequence[Row]) -> int | None:
         over = 0
         for j in full[i]:
             below = [row[j] for _, row in rows[i + 1 :] if j < len(row) and row[j].strip()]
-            is_over = 2 * sum(map(is_number, below)) >= len(below) > 0
-            over += is_over and not is_number(cells[j])
+            is_over = 2 * sum(map(_is_number, below)) >= len(below) > 0
+            over += is_over and not _is_number(cells[j])
         score = over + 2 * n_known(cells) if over else 0
         if score > best:
             best, place = score, i
-    if place is None and not any(is_number(rows[0][1][j]) for j in full[0]):
+    if place is None and not any(_is_number(rows[0][1][j]) for j in full[0]):
         return list(map(len, full)).index(width)
     return place
 
@@ -318,8 +253,129 @@ def _guess_header(rows: Sequence[Row]) -> int | None:
 def _refuse_rows(above: Sequence[Row], headers: Sequence[str], line: int, where: str) -> None:
     """Refuse rows of numbers above the header, which would be ignored as title lines."""
     least = max(2, sum(bool(name.strip()) for name in headers) / 2)
-    lines = [str(at) for at, cells in above if sum(map(is_number, cells)) >= least]
+    lines = [str(at) for at, cells in above if sum(map(_is_number, cells)) >= least]
     if lines:
         text = f"numbers above the header in line {line}, in line {some_of(lines, 3)}: expected "
         text += f"rows below it; --header-row {line} passes over them"
         raise FileError(where, needs=[text], options={"header_row": str(line)})
+
+
+class TextTable(TableFile):
+    """A table whose cells are text.
+
+    Parameters
+    ----------
+    rows : iterable of (int, list of str)
+        Line number, from 1, and cells of each record.
+    kind : str
+        Format of the file, for messages.
+    facts : Given
+        The user's options.
+    problems : FileError
+        Collects messages, rows of wrong length, and formulas.
+    cell : callable, optional
+        Function that names a worksheet's cell by line and column, both from 1.
+    typed : collection of str, optional
+        Texts of a worksheet's numeric cells, which have a decimal point.
+    separator, text : str, optional
+        Text of the rows, and the separator between its cells. pandas reads it if all rows have the
+        same number of plain cells.
+
+    Raises
+    ------
+    InputError
+        If there is no header, or no row below it.
+    """
+
+    def __init__(
+        self,
+        rows: Iterable[Row],
+        kind: str,
+        facts: Given,
+        problems: FileError,
+        *,
+        cell: Callable[[int, int], str] | None = None,
+        typed: Collection[str] = (),
+        separator: str = "\t",
+        text: str = "",
+    ) -> None:
+        self.where, self._kind, self._facts = problems.where, kind, facts
+        self._cell, self._is_typed, self._separator = cell, typed, separator
+        head = [*islice(rows := iter(rows), LOOKED_AT)]
+        full = [row for row in head if any(map(str.strip, row[1]))]
+        headers, n_head = find_header(full or [(1, [""])], facts.header_row, problems)
+        self.headers = clean_headers(headers, self.where)
+        if n_head >= len(full):
+            raise problems.error("no rows below the header")
+        first = full[n_head][0]
+        self._units: dict[str, str] = {}  # unit in the cells of a column, by header
+        self._body = self._even_body(text, first - facts.skip_rows)
+        if not self._body:
+            below = [row for row in chain(head, rows) if row[0] >= first]
+            self._units, self.lines, self._typed = body_cells(
+                below, self.headers, separator, problems
+            )
+            self.headers = tuple(map(str, self._typed))
+            advice = "; no value is stored: open the file in Excel or LibreOffice, and save it once"
+            rule = f"expected values, not formulas{advice if cell else ''}"
+            for name, cells in self._typed.items():
+                is_formula = cells.str.lstrip().str.startswith("=").to_numpy(bool)
+                problems.cells(is_formula, str(name), rule)
+
+    def _even_body(self, text: str, first: int) -> str:
+        """Return the text of the rows if all have the same number of plain cells; empty if not."""
+        body, separator = text.split("\n", first - 1)[-1].rstrip("\n"), self._separator
+        small = body.lower()
+        if not body or self._facts.empty or any(mark in small for mark in _NOT_PLAIN):
+            return ""
+        lines = even_lines(body, separator, len(self.headers))
+        begin, last = body.lstrip("\n").partition("\n")[0], body.rpartition("\n")[2]
+        is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # or a short row
+        if lines is None or is_note or any(map(WITH_UNIT.fullmatch, begin.split(separator))):
+            return ""
+        self.lines = lines + first + self._facts.skip_rows
+        return body
+
+    def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
+        """Read all rows, `numeric` columns as numbers; report cells that are not numbers."""
+        columns = [name for name in self.headers if name in numeric]
+        frame, style = self._plain(columns), "decimal point"
+        if frame is None:
+            numbers, style = numbers_in(
+                self._typed[columns], self._units, self._is_typed, self._facts, problems
+            )
+            frame = self._typed.assign(**numbers)
+        frame = frame.assign(**{n: lossless(frame[n]) for n in self.headers if n not in columns})
+        problems.messages.insert(0, f"{self.where}: {self._kind}, {style}, {len(frame)} rows")
+        return filled(frame, problems)
+
+    def spot(self, row: int, name: str) -> str:
+        """Return the place of a cell, for messages."""
+        line = int(self.lines[row])
+        return self._cell(line, self.headers.index(name) + 1) if self._cell else f"line {line}"
+
+    def typed(self, row: int, name: str) -> str:
+        """Return the text of a cell."""
+        return str(self._typed[name].iloc[row])
+
+    @cached_property
+    def _typed(self) -> pd.DataFrame:
+        """Text of all cells, as pandas reads it."""
+        return self._by_pandas(dtype=str)
+
+    def _by_pandas(self, **options: Any) -> pd.DataFrame:
+        options |= {"sep": self._separator, "header": None, "names": list(self.headers)}
+        options |= {"keep_default_na": False, "quoting": csv.QUOTE_NONE, "low_memory": False}
+        frame: pd.DataFrame = pd.read_csv(io.StringIO(self._body), **options)
+        return frame
+
+    def _plain(self, numeric: list[str]) -> pd.DataFrame | None:
+        """Read the table with pandas; return None if a number is not plain."""
+        if not self._body or self._facts.decimal == "comma":
+            return None
+        text = {name: str for name in self.headers if name not in numeric}
+        frame = self._by_pandas(dtype=text, na_values={n: [""] for n in numeric}, **_EXACT_FLOATS)
+        if not all(frame[name].dtype.kind in "if" for name in numeric):
+            return None
+        frame = frame.astype(dict.fromkeys(numeric, float))
+        return None if np.isinf(frame[numeric].to_numpy()).any() else frame

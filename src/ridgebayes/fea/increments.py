@@ -7,7 +7,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.convert import Converter, listed, with_load_se
+from ridgebayes.fea.convert import Converter, listed
 from ridgebayes.fea.mapping import CORNERS, LOWERS, Use
 from ridgebayes.fea.transitions import (
     last_digit,
@@ -38,14 +38,15 @@ def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
                 "load of each increment, and columns of corners"
             )
     curve = converter.curve() | converter.texts("role")
-    load, load_se = converter.load(), converter.load_se()
+    load = converter.load()
+    converter.load_se()
     corners = sorted(corners, key=lambda use: use.Q or 0)
     gaps = np.column_stack([_gap(converter, use) for use in corners])
     digits = last_digit(gaps) / 2  # rounding error of a printed gap
     keep, remarks = np.ones(len(cells), dtype=bool), []
     if status := converter.uses.get(("status", None)):
         keep = as_text(cells[status.header]).isin(["", OK]).to_numpy(bool)
-        converter.used[status] = None
+        converter.tell(status)
         if n := int((~keep).sum()):
             remarks.append(f"{n} increments ignored: their status is not 'ok'")
         if not keep.any():
@@ -53,7 +54,7 @@ def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
     converter.summarize()
     if load is None or problems:
         return pd.DataFrame()
-    frame = converter.framed(curve | {"p_over_E": load, "load_se": load_se})[keep]
+    frame = converter.framed(curve | {"p_over_E": load})[keep]
     Q = np.array([use.Q or 0 for use in corners])
     return _transitions(converter, frame.reset_index(drop=True), gaps[keep], Q, remarks, digits)
 
@@ -81,7 +82,7 @@ def _transitions(
     digits: float = 0.0,
 ) -> pd.DataFrame:
     problems, load = converter.problems, frame.pop("p_over_E").to_numpy()
-    load_se = frame.pop("load_se").to_numpy() if "load_se" in frame else None
+    load_se = converter.load_se()
     brackets = converter.facts.brackets
     try:
         rows, notes = transitions_of_runs(frame, load, gaps, Q, brackets=brackets, digits=digits)
@@ -93,27 +94,29 @@ def _transitions(
     if converter.facts.interpolate:
         rows, n = middle_loads(rows)
         problems.messages.append(f"{n} loads in the middle of their increments")
-    if load_se is not None and np.ptp(load_se):
+    if load_se is None:
+        return rows
+    if np.ptp(load_se):
         raise problems.error("--load-se: expected one R and E in all increments")
-    return with_load_se(rows, None if load_se is None else load_se[:1])
+    return rows.assign(rel_se=np.hypot(rows["rel_se"], load_se.flat[0] / rows["p_over_E"]))
 
 
 def _gap(converter: Converter, use: Use) -> FloatArray:
     """Return the gap of a corner at each increment; -inf or inf for a status or a pressure."""
     cells, problems = converter.cells, converter.problems
     if use.key == "status":
-        converter.tell(use, is_plain=False)
+        converter.tell(use)
         gap, bad = touching(as_text(cells[use.header]), converter.facts.closed_is)
         problems.cells(cells.index[bad], use.header, STATUS_RULE)
         if bad.any():
             problems.options.setdefault("closed_is", "?")
         return gap
     if use.key == "pressure":
-        converter.tell(use, ", contact pressure", is_plain=False)
+        converter.tell(use, ", contact pressure")
         numbers = cells[use.header].to_numpy(dtype=float)
         return np.where(np.isnan(numbers), np.nan, np.where(numbers > 0, -np.inf, np.inf))
-    distance = converter.quantity(use.key, use.Q)
+    distance = converter.number(use.key, use.Q)
     assert distance is not None
-    R = None if use.key == "gap_over_R" else converter.quantity("R")
+    R = None if use.key == "gap_over_R" else converter.number("R")
     # Without R the gap keeps its unit: interpolation to zero does not depend on the unit.
     return distance if R is None else divided(distance, R)

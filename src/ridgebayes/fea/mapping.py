@@ -14,6 +14,7 @@ from ridgebayes.fea.words import (
     count_term,
     is_number_of_repeats,
     key_of,
+    load_kind,
     repeats_of,
     split_header,
     unit_factor,
@@ -29,7 +30,9 @@ ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
 _MEAN_KEYS = ("load", "load_lower", "load_sd", "load_sem", "n_mean")
 _UNLISTED_KEYS = ("gap", "thickness", *SDS, *_SEMS)
 KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _UNLISTED_KEYS), *_MEAN_KEYS)
+_MAPPED = (*KEYS, *SDS, *_SEMS)
 PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", *CORNERS)
+_OF_Q = ("load", *LOADS, *CORNERS)
 _NUMERIC_KEYS = (*NUMBERS, *DIMENSIONS, *_MEAN_KEYS, *SDS, *_SEMS, "gap_over_R", "pressure")
 _NEVER_CONSTANT = ("Q", "p_over_E", "p_over_E_lower", "source")
 _CONSTANT = ("R", "D", "E", "thickness", "load_se", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
@@ -137,8 +140,7 @@ def assign(
         else:
             columns.map(name, " ".join(text.split()))
     columns.name(is_wide)
-    of_corners = ("load", *LOADS, *CORNERS)
-    if not any(u.key == "Q" or (u.Q is not None and u.key in of_corners) for u in columns.uses):
+    if not any(use.key == "Q" or (use.Q is not None and use.key in _OF_Q) for use in columns.uses):
         columns.name_corners(required=is_wide)
     columns.guess()
     columns.settle()
@@ -146,8 +148,7 @@ def assign(
     counts = [u for u in columns.uses if u.key == "Q" and u.how == "guessed"]
     terms = columns.terms | {count_term(use.header) for use in counts}
     term = None if not terms else min(terms) if len(terms) == 1 else ""
-    uses = [as_load(use, columns.uses, values, problems) for use in columns.uses]
-    return [_as_error(use, uses) for use in uses], term
+    return [as_load(use, columns.uses, values, problems) for use in columns.uses], term
 
 
 def check_constants(values: Mapping[str, object], where: str) -> None:
@@ -171,61 +172,50 @@ class _Columns:
     ) -> None:
         self.uses: list[Use] = []
         self.terms: set[str] = set()
-        self.problems = problems
-        self._headers, self.values = list(headers), values
+        self.problems, self.values = problems, values
+        self._split = {header: split_header(header) for header in headers}  # words and unit
         for header in headers:
             if header in values:
                 raise self._duplicate(header, header)
 
     def map(self, name: str, text: str) -> None:
         """Add the columns of an entry ``name=text`` of the mapping."""
-        key, Q = name.strip(), None
-        if key not in (*KEYS, *CORNERS, *SDS, *_SEMS):
-            match = _CORNER_KEY.fullmatch(key)
-            key, Q = (match[1] or "load", int(match[2])) if match else (key, None)
-            if match is None or key not in PER_Q:
-                raise self.problems.error(
-                    f"mapping key {name!r}: expected one of {', '.join(KEYS)}, or of "
-                    f"{', '.join(CORNERS)} with a corner, as 'gap Q=4'"
-                )
-        header, unit = text, None
-        if text not in self._headers and ";" in text:
+        key, Q, header, unit = name.strip(), None, text, None
+        if text not in self._split and ";" in text:
             header, unit = map(str.strip, text.rsplit(";", 1))
-        if "*" in header and header not in self._headers:
-            self._map_all(key, header, unit)
-            return
-        if Q is None and key in CORNERS and key not in KEYS:
+        before, star, after = ("", "", "") if header in self._split else header.partition("*")
+        match = None if key in _MAPPED or star else _CORNER_KEY.fullmatch(key)
+        if match is not None:
+            key, Q = match[1] or "load", int(match[2])
+        if key not in (PER_Q if star or match else _MAPPED):
             raise self.problems.error(
-                f"mapping {name}={text}: expected with a corner, as '{key} Q=4'"
+                f"mapping {name}={text}: key {name!r}: expected one of {', '.join(KEYS)}, or of "
+                f"{', '.join(CORNERS)} with a corner, as 'gap Q=4'"
             )
-        headers = [header] if header in self._headers else self._headers_with_words(header)
+        if star:
+            pattern = re.compile(rf"{re.escape(before)}(\d{{1,6}}){re.escape(after)}")
+            columns = [
+                Use(key, header, unit, int(match[1]))
+                for header, (words, _) in self._split.items()
+                if (match := pattern.fullmatch(header) or pattern.fullmatch(words))
+            ]
+            if not columns:
+                raise self._missing(f"mapping {name}={text}: no such column")
+            self.uses += columns
+            return
+        headers = [header] if header in self._split else self._with_words(header)
         if len(headers) != 1:
             several = "several columns" if headers else "no column"
             error = self._missing(f"mapping {name}={text}: {several} {header!r}")
-            words = (split_header(other)[0] for other in self._headers)
-            if not (near := get_close_matches(header, words, 1)):
+            if not (near := get_close_matches(header, [w for w, _ in self._split.values()], 1)):
                 raise error
-            headers = self._headers_with_words(near[0])[-1:]
-            meant = headers[0] if unit is None else f"{headers[0]};{unit}"
+            headers = self._with_words(near[0])[-1:]
+            meant = replace(Use(key, headers[0]), unit=unit).typed
             self.problems.need(f"{error}; did you mean {headers[0]!r}?", {name: meant})
         self.uses.append(Use(key, headers[0], unit, Q))
 
-    def _headers_with_words(self, words: str) -> list[str]:
-        return [header for header in self._headers if split_header(header)[0] == words]
-
-    def _map_all(self, key: str, text: str, unit: str | None) -> None:
-        """Add all columns that match a header with ``*``."""
-        if text.count("*") != 1 or key not in PER_Q:
-            raise self.problems.error(
-                f"mapping {key}={text}: expected one * in a header of {', '.join(PER_Q)}"
-            )
-        pattern = re.compile(r"(\d{1,6})".join(map(re.escape, text.split("*"))))
-        n = len(self.uses)
-        for header in self._headers:
-            if match := pattern.fullmatch(header) or pattern.fullmatch(split_header(header)[0]):
-                self.uses.append(Use(key, header, unit, int(match[1])))
-        if len(self.uses) == n:
-            raise self._missing(f"mapping {key}={text}: no such column")
+    def _with_words(self, text: str) -> list[str]:
+        return [header for header, (words, _) in self._split.items() if words == text]
 
     def name(self, is_wide: bool) -> None:
         """Add columns whose header is a contract column or a key with a dimension."""
@@ -237,25 +227,23 @@ class _Columns:
                 key = (header if names is NAMES else words).partition(" #")[0]
                 # "force [N/mm]" is a line load by its unit.
                 is_other = key in LOADS[1:] and unit and not unit_factor(unit, DIMENSIONS[key])
-                is_given = _alternatives(key) & keys or (key == "Q" and has_Q)
-                if key in names and not is_given and not is_other:
+                has_key = _alternatives(key) & keys or (key == "Q" and has_Q)
+                if key in names and not has_key and not is_other:
                     self.uses.append(Use(key, header, how="named"))
 
     def name_corners(self, *, required: bool) -> None:
         """Add columns with headers such as ``Q=4``, or with headers that differ in one number."""
-        n = len(self.uses)
-        words = {header: text for header, text, _ in self._free()}
-        for header, text in words.items():
-            match = _WIDE_HEADER.fullmatch(text)
-            key = (match[1] or "load").strip(" _") if match is not None else ""
-            key = key if key in PER_Q else corner_key(key)
-            if match is not None and key:
+        n, free = len(self.uses), self._free()
+        for header, words, _ in free:
+            match = _WIDE_HEADER.fullmatch(words)
+            key = (match[1] or "load").strip(" _") if match else ""
+            if match and (key := key if key in PER_Q else corner_key(key)):
                 self.uses.append(Use(key, header, Q=int(match[2]), how="named"))
         if len(self.uses) == n:
-            corners = corners_of(words.values())
-            for header, text in words.items():
-                if text in corners:
-                    key, Q, term = corners[text]
+            corners = corners_of([words for _, words, _ in free])
+            for header, words, _ in free:
+                if words in corners:
+                    key, Q, term = corners[words]
                     self.uses.append(Use(key, header, Q=Q, how="guessed"))
                     self.terms.add(term)
         if required and len(self.uses) == n:
@@ -272,18 +260,17 @@ class _Columns:
             if not key or _alternatives(key) & keys or of_each_Q:
                 continue
             of_R = key in ("a", "b", "offset") and unit.startswith("%")
-            use = Use(f"{key}_over_R", header, "%") if of_R else Use(key, header)
-            self.uses.append(replace(use, how="guessed"))
+            key, mapped = (f"{key}_over_R", "%") if of_R else (key, None)
+            self.uses.append(Use(key, header, mapped, how="guessed"))
 
     def settle(self) -> None:
         """Resolve several columns with one key, and refuse a column that is also a constant."""
         places: dict[tuple[str, int | None], list[Use]] = {}
         for use in self.uses:
+            rivals = {use.key} if use.key in CORNERS else _alternatives(use.key)
+            if constant := rivals & set(self.values):
+                raise self._duplicate(min(constant), use.header)
             is_corner = use.Q is not None and use.key in CORNERS
-            rivals = _alternatives(use.key)
-            for key in {use.key} if use.key in CORNERS else rivals:
-                if key in self.values:
-                    raise self._duplicate(key, use.header)
             places.setdefault(("corner" if is_corner else min(rivals), use.Q), []).append(use)
         self.uses = [use for uses in places.values() for use in self._settled(uses)]
 
@@ -310,10 +297,10 @@ class _Columns:
     def _free(self) -> list[tuple[str, str, str]]:
         """Return the header, words and unit of each unassigned column."""
         used = {use.header for use in self.uses}
-        return [(text, *split_header(text)) for text in self._headers if text not in used]
+        return [(header, *split) for header, split in self._split.items() if header not in used]
 
     def _missing(self, message: str) -> InputError:
-        names = ", ".join(map(repr, self._headers[:50]))
+        names = ", ".join(map(repr, [*self._split][:50]))
         return self.problems.error(f"{message}; the columns are {names}")
 
     def _duplicate(self, key: str, header: str) -> InputError:
@@ -341,38 +328,33 @@ def lacking(uses: Sequence[Use], values: Mapping[str, object]) -> list[str]:
 def as_load(
     use: Use, uses: Sequence[Use], values: Mapping[str, object], problems: FileError
 ) -> Use:
-    """Replace the key "load" by the kind of load of its unit; ask for a unit if it is missing."""
-    if use.key not in ("load", "load_lower"):
+    """Replace "load" in a key by the kind of load of its unit; ask for a unit if it is missing.
+
+    An sd or a standard error of loads without a unit has the unit of the loads.
+    """
+    stem, _, end = use.key.partition("_")
+    loads = [other for other in uses if other.key in (*LOADS, "load")]
+    is_error = end in ("sd", "sem")
+    if stem != "load" or (is_error and not loads):
         return use
-    lower = use.key.removeprefix("load")
-    unit = use.own_unit
-    for key in LOADS[1:]:
-        if unit_factor(unit, DIMENSIONS[key]) is not None:
-            return replace(use, key=key + lower)
+    unit = use.own_unit or (loads[0].own_unit if is_error else "")
+    kind = load_kind(unit) or (loads[0].key if is_error else "load").replace("load", "")
+    use = replace(use, unit=unit if is_error and not use.own_unit else use.unit)
+    if kind or is_error or use.unit is not None:
+        return replace(use, key=use.key.replace("load", kind or "p_over_E"))
     others = [other for other in uses if other.key in DIMENSIONS]
-    has_units = any(other.own_unit not in ("", "1", "-") for other in others)
     keys = {other.key for other in others}
+    has_units = any(other.own_unit not in ("", "1", "-") for other in others)
     needs_R = bool(keys & {"a", "b"}) and not keys & {"R", "D"}
-    if use.unit is None and (has_units or needs_R or {"E", "R"} & values.keys()):
+    if has_units or needs_R or {"E", "R"} & values.keys():
         shown = re.sub(r"\d+", "*", use.header) if use.Q is not None else use.header
-        is_mass = unit_factor(f"{unit}f", "force") is not None
+        is_mass = unit != "" and load_kind(f"{unit}f") == "force"
         hint = f"{unit!r} is no unit" + (f" of loads ({unit}f is one)" if is_mass else "")
         problems.need(
             f"column {shown!r}: {hint if unit else 'no unit'}: p/E, pressure, line load or force: "
             f"name it, as --map 'p_over_E={shown}', 'p={shown};kPa', 'line={shown};N/mm' or "
             f"'force={shown};N'",
-            {use.key: f"{shown};{unit}f" if unit and is_mass else f"{shown};?"},
+            {use.key: f"{shown};{unit}f" if is_mass else f"{shown};?"},
             **({} if "E" in keys | values.keys() else {"E": "? kPa"}),
         )
-    return replace(use, key=f"p_over_E{lower}")
-
-
-def _as_error(use: Use, uses: Sequence[Use]) -> Use:
-    """Replace the key of an sd or standard error of loads by the kind of its or the mean's unit."""
-    mean = next((other for other in uses if other.key in LOADS), None)
-    if use.key not in ("load_sd", "load_sem") or mean is None:
-        return use
-    unit = use.own_unit or mean.own_unit
-    kinds = (key for key in LOADS[1:] if unit_factor(unit, DIMENSIONS[key]) is not None)
-    key = use.key.replace("load", next(kinds, mean.key))
-    return replace(use, key=key, unit=use.unit if use.own_unit else unit)
+    return replace(use, key=use.key.replace("load", "p_over_E"))

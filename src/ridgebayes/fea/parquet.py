@@ -52,6 +52,7 @@ class ParquetTable(TableFile):
                 columns[name] = values
         for name in set(numeric) & columns.keys():
             problems.cells(np.isinf(columns[name]), name, FINITE)
+            columns[name] = np.where(np.isinf(columns[name]), np.nan, columns[name])
         return filled(pd.DataFrame(columns), problems)
 
     def spot(self, row: int, name: str) -> str:

@@ -3,8 +3,9 @@
 import hashlib
 import heapq
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,6 +21,9 @@ from ridgebayes.table.columns import CURVE, OK, TRANSITION
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.table import ContactTable
 
+Row = tuple[int, list[str]]  # line of a record, from 1, and its cells
+# Largest number of columns in a file, and of runs, each of which takes some milliseconds.
+MOST = 2000
 SHOWN = 3  # cells that a message lists for one broken rule; further cells are counted
 
 
@@ -210,7 +214,7 @@ class FileError(InputError):
     wrong, needs : list of str
         Broken rules, and facts that the user has to give.
     options : dict of str to str
-        Options for a second try, by name; ``?`` stands for a value that only the user knows.
+        Options for a second try, by name; ``?`` is a value that the user has to give.
     mapping : dict of str to str
         Entries of ``--map`` for a second try.
     known : dict of str to str
@@ -233,7 +237,6 @@ class FileError(InputError):
     messages: list[str] = field(default_factory=list)
     columns: str = ""
     _cells: dict[tuple[str, str], list[int]] = field(default_factory=dict)
-    _reported_cells: set[tuple[int, str]] = field(default_factory=set)
 
     def __str__(self) -> str:
         lines = [*self.wrong, *self.needs]
@@ -242,7 +245,8 @@ class FileError(InputError):
         counts = ((len(self.wrong), "rules broken"), (len(self.needs), "values missing or unclear"))
         head = " and ".join(f"{n} {what}" for n, what in counts if n)
         more = [f"and {len(lines) - MOST_SHOWN} more"] if len(lines) > MOST_SHOWN else []
-        return "\n  ".join([f"{self.where}: {head}", *lines[:MOST_SHOWN], *more])
+        shown = [line.removeprefix(self.where).lstrip(",: ") for line in lines[:MOST_SHOWN]]
+        return "\n  ".join([f"{self.where}: {head}", *shown, *more])
 
     def __bool__(self) -> bool:
         return bool(self.wrong or self.needs or self._cells)
@@ -261,14 +265,13 @@ class FileError(InputError):
     def cells(self, bad: "BoolArray | IntArray | pd.Index[int]", header: str, rule: str) -> None:
         """Record cells that break a rule, by a mask or by row numbers; report each cell once."""
         rows = np.flatnonzero(bad) if bad.dtype == bool else bad
-        fresh = [row for row in rows.tolist() if (row, header) not in self._reported_cells]
-        if fresh:
-            self._reported_cells |= {(row, header) for row in fresh}
+        seen = {row for (name, _), rows in self._cells.items() if name == header for row in rows}
+        if fresh := [row for row in rows.tolist() if row not in seen]:
             self._cells.setdefault((header, rule), []).extend(fresh)
 
     def rows(self) -> set[int]:
         """Return the rows with a reported cell."""
-        return {row for row, _ in self._reported_cells}
+        return set(chain(*self._cells.values()))
 
     def broken_rows(self) -> set[int]:
         """Return the rows with a reported cell that no option mends."""
@@ -288,16 +291,27 @@ class FileError(InputError):
         texts = []
         for (header, rule), rows in self._cells.items():
             first = heapq.nsmallest(SHOWN, rows)
-            spots = [source.spot(row, header) for row in first]
             cells = [clipped(source.typed(row, header)) for row in first]
-            if len(rows) == 1:
-                text = f"{source.where}, {spots[0]}, column {header!r} = {cells[0]}: {rule}"
-            else:
-                pairs = [f"{spot} = {cell}" for spot, cell in zip(spots, cells, strict=True)]
-                shown = some_of(pairs, SHOWN, len(rows))
-                text = f"column {header!r}, {len(rows)} cells: {rule}: {shown}"
+            spots = list(zip([source.spot(row, header) for row in first], cells, strict=True))
+            text = broken_rule(source.where, f"column {header!r}", rule, spots, len(rows))
             texts.append((first[0], text))
         return [text for _, text in sorted(texts, key=lambda item: item[0])]
+
+
+def broken_rule(where: str, name: str, rule: str, spots: Sequence[tuple[str, str]], n: int) -> str:
+    """Return the message for n cells of a column that break a rule; `spots` are the first cells.
+
+    Examples
+    --------
+    >>> broken_rule("t.csv", "Q", "expected 4", [("row 1", "5")], 1)
+    't.csv, row 1, Q = 5: expected 4'
+    >>> broken_rule("t.csv", "Q", "expected 4", [("row 1", "5"), ("row 3", "7")], 2)
+    't.csv, Q, 2 cells: expected 4: row 1 = 5, row 3 = 7'
+    """
+    if n == 1:
+        return f"{where}, {spots[0][0]}, {name} = {spots[0][1]}: {rule}"
+    shown = some_of([f"{place} = {cell}" for place, cell in spots], SHOWN, n)
+    return f"{where}, {name}, {n} cells: {rule}: {shown}"
 
 
 FIRST = 4  # smallest Q with a transition load: two ridges touch at any load

@@ -14,13 +14,10 @@ from typing import Any
 import numpy as np
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.cells import TextTable
-from ridgebayes.fea.delimited import LOOKED_AT, Row, find_header, n_known
+from ridgebayes.fea.delimited import LOOKED_AT, TextTable, find_header, n_known
 from ridgebayes.fea.record import FileError, Given
 from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
 
-# Largest ratio of unpacked to packed size, for more than a megabyte: refuses zip bombs.
-LARGEST_RATIO = 200
 MOST_CELLS = 250_000  # largest number of cells or rows of a worksheet; openpyxl takes seconds
 _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
 _PARSED = (".xml", ".rels")
@@ -55,30 +52,23 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
     """
     _check_archive(content, str(path))
     grids, typed = _grids(content, problems, facts.sheet)
-    name, cells = next(iter(grids.items()))
-    if len(cells) <= facts.skip_rows:
+    name, rows = next(iter(grids.items()))
+    if len(rows) <= facts.skip_rows:
         raise InputError(f"{path}, sheet {name!r}: the file is empty")
+    problems.where = f"{path}, sheet {name!r}"
+    places: list[tuple[str, int]] = []
+    if len(grids) > 1:
+        rows, places = _joined(path, grids, facts, problems)
+        facts = replace(facts, header_row=None, skip_rows=0)
     letter = import_module("openpyxl.utils").get_column_letter
-    if len(grids) == 1:
-        problems.where = f"{path}, sheet {name!r}"
-        numbered = _padded(cells)[facts.skip_rows :]
-        return TextTable(
-            numbered, "\t", facts, problems, lambda line, i: f"cell {letter(i)}{line}", typed
-        )
-    rows, places = _joined(path, grids, facts, problems)
 
     def spot(line: int, column: int) -> str:
-        sheet, at = places[line - 1]
-        return f"sheet {sheet!r}, cell {letter(column)}{at}"
+        sheet, at = places[line - 1] if places else ("", line)
+        return f"{sheet and f'sheet {sheet!r}, '}cell {letter(column)}{at}"
 
-    facts = replace(facts, header_row=None, skip_rows=0)
-    return TextTable(_padded(rows), "\t", facts, problems, spot, typed)
-
-
-def _padded(rows: list[list[str]]) -> list[Row]:
-    """Return numbered rows, from 1, padded with empty cells to equal width."""
     width = max(map(len, rows))
-    return [(i, [*cells, *[""] * (width - len(cells))]) for i, cells in enumerate(rows, start=1)]
+    padded = [(i, [*row, *[""] * (width - len(row))]) for i, row in enumerate(rows, start=1)]
+    return TextTable(padded[facts.skip_rows :], "Excel", facts, problems, cell=spot, typed=typed)
 
 
 def _joined(
@@ -117,20 +107,12 @@ def _check_archive(content: bytes, where: str) -> None:
     with unreadable, zipfile.ZipFile(io.BytesIO(content)) as archive:
         members = archive.infolist()
         parsed = [member for member in members if member.filename.lower().endswith(_PARSED)]
-        total, size = (sum(member.file_size for member in some) for some in (members, parsed))
-        rules = {
-            f"unpacks to {total} bytes from {len(content)}; expected at most {LARGEST_RATIO} times "
-            "its size": total <= max(10**6, LARGEST_RATIO * len(content)),
-            f"{size} bytes of sheets; expected at most {LARGEST_TEXT}, save larger tables as CSV": (
-                size <= LARGEST_TEXT
-            ),
-            "holds macros; expected a workbook without macros": not any(
-                "vbaproject" in member.filename.lower() for member in members
-            ),
-        }
-        for rule, holds in rules.items():
-            if not holds:
-                raise InputError(f"{where}: {rule}")
+        size = sum(member.file_size for member in parsed)
+        if size > LARGEST_TEXT:
+            rule = f"expected at most {LARGEST_TEXT}, save larger tables as CSV"
+            raise InputError(f"{where}: {size} bytes of sheets; {rule}")
+        if any("vbaproject" in member.filename.lower() for member in members):
+            raise InputError(f"{where}: holds macros; expected a workbook without macros")
         for member in parsed:
             _check_xml(archive.read(member), member.filename, where)
 

@@ -10,13 +10,12 @@ from scipy.interpolate import krogh_interpolate
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.record import SHOWN
+from ridgebayes.fea.record import MOST, SHOWN
 from ridgebayes.fea.words import MOST_DISTINCT
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import row_codes
 
-MOST = 2000  # largest number of runs in a file, each of which takes some milliseconds
 _GAP_ROUNDING = 1e-12  # gap over R of a body that touches a corner, by rounding errors
 
 

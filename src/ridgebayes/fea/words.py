@@ -51,6 +51,18 @@ def unit_factor(unit: str, dimension: Dimension) -> Fraction | None:
         return None
 
 
+def load_kind(unit: str) -> str:
+    """Return the key of the kind of load that a unit has: p, line or force; empty if none.
+
+    Examples
+    --------
+    >>> load_kind("N/mm"), load_kind("mm")
+    ('line', '')
+    """
+    kinds = ("p", "line", "force")
+    return next((key for key in kinds if unit_factor(unit, DIMENSIONS[key]) is not None), "")
+
+
 def split_header(header: str) -> tuple[str, str]:
     """Split a header into its words and the text in place of a unit.
 
@@ -91,8 +103,8 @@ def number_and_unit(text: str) -> tuple[float, str]:
     return (math.nan, "") if match is None else (float(match[0]), text[match.end() :].strip())
 
 
-def column_unit(key: str, header: str, explicit: str | None, where: str) -> tuple[str, Fraction]:
-    """Return the unit of a column and its factor to SI; "" and 1 if it has no unit.
+def column_unit(key: str, header: str, explicit: str | None) -> tuple[str, Fraction, str]:
+    """Return the unit of a column, its factor to SI, and the broken rule; "" and 1 if none.
 
     Parameters
     ----------
@@ -102,46 +114,37 @@ def column_unit(key: str, header: str, explicit: str | None, where: str) -> tupl
         Header in the file.
     explicit : str or None
         Unit in the mapping; ``1`` for no unit, None to use the header's unit.
-    where : str
-        File, for messages.
 
-    Raises
-    ------
-    InputError
-        If the unit is unknown, has another dimension, or differs from the header's unit.
+    Examples
+    --------
+    >>> column_unit("a", "w [mm]", None), column_unit("a", "w [mm]", "um")[2]
+    (('mm', Fraction(1, 1000), ''), "the mapping says 'um'; expected one unit a column")
     """
     words, unit = split_header(header)
-    place, dimension = f"{where}, header {header!r}", DIMENSIONS.get(key)
-    if explicit is not None:
-        of_header = unit_factor(unit, dimension) if dimension and unit else None
-        is_unit_too = dimension is not None and explicit not in _UNITS["none"]
-        if is_unit_too and of_header not in (None, unit_factor(explicit, dimension)):
-            raise InputError(f"{place}: the mapping says {explicit!r}; expected one unit a column")
-        unit = explicit.strip()
-    if dimension is None:
-        if unit == "%":
-            return "%", Fraction(1, 100)
-        if power := _POWER.fullmatch(unit):
-            return unit, Fraction(10) ** int(power[1])
-        if is_unit(unit) or (explicit is not None and unit not in _UNITS["none"]):
-            raise InputError(f"{place}: unit {unit!r}: expected {key} is a plain number, or in %")
-        return "", Fraction(1)
+    dimension, header_unit, unity = DIMENSIONS.get(key), unit, Fraction(1)
+    unit = unit if explicit is None else explicit.strip()
+    factor = unit_factor(unit, dimension) if dimension else None
     if unit in _UNITS["none"]:
         # A header such as "a mm" must not be read as a number without unit.
         last = re.split(r"[\s_/]+", words)[-1]
-        if explicit is None and last != words and unit_factor(last, dimension) is not None:
-            raise InputError(
-                f"{place}: {last!r} may be its unit; expected --map '{key}={header};{last}', or "
-                "1 in its place for no unit"
-            )
-        return "", Fraction(1)
-    factor = unit_factor(unit, dimension)
+        is_unit_too = dimension and explicit is None and last != words
+        if dimension and is_unit_too and unit_factor(last, dimension) is not None:
+            way = f"expected --map '{key}={header};{last}', or 1 in its place for no unit"
+            return "", unity, f"{last!r} may be its unit; {way}"
+        return "", unity, ""
+    if dimension is None:
+        power = _POWER.fullmatch(unit)
+        if unit == "%" or power:
+            return unit, Fraction(10) ** int(power[1]) if power else Fraction(1, 100), ""
+        is_wrong = explicit is not None or is_unit(unit)
+        rule = f"unit {unit!r}: expected {key} is a plain number, or in %"
+        return "", unity, rule if is_wrong else ""
     if factor is None or factor <= 0:
-        raise InputError(
-            f"{place}: {unit!r} is no unit of {dimension}: expected a unit such as [mm], [kPa] or "
-            f"[N/mm], or in the mapping {key}={header};1 for none"
-        )
-    return unit, factor
+        way = f"a unit such as [mm], [kPa] or [N/mm], or in the mapping {key}={header};1 for none"
+        return "", unity, f"{unit!r} is no unit of {dimension}: expected {way}"
+    if unit_factor(header_unit, dimension) not in (None, factor):
+        return "", unity, f"the mapping says {explicit!r}; expected one unit a column"
+    return unit, factor, ""
 
 
 def divided(over: FloatArray, *under: FloatArray) -> FloatArray:
@@ -174,6 +177,9 @@ _PATTERNS = [
 _TERMS = {term: _any_of(count["words"]) for term, count in _WORDS["counts"].items()}
 NOT_READ, DISGUISES, OPTIONS = (_WORDS[name] for name in ("not_read", "disguises", "options"))
 OF_NODES, ANSYS_CLOSED = _WORDS["nodes"], _WORDS["status"]["ansys_closed"]
+N_PLANE_FACES = _WORDS["calculix"]["n_plane_faces"]
+PLANE_CORNERS = _WORDS["calculix"]["plane_corners"]
+PRINTED_ROUNDING = _WORDS["calculix"]["rounding"]
 COUNTS = {term: count["said"] for term, count in _WORDS["counts"].items()}
 STATUS_RULE = (
     "expected open or 0, closed or 1, or an empty cell; --closed-is says which codes are contact"
