@@ -252,8 +252,8 @@ def _session(leader: int) -> list[str]:
 
 def _main() -> None:
     """Import what commands do; fork a child for each request, say its number, and how it ended."""
-    for declared in cli.COMMANDS.values():
-        import_module(f"ridgebayes.commands.{declared['module']}")
+    for module, _ in cli._COMMANDS.values():
+        import_module(f"ridgebayes.commands.{module}")
     for module in (*cli._RUN_MODULES, "emcee"):
         import_module(module)
     # What xarray imports when it writes for the first time.
