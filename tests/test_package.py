@@ -126,7 +126,10 @@ def test_errors__can_be_told_apart_and_caught_together():
     [
         ("emcee", ["inference/emcee_sampling"]),
         ("arviz", ["runtime/quiet"]),
-        ("typer", ["commands/cli", "commands/options"]),
+        (
+            "typer",
+            [f"commands/{name}" for name in ("cli", "shared_options", "table_options")],
+        ),
         ("rich", ["commands/terminal", "runtime/progress"]),
         ("distributed", ["runtime/cluster"]),
     ],

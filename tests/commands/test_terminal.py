@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 import ridgebayes as rb
 from ridgebayes.commands.answers import _rounded
 from ridgebayes.commands.cli import app
-from ridgebayes.commands.terminal import Answer, Output, tell, to_plain
+from ridgebayes.commands.shared_options import Output
+from ridgebayes.commands.terminal import Answer, tell, to_plain
 
 KEYS = ["command", "version", "exit_code", "messages", "files", "result"]
 COMMANDS = [one.name for one in app.registered_commands]

@@ -11,9 +11,9 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from importlib import import_module
 from inspect import Signature
-from types import SimpleNamespace
 from typing import Annotated, Any
 
 # Small matrices are fastest with one BLAS thread. This must be set before numpy is imported.
@@ -22,9 +22,25 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from ridgebayes.commands.options import COMMANDS, OUTPUT, parameters_of
+from ridgebayes.commands import options, table_options
+from ridgebayes.commands.shared_options import Output, help_of, parameters_of
 from ridgebayes.errors import ComputationError, InputError, OutputError
 
+_COMMANDS: dict[str, tuple[str, type[Any]]] = {  # module and options record by command name
+    "run": ("run", options.Run),
+    "generate": ("generate", table_options.Generate),
+    "fit": ("run", options.FitOne),
+    "compare": ("run", options.Compare),
+    "predict": ("predict", options.Predict),
+    "friction": ("friction", options.Friction),
+    "design": ("design", options.DesignOptions),
+    "coverage": ("coverage", options.Coverage),
+    "plan": ("plan", table_options.PlanOptions),
+    "cost": ("cost", table_options.Cost),
+    "import": ("import_", table_options.Import),
+    "export-deck": ("export_deck", table_options.ExportDeck),
+    "report": ("run", options.Report),
+}
 # Imported by the workers of `run` while this process imports its own modules.
 _RUN_MODULES = ("ridgebayes.commands.run", "h5netcdf", "scipy.stats", "xarray", "arviz_stats.base")
 _FIGURE_MODULES = (
@@ -56,27 +72,27 @@ def _program(
 ) -> None: ...
 
 
-def _command_function(name: str) -> Callable[..., None]:
+def _command_function(name: str, module: str, options_of: type[Any]) -> Callable[..., None]:
     """Return the function of a command, with its options and the output options as parameters."""
 
     def call(**typed: Any) -> None:
-        output = {option: typed.pop(option) for option in OUTPUT}
-        code = _run_command(name, SimpleNamespace(command=name, **typed), output)
+        output = Output(**{record.name: typed.pop(record.name) for record in fields(Output)})
+        code = _run_command(name, module, options_of(**typed), output)
         if code:
             raise typer.Exit(code)
 
-    parameters = parameters_of(name)
-    call.__name__, call.__doc__ = name, COMMANDS[name]["help"]
-    call.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    parameters = [p for record in (options_of, Output) for p in parameters_of(record)]
+    call.__name__, call.__doc__ = name, help_of(options_of)[0]
+    call.__annotations__ = {record.name: record.annotation for record in parameters}
     call.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     return call
 
 
-for _name in COMMANDS:
-    app.command(_name)(_command_function(_name))
+for _name, _definition in _COMMANDS.items():
+    app.command(_name)(_command_function(_name, *_definition))
 
 
-def _run_command(name: str, asked: SimpleNamespace, typed_output: dict[str, bool]) -> int:
+def _run_command(name: str, module: str, asked: Any, output: Output) -> int:
     """Run a command, print its answer or error, and return the exit code."""
     if name == "run" and asked.scheduler is None and asked.workers != 1:
         # Workers import at the same time as this process. Quick runs draw no figures in workers.
@@ -84,11 +100,10 @@ def _run_command(name: str, asked: SimpleNamespace, typed_output: dict[str, bool
         import_module("ridgebayes.runtime.pool").start_server(_RUN_MODULES + figures)
     terminal = import_module("ridgebayes.commands.terminal")
     progress = import_module("ridgebayes.runtime.progress")
-    output = terminal.Output(**typed_output)
     answer, code, error = terminal.Answer(), 0, ""
     level = progress.VERBOSITY.set(output.verbosity)
     try:
-        answer = import_module(f"ridgebayes.commands.{COMMANDS[name]['module']}").command(asked)
+        answer = import_module(f"ridgebayes.commands.{module}").command(asked)
         code, error = (1 if answer.problem else 0), answer.problem
     except InputError as bad:
         code, error = 2, str(bad)
@@ -131,8 +146,8 @@ def main() -> None:
         code = app(standalone_mode=False)
     except _UsageError as error:
         terminal = import_module("ridgebayes.commands.terminal")
-        name, code = next((word for word in words if word in COMMANDS), None), error.exit_code
-        output = terminal.Output(as_json=True)
+        name, code = next((word for word in words if word in _COMMANDS), None), error.exit_code
+        output = Output(as_json=True)
         terminal.tell(name, terminal.Answer(), code, error.format_message(), output)
     sys.exit(code if isinstance(code, int) else 0)
 

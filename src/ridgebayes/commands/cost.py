@@ -1,8 +1,7 @@
 """`ridgebayes cost`: error and run time of each accuracy for a table on this machine."""
 
-from types import SimpleNamespace
-
 from ridgebayes.checks.cost import cost
+from ridgebayes.commands import table_options as options
 from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.runtime.pool import executor_for
@@ -15,7 +14,7 @@ from ridgebayes.table.table import read_table
 COST_CSV = "cost.csv"
 
 
-def command(asked: SimpleNamespace) -> Answer:
+def command(asked: options.Cost) -> Answer:
     """Measure error and run time of each accuracy and write them to cost.csv."""
     if asked.source is not None and asked.source.suffix == ".toml":
         scene = Scene.from_toml(asked.source)

@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
 
 from ridgebayes import drawing
 from ridgebayes.checks.coverage import coverage
+from ridgebayes.commands.options import Coverage
 from ridgebayes.commands.parsing import parse_forms, parse_names
 from ridgebayes.commands.run_files import EMBEDDED, about_run
 from ridgebayes.commands.run_folder import new_folder, write_csv, write_json
@@ -23,7 +23,7 @@ from ridgebayes.table.datafiles import paper_sweep
 COVERAGE_JSON = "coverage.json"
 
 
-def command(asked: SimpleNamespace) -> Answer:
+def command(asked: Coverage) -> Answer:
     """Compute the share of transitions of left-out textures inside the bands of each form.
 
     The output folder contains coverage.csv, a figure as PNG and SVG, and coverage.json.

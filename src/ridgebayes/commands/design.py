@@ -1,10 +1,10 @@
 """`ridgebayes design`: search for textures that meet a goal, given a run and a scene."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import pandas as pd
 
+from ridgebayes.commands import options
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.terminal import Answer, files_in
@@ -24,7 +24,7 @@ _ABOUT = "design.json"
 _MIN_RESOLVED_SHARE = 0.01  # of the uncertainty, for a recommended measurement
 
 
-def command(asked: SimpleNamespace) -> Answer:
+def command(asked: options.DesignOptions) -> Answer:
     """Find textures that meet the goals and write them, a figure and a page to the folder."""
     scene = Scene.from_toml(asked.scene)
     body = scene.body

@@ -1,14 +1,13 @@
 """`ridgebayes export-deck`: write a scene as an input deck for a finite-element program."""
 
-from types import SimpleNamespace
-
+from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import refuse_output
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.fea.deck_text import REACTION, SURFACE, export_deck
 from ridgebayes.scene.scene import Scene
 
 
-def command(asked: SimpleNamespace) -> Answer:
+def command(asked: options.ExportDeck) -> Answer:
     """Write the deck; print the command that imports its results."""
     refuse_output(asked.out, asked.force, ".inp")
     disk = export_deck(asked.scene, asked.program, asked.out, edges=asked.edges)

@@ -5,11 +5,11 @@ With --model the command also computes bands of the friction model and their sou
 
 from collections.abc import Iterator
 from functools import reduce
-from types import SimpleNamespace
 
 import pandas as pd
 import xarray as xr
 
+from ridgebayes.commands import options
 from ridgebayes.commands.parsing import refuse_output
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import write_csv
@@ -27,7 +27,7 @@ _SHOWN = ("p_over_E", "Q", "contact_length_over_R", "ridge_force_mean", "penetra
 _MAX_MODEL_DRAWS = 20_000  # draws for the bands; limits memory
 
 
-def command(asked: SimpleNamespace) -> Answer:
+def command(asked: options.Friction) -> Answer:
     """Write joint draws and, with --model, the bands and variance shares of friction."""
     mu_path, shares_path = (
         asked.out.with_name(f"{asked.out.stem}-{name}.csv") for name in ("mu", "mu-shares")

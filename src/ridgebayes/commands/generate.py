@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
+from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import medians_taken, refuse_output
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError
@@ -25,7 +25,7 @@ from ridgebayes.table.files import check_name
 from ridgebayes.table.table import ContactTable
 
 
-def command(asked: SimpleNamespace) -> Answer:
+def command(asked: options.Generate) -> Answer:
     """Compute the table of a scene or of typed textures and write it."""
     refuse_output(asked.out, asked.force)
     if asked.scene is not None and asked.texture:

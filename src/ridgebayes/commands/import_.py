@@ -6,10 +6,10 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from types import SimpleNamespace
 
-from ridgebayes.commands.options import flags_of, options_of
+from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import parse_numbers, refuse_output
+from ridgebayes.commands.shared_options import FLAGS
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.errors import InputError
 from ridgebayes.fea.read import import_files
@@ -19,7 +19,7 @@ from ridgebayes.runtime.text import count
 from ridgebayes.scene.typed import parse_texture
 
 
-def command(asked: SimpleNamespace) -> Answer:
+def command(asked: options.Import) -> Answer:
     """Import files and write a contact table; suggest a command line if facts are missing."""
     for path in (asked.write_map, None if asked.dry_run else asked.out):
         if path is not None:
@@ -79,11 +79,10 @@ def _codes(text: str) -> tuple[int, ...]:
 
 
 def _command_line(
-    asked: SimpleNamespace, more: Mapping[str, str] | None = None, mapping: Mapping[str, str] = {}
+    asked: options.Import, more: Mapping[str, str] | None = None, mapping: Mapping[str, str] = {}
 ) -> str:
     """Return the typed command line with additional options, quoted for a shell."""
-    values, declared = vars(asked) | dict(more or {}), options_of("import")
-    del values["command"]
+    values = vars(asked) | dict(more or {})
     files = [str(path) for path in values.pop("file")]
     values["out"] = values["out"] or f"{Path(files[0]).stem}-table.csv"
     typed = [word for word in asked.mapping or () if word.partition("=")[0].strip() not in mapping]
@@ -93,7 +92,7 @@ def _command_line(
         values["empty"] = [*(asked.empty or ()), *values["empty"].split("\n")]
     words = ["ridgebayes", "import", *files]
     for name, value in values.items():
-        option = flags_of(name, declared.get(name, {}))[0]
+        option = FLAGS.get(name, (f"--{name.replace('_', '-')}",))[0]
         if value is True:
             words.append(option)
         elif value is not False and value not in (None, "", []):
@@ -103,7 +102,7 @@ def _command_line(
 
 
 def _write_map(
-    path: Path, columns: Mapping[str, str], needed: Mapping[str, str], asked: SimpleNamespace
+    path: Path, columns: Mapping[str, str], needed: Mapping[str, str], asked: options.Import
 ) -> None:
     """Write a TOML file of columns and values, with marks for those to fill in."""
     constants = {key: getattr(asked, key) for key in ("R", "E", "nu", "thickness")}

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from types import SimpleNamespace
 
 import pandas as pd
 
+from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import medians_taken, refuse_output
 from ridgebayes.commands.terminal import Answer, files_in, warn
 from ridgebayes.errors import InputError, RidgebayesError
@@ -27,7 +27,7 @@ _METHODS = {
 }
 
 
-def command(asked: SimpleNamespace) -> Answer:
+def command(asked: options.PlanOptions) -> Answer:
     """Run `ridgebayes plan`, or write a new scene file."""
     if asked.new is not None:
         return _new_scene(asked)
@@ -59,7 +59,7 @@ def command(asked: SimpleNamespace) -> Answer:
     )
 
 
-def _new_scene(asked: SimpleNamespace) -> Answer:
+def _new_scene(asked: options.PlanOptions) -> Answer:
     """Write a commented scene file as a template."""
     path = asked.new
     if path is None or asked.scene is not None:

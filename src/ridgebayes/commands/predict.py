@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import pandas as pd
 
 from ridgebayes import drawing
 from ridgebayes._types import FloatArray
+from ridgebayes.commands import options
 from ridgebayes.commands.parsing import parse_form, parse_inches, refuse_output
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.terminal import MOST_SHOWN, Answer
@@ -40,7 +40,7 @@ _REL_STEP = np.sqrt(np.finfo(float).eps)
 _PROB_ERROR = "0.005 (from the number of draws)"
 
 
-def command(asked: SimpleNamespace) -> Answer:
+def command(asked: options.Predict) -> Answer:
     """Run `ridgebayes predict`."""
     check_name(asked.out)
     refuse_output(asked.out, asked.force)
@@ -86,7 +86,7 @@ def command(asked: SimpleNamespace) -> Answer:
     return _answer(bands, files, unit)
 
 
-def _scene(asked: SimpleNamespace) -> Scene | None:
+def _scene(asked: options.Predict) -> Scene | None:
     """Return the scene of the file, or of typed values if one has an error, or else None."""
     typed = {"--R": asked.R, "--E": asked.E, "--thickness": asked.thickness}
     if asked.scene is None:
@@ -99,7 +99,7 @@ def _scene(asked: SimpleNamespace) -> Scene | None:
     return Scene.from_toml(asked.scene)
 
 
-def _typed_scene(asked: SimpleNamespace) -> Scene:
+def _typed_scene(asked: options.Predict) -> Scene:
     """Return the scene of the values on the command line, some of which have errors."""
     varies = asked.R is not None and is_uncertain(asked.R)
     if varies and not all(map(has_unit, asked.texture or ())):
@@ -135,7 +135,7 @@ def _typed_scene(asked: SimpleNamespace) -> Scene:
     return scene.model_copy(update={"textures": exact})
 
 
-def _scene_loads(asked: SimpleNamespace, scene: Scene) -> dict[str, Any]:
+def _scene_loads(asked: options.Predict, scene: Scene) -> dict[str, Any]:
     """Return the loads at which to predict a scene with distributions; empty for its own loads."""
     for option, value in (("--texture", asked.texture), ("--nu", asked.nu)):
         if value and asked.scene is not None:
@@ -166,7 +166,7 @@ def _unit_of(body: Body) -> tuple[float, str] | None:
 
 
 def _where(
-    asked: SimpleNamespace, scene: Scene | None
+    asked: options.Predict, scene: Scene | None
 ) -> tuple[Sequence[scaling.Texture], FloatArray, float, tuple[float, str] | None]:
     """Return textures, loads, Poisson's ratio and the unit of loads, as typed or of the scene."""
     body = Body.of(asked.R, asked.E, asked.thickness) if scene is None else scene.body

@@ -12,7 +12,6 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
@@ -22,7 +21,7 @@ from ridgebayes.checks.cost import cost
 from ridgebayes.checks.coverage import coverage
 from ridgebayes.checks.left_out import left_out_scores
 from ridgebayes.checks.report_data import ReportData, report_data
-from ridgebayes.commands import BEGAN
+from ridgebayes.commands import BEGAN, options
 from ridgebayes.commands.answers import comparison_answer, fit_answer
 from ridgebayes.commands.parsing import parse_form, parse_forms, parse_odds
 from ridgebayes.commands.run_files import (
@@ -35,6 +34,7 @@ from ridgebayes.commands.run_files import (
     write_run_json,
 )
 from ridgebayes.commands.run_folder import new_folder, write_csv
+from ridgebayes.commands.shared_options import DEFAULT_OUT
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.comparison.compare import compared
@@ -66,21 +66,21 @@ _DEFAULT_OPTIONS = (("noise", AUTO), ("accuracy", STANDARD.name))
 _EXTRA_STAGES = ("textures and steps left out", "coverage of the bands", "what accuracy costs")
 
 
-def command(asked: SimpleNamespace) -> Answer:
+def command(asked: options.Run | options.Compare | options.FitOne | options.Report) -> Answer:
     """Run `ridgebayes run`, `compare`, `fit` or `report`."""
-    if asked.command == "report":
+    if isinstance(asked, options.Report):
         report_job(asked.folder)
         pages = {"report.html", "report.md", "figures"}
         written = [path for path in files_in(asked.folder) if not pages.isdisjoint(path.parts)]
         return Answer((f"read {asked.folder / 'report.html'}",), files=written)
     arguments = vars(asked) | {"prior_odds": parse_odds(getattr(asked, "prior_odds", ""))}
     out, seed = arguments.pop("out"), arguments.pop("seed")
-    if asked.command == "fit":
+    if isinstance(asked, options.FitOne):
         arguments["forms"] = [parse_form(arguments.pop("form"))]
-        return fit_answer(run(folder=out, rng=seed, **arguments), out)
+        return fit_answer(run(folder=out, rng=seed, command="fit", **arguments), out)
     arguments["forms"] = parse_forms(asked.forms)
-    if asked.command == "compare":
-        done = run(folder=out, rng=seed, resume=None, **arguments)
+    if isinstance(asked, options.Compare):
+        done = run(folder=out, rng=seed, command="compare", resume=None, **arguments)
         return comparison_answer(done, out)
     done = run(folder=out, rng=seed, began=BEGAN, **arguments)
     return comparison_answer(done, out, f"read {out / 'report.html'}")
@@ -88,7 +88,7 @@ def command(asked: SimpleNamespace) -> Answer:
 
 def run(
     table: TableLike | None = None,
-    folder: str | os.PathLike[str] = "ridgebayes-out",
+    folder: str | os.PathLike[str] = DEFAULT_OUT,
     *,
     forms: FormsLike = (),
     noise: str | Noise = AUTO,

@@ -12,24 +12,11 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import __version__
+from ridgebayes.commands.shared_options import Output
 from ridgebayes.runtime.progress import VERBOSITY
 
 MOST_SHOWN = 5  # rows shown for a texture (loads) or a form (coefficients, error models)
 _MAX_NAMES_LISTED = 16  # files and folders in one line
-
-
-@dataclass(frozen=True)
-class Output:
-    """Amount and format of the output: the options of all commands."""
-
-    quiet: bool = False
-    verbose: bool = False
-    as_json: bool = False
-
-    @property
-    def verbosity(self) -> int:
-        """Verbosity -1, 0 or 1, as in `ridgebayes.runtime.progress.VERBOSITY`."""
-        return -1 if self.quiet else int(self.verbose)
 
 
 @dataclass(frozen=True)
