@@ -209,3 +209,13 @@ def test_reaching_loads__of_narrow_ridges_are_all_found(seed):
     assert set(found.status) == {"ok"}
     assert (np.diff(found.W) > 0).all()
     assert 1.3 * found.W[-1] > 0.02  # the next one lies beyond
+
+
+def test_reaching_loads__of_ridges_that_contact_has_just_reached_are_all_found():
+    """At every second event the contact on a ridge of a body nearly over a groove is new."""
+    profile = Profile(0.758, 0.242, offset=0.0344)
+    found = reaching_loads(profile, W_max=24.5)
+    assert found.status == ("ok",) * 14
+    W = float(found.W[0])
+    with_next = solve_contact(profile, W * (1 + 1e-6))
+    assert (solve_contact(profile, W * (1 - 1e-6)).Q, with_next.Q) == (1, 2)
