@@ -213,7 +213,7 @@ def test_reaching_loads__of_narrow_ridges_are_all_found(seed):
 
 def test_reaching_loads__of_ridges_that_contact_has_just_reached_are_all_found():
     """At every second event the contact on a ridge of a body nearly over a groove is new."""
-    profile = Profile(0.758, 0.242, offset=0.0344)
+    profile = Profile(0.7578946056, 0.2421053944, offset=0.0344323108)
     found = reaching_loads(profile, W_max=24.5)
     assert found.status == ("ok",) * 14
     W = float(found.W[0])

@@ -185,10 +185,10 @@ class _Rounds:
         column[ridge[last], :, event[last]] = -row.energies * contacts.by_force[:, last].T
         column[ridge[last], 0, event[last]] = -(math.pi**2) * np.log(contacts.share[last])
         column, force = row.solve(column), (np.arange(n), 0, np.arange(n))
-        change, by_approach = (
-            x - column * (x[force] / (1 + column[force]))
-            for x in (-row.solve(residual), self._by_approach)
-        )
+        softer = column / (1 + column[force])
+        by_approach = self._by_approach - softer * self._by_approach[force]
+        change: FloatArray = -row.solve(residual)
+        change -= softer * change[force]
         # The change of the approach keeps the surface in touch with the ridge ahead.
         lift = 1 - total_potential(potentials, by_approach)
         change += by_approach * total_potential(potentials, change) / lift
@@ -196,7 +196,8 @@ class _Rounds:
 
     def _mixed(self, change: FloatArray) -> FloatArray:
         """Return the next moments: a secant step through the last two rounds of each event."""
-        at, moments = self._moments, self._moments + change
+        at = self._moments
+        moments: FloatArray = at + change
         if self._last is not None:
             moved, changed = at - self._last[0], change - self._last[1]
             size = np.einsum("nmk,nmk->k", changed, changed)
