@@ -219,3 +219,10 @@ def test_reaching_loads__of_ridges_that_contact_has_just_reached_are_all_found()
     W = float(found.W[0])
     with_next = solve_contact(profile, W * (1 + 1e-6))
     assert (solve_contact(profile, W * (1 - 1e-6)).Q, with_next.Q) == (1, 2)
+
+
+def test_reaching_loads__over_floors_are_found_at_a_coarse_tolerance():
+    profile = Profile(0.0466, 0.0302, depth=0.00245)
+    coarse, fine = (reaching_loads(profile, W_max=0.12, rel_tol=tol) for tol in (1e-3, 1e-6))
+    assert set(coarse.status) == set(fine.status) == {"ok"}
+    np.testing.assert_allclose(coarse.W, fine.W, rtol=1e-3)  # tolerance

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
@@ -227,17 +228,12 @@ class Kinks:
 
         Within an interval this equals h.
         """
-        sums = np.zeros(s.shape)
         size = np.maximum(np.abs(s), 1.0)
         z = 1 / (size + np.sqrt(size**2 - 1))
-        for angle, sign in zip(self.angle, (-1.0, 1.0), strict=True):
-            has = np.flatnonzero(angle)
-            sums[:, has] += _continued(sign * s[:, has], z[:, has], angle[has])
-        sums *= self.bend
-        point, i = np.nonzero((z < _MAX_Z_FAR) & self.angle.any(axis=0))
-        few = self.few[i]
-        zeta = np.copysign(z, s)[point, i, None]
-        sums[point, i] = (few * zeta ** np.arange(_N_FAR)).sum(axis=1)
+        sums: FloatArray = polyval(np.copysign(z, s), self.few.T, tensor=False)
+        point, i = np.nonzero((z >= _MAX_Z_FAR) & self.angle.any(axis=0))
+        s, z, angle = s[point, i], z[point, i], self.angle[:, i]
+        sums[point, i] = self.bend[i] * (_continued(-s, z, angle[0]) + _continued(s, z, angle[1]))
         return sums
 
 
