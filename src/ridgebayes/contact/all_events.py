@@ -5,7 +5,6 @@ effects of round corners and free ends follow by iteration over all events at th
 (docs/derivations/contact.md).
 """
 
-import functools
 import math
 from dataclasses import dataclass
 
@@ -178,13 +177,13 @@ class _Rounds:
         The matrix is that of fully covered ridges. A small contact on the ridge touched last is
         stiffer, and its force moves its other moments: one column of the matrix of each event.
         """
-        row, n = self._row, self._row.n
+        row = self._row
         event, ridge = np.nonzero((row.within & self._active).T)
         last = event == ridge
         column = np.zeros_like(residual)
         column[ridge[last], :, event[last]] = -row.energies * contacts.by_force[:, last].T
         column[ridge[last], 0, event[last]] = -(math.pi**2) * np.log(contacts.share[last])
-        column, force = row.solve(column), (np.arange(n), 0, np.arange(n))
+        column, force = row.solve(column), (self._events, 0, self._events)
         softer = column / (1 + column[force])
         by_approach = self._by_approach - softer * self._by_approach[force]
         change: FloatArray = -row.solve(residual)
@@ -200,8 +199,7 @@ class _Rounds:
         moments: FloatArray = at + change
         if self._last is not None:
             moved, changed = at - self._last[0], change - self._last[1]
-            size = np.einsum("nmk,nmk->k", changed, changed)
-            along = np.einsum("nmk,nmk->k", changed, change)
+            size, along = (changed**2).sum(axis=(0, 1)), (changed * change).sum(axis=(0, 1))
             share = np.divide(along, size, out=np.zeros_like(size), where=size > 0)
             moments -= share * (moved + changed)
         self._last = at, change
@@ -239,13 +237,6 @@ class _Rounds:
         return free
 
 
-@functools.cache
-def _derivative(m: int) -> FloatArray:
-    """Return the matrix from m Chebyshev coefficients to the derivative's, (m, m - 1)."""
-    matrix = chebder(np.eye(m), axis=1)
-    return np.asarray(matrix, dtype=np.float64)
-
-
 def _nearest(
     surface: FloatArray, t: FloatArray, radius: float, flat: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -256,8 +247,8 @@ def _nearest(
     """
     if radius > 0:
         m = surface.shape[1]
-        slope: FloatArray = surface @ _derivative(m)
-        bend: FloatArray = slope @ _derivative(m - 1)
+        slope = chebder(surface, axis=1)
+        bend = chebder(slope, axis=1)
         for _ in range(2):
             waves = chebvander(t, m - 1)
             rise = (slope * waves[:, :-1]).sum(axis=1) - np.maximum(-flat - t, 0.0) / radius

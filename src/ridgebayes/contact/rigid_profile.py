@@ -188,21 +188,16 @@ class Kinks:
         """The first h_n, which suffice far away, shape (n, 8)."""
         return self.series(_N_FAR)
 
-    @cached_property
-    def _sines(self) -> tuple[FloatArray, FloatArray]:
-        """Sine and cosine of the angles."""
-        return np.sin(self.angle), np.cos(self.angle)
-
     def slopes(self) -> FloatArray:
         """Return sums of n^3 h_n T_n at the left and right end, shape (2, n)."""
-        theta, (sine, c) = self.angle, self._sines
+        theta, sine, c = self.angle, np.sin(self.angle), np.cos(self.angle)
         near, far = 3 * sine + (2 - c) * theta, (2 + c) * theta - 3 * sine
         value: FloatArray = self.bend / np.pi * (near + far[::-1])
         return value
 
     def at_ends(self) -> FloatArray:
         """Return sums of n h_n T_n at the left and right end, shape (2, n)."""
-        theta, (sine, c) = self.angle, self._sines
+        theta, sine, c = self.angle, np.sin(self.angle), np.cos(self.angle)
         near = (1 - c) * (sine + theta) + 0.5 * (sine * c - theta)
         far = (1 + c) * (theta - sine) + 0.5 * (sine * c - theta)
         value: FloatArray = self.bend / np.pi * (near + far[::-1])
