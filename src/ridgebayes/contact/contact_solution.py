@@ -120,7 +120,6 @@ def solve_contact(
     W: float,
     *,
     rel_tol: float = DEFAULT_REL_TOL,
-    n_coefficients: int | None = None,
     start: ContactSolution | None = None,
     ridges: range | None = None,
     ahead: Sequence[RigidSegment] = (),
@@ -135,8 +134,6 @@ def solve_contact(
         Load: 4 (1 - nu^2)/pi times p/E. With `ahead`, the smallest load.
     rel_tol : float, optional
         Tolerance of the ends, over their interval's width, of tension and of penetration.
-    n_coefficients : int, optional
-        Number per interval; determined by the profile and the tolerance if not given.
     start : ContactSolution, optional
         Solution at a similar load, as the initial guess.
     ridges : range, optional
@@ -162,7 +159,7 @@ def solve_contact(
     # The strength of a free end errs by a few times the tolerance, which TENSION has to exceed.
     rel_tol = min(rel_tol, (0.1 * TENSION) ** 2)
     half_width = bearing_half_width(profile, W)
-    m = n_coefficients or coefficients_for(profile, rel_tol, half_width)
+    m = coefficients_for(profile, rel_tol, half_width)
     hertz = math.sqrt(2 * W)
     if ridges is None and (first := hertz / profile.pitch) * m > 2 * MOST_UNKNOWNS:
         # The number of ridges is checked before they are listed, because it may be millions.
