@@ -209,3 +209,20 @@ def test_reaching_loads__of_narrow_ridges_are_all_found(seed):
     assert set(found.status) == {"ok"}
     assert (np.diff(found.W) > 0).all()
     assert 1.3 * found.W[-1] > 0.02  # the next one lies beyond
+
+
+def test_reaching_loads__of_ridges_that_contact_has_just_reached_are_all_found():
+    """At every second event the contact on a ridge of a body nearly over a groove is new."""
+    profile = Profile(0.7578946056, 0.2421053944, offset=0.0344323108)
+    found = reaching_loads(profile, W_max=24.5)
+    assert found.status == ("ok",) * 14
+    W = float(found.W[0])
+    with_next = solve_contact(profile, W * (1 + 1e-6))
+    assert (solve_contact(profile, W * (1 - 1e-6)).Q, with_next.Q) == (1, 2)
+
+
+def test_reaching_loads__over_floors_are_found_at_a_coarse_tolerance():
+    profile = Profile(0.0466, 0.0302, depth=0.00245)
+    coarse, fine = (reaching_loads(profile, W_max=0.12, rel_tol=tol) for tol in (1e-3, 1e-6))
+    assert set(coarse.status) == set(fine.status) == {"ok"}
+    np.testing.assert_allclose(coarse.W, fine.W, rtol=1e-3)  # tolerance

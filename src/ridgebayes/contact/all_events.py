@@ -5,7 +5,6 @@ effects of round corners and free ends follow by iteration over all events at th
 (docs/derivations/contact.md).
 """
 
-import functools
 import math
 from dataclasses import dataclass
 
@@ -25,7 +24,6 @@ from ridgebayes.contact.ridge_row import RidgeRow, total_potential
 from ridgebayes.contact.rigid_profile import Profile
 
 _MAX_ROUNDS = 40  # iterations; usually five to fifteen suffice
-_HISTORY = 5  # rounds that Anderson mixing combines
 _MAX_DEPTH_SHARE = 0.9  # penetration over groove depth from which the floor may be touched
 
 
@@ -114,12 +112,12 @@ class _Rounds:
         self._events, self._active = np.arange(n), np.ones(n, dtype=bool)
         self._ends = np.ones((2, n, n))  # ends of contact, by ridge and event
         self._nearest = np.full(n, -1.0)  # t of the nearest point on the ridge ahead
-        self._mixing = _Mixing()
         w, corner, half = row.half_width, row.profile.corner, 0.5 * row.profile.a
         self._radius, self._flat = corner / w**2, (half - corner) / w
         # Whether contact exceeds the half-width of the row, and whether ridges are wider than it.
         self.cut_off, self._cut = False, w < half
         self._moments = self._begin()
+        self._last: tuple[FloatArray, FloatArray] | None = None  # moments and their change
 
     def _begin(self) -> FloatArray:
         """Return moments of fully covered sharp ridges; forces are kept above 0."""
@@ -155,10 +153,7 @@ class _Rounds:
         residual[ridge, 0, event] = math.pi * (contacts.level + row.shift * force - approach[event])
         apart = self._moments[ridge, 1:, event] - contacts.moments[1:].T
         residual[ridge, 1:, event] = row.energies[1:] * apart
-        change = -row.solve(residual)
-        # The change of the approach keeps the surface in touch with the ridge ahead.
-        lift = 1 - total_potential(potentials, self._by_approach)
-        change += self._by_approach * total_potential(potentials, change) / lift
+        change = self._newton(residual, contacts, potentials)
         beyond = contacts.ends - self._flat  # beyond a kink, pressure falls to 0 over this length
         scale = np.where(beyond > 0, np.minimum(beyond, contacts.share), contacts.share)
         moving = (np.abs(contacts.steps) > 0.3 * TENSION * math.sqrt(self._tol) * scale).any(axis=0)
@@ -172,7 +167,44 @@ class _Rounds:
             holds = self._valid(contacts, event, converged) & self._free(field, approach)
             self._ok[converged] = holds[converged]
             self._active &= ~converged
-        self._moments = self._mixing.mixed(self._moments, change)
+        self._moments = self._mixed(change)
+
+    def _newton(
+        self, residual: FloatArray, contacts: RidgeContacts, potentials: FloatArray
+    ) -> FloatArray:
+        """Return the change of moments that removes the residual, (n, m, n_event).
+
+        The matrix is that of fully covered ridges. A small contact on the ridge touched last is
+        stiffer, and its force moves its other moments: one column of the matrix of each event.
+        """
+        row = self._row
+        event, ridge = np.nonzero((row.within & self._active).T)
+        last = event == ridge
+        column = np.zeros_like(residual)
+        column[ridge[last], :, event[last]] = -row.energies * contacts.by_force[:, last].T
+        column[ridge[last], 0, event[last]] = -(math.pi**2) * np.log(contacts.share[last])
+        column, force = row.solve(column), (self._events, 0, self._events)
+        softer = column / (1 + column[force])
+        by_approach = self._by_approach - softer * self._by_approach[force]
+        change: FloatArray = -row.solve(residual)
+        change -= softer * change[force]
+        # The change of the approach keeps the surface in touch with the ridge ahead.
+        lift = 1 - total_potential(potentials, by_approach)
+        change += by_approach * total_potential(potentials, change) / lift
+        return change
+
+    def _mixed(self, change: FloatArray) -> FloatArray:
+        """Return the next moments: a secant step through the last two rounds of each event."""
+        at = self._moments
+        moments: FloatArray = at + change
+        if self._last is not None:
+            moved, changed = at - self._last[0], change - self._last[1]
+            size, along = (changed**2).sum(axis=(0, 1)), (changed * change).sum(axis=(0, 1))
+            share = np.divide(along, size, out=np.zeros_like(size), where=size > 0)
+            moments -= share * (moved + changed)
+        self._last = at, change
+        moments[:, 0] = np.maximum(moments[:, 0], SHRINK * at[:, 0])
+        return moments
 
     def _nearest_on(self, field: FloatArray, ahead: int) -> tuple[FloatArray, FloatArray]:
         """Return the nearest points of surfaces on ridges ahead, and the falls of ridges there."""
@@ -205,13 +237,6 @@ class _Rounds:
         return free
 
 
-@functools.cache
-def _derivative(m: int) -> FloatArray:
-    """Return the matrix from m Chebyshev coefficients to the derivative's, (m, m - 1)."""
-    matrix = chebder(np.eye(m), axis=1)
-    return np.asarray(matrix, dtype=np.float64)
-
-
 def _nearest(
     surface: FloatArray, t: FloatArray, radius: float, flat: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -222,8 +247,8 @@ def _nearest(
     """
     if radius > 0:
         m = surface.shape[1]
-        slope: FloatArray = surface @ _derivative(m)
-        bend: FloatArray = slope @ _derivative(m - 1)
+        slope = chebder(surface, axis=1)
+        bend = chebder(slope, axis=1)
         for _ in range(2):
             waves = chebvander(t, m - 1)
             rise = (slope * waves[:, :-1]).sum(axis=1) - np.maximum(-flat - t, 0.0) / radius
@@ -231,30 +256,3 @@ def _nearest(
             curvature = np.maximum((bend * waves[:, :-2]).sum(axis=1), 0.0) + 1 / radius
             t = np.clip(t - rise / curvature, -1.0, -flat)
     return t, np.maximum(-flat - t, 0.0) ** 2 / (2 * radius) if radius > 0 else np.zeros_like(t)
-
-
-class _Mixing:
-    """Anderson mixing: combine the last rounds to minimise the next change."""
-
-    def __init__(self) -> None:
-        self._last: tuple[FloatArray, FloatArray] | None = None
-        self._moved: list[FloatArray] = []
-        self._changed: list[FloatArray] = []
-
-    def mixed(self, at: FloatArray, change: FloatArray) -> FloatArray:
-        """Return the next moments, mixed for each event separately, (n, m, n_event)."""
-        if self._last is not None:
-            self._moved = [*self._moved, at - self._last[0]][-_HISTORY:]
-            self._changed = [*self._changed, change - self._last[1]][-_HISTORY:]
-        self._last = at, change
-        moments = at + change
-        if self._moved:
-            changed = np.stack(self._changed)
-            gram = np.einsum("anmk,bnmk->kab", changed, changed)
-            along = np.einsum("anmk,nmk->ka", changed, change)
-            least = 1e-13 * np.trace(gram, axis1=1, axis2=2) + 1e-300
-            gram += least[:, None, None] * np.eye(len(changed))
-            share = np.linalg.solve(gram, along[..., None])[..., 0]
-            moments -= np.einsum("anmk,ka->nmk", np.stack(self._moved) + changed, share)
-        moments[:, 0] = np.maximum(moments[:, 0], SHRINK * at[:, 0])
-        return moments

@@ -85,7 +85,10 @@ class ContactSet:
         ends = np.array([self._ends[segment] for segment in touched]).T
         moved = self._next_ends(pressing, touched, ends)
         for segment, (low, high) in zip(touched, moved.T.tolist(), strict=True):
-            if high - low <= _MIN_WIDTH * (segment.stop - segment.start) and len(self._ends) > 1:
+            length, width = segment.stop - segment.start, high - low
+            # A floor at this distance is penetrated by less than the tolerance.
+            on_floor = segment.ridge is None and width**2 <= self._scale(pressing) * length
+            if (width <= _MIN_WIDTH * length or on_floor) and len(self._ends) > 1:
                 del self._ends[segment]
                 continue
             if self._profile.mirrored and segment.start < 0 < segment.stop:
@@ -127,10 +130,13 @@ class ContactSet:
         near = np.minimum(near, np.where(bears, by_share, np.inf))
         return np.maximum(near, _MIN_STEP * width)
 
+    def _scale(self, pressing: PressureSolution) -> float:
+        """Return the penetration that is within the tolerance."""
+        return max(self._tol * pressing.load, 1e-15)
+
     def add_penetrated(self, pressing: PressureSolution) -> bool:
         """Add contacts on segments that the surface penetrates; return whether there are any."""
         before = len(self._ends)
-        scale = max(self._tol * pressing.load, 1e-15)
         others = [segment for segment in self._segments if segment not in self._ends]
         if not others:
             return False
@@ -142,7 +148,8 @@ class ContactSet:
         for segment, at, gap in zip(others, x.tolist(), gaps.tolist(), strict=True):
             # On a sloping surface a contact of less than the minimum width penetrates this deep.
             start, stop = segment.start, segment.stop
-            if gap >= -max(scale, 100 * _MIN_WIDTH * (stop - start) * max(-start, stop)):
+            by_slope = 100 * _MIN_WIDTH * (stop - start) * max(-start, stop)
+            if gap >= -max(self._scale(pressing), by_slope):
                 continue
             if segment.ridge is not None and segment.corner == 0:
                 self._ends[segment] = self._initial_contact(segment, pressing.load)

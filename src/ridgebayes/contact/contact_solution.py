@@ -120,7 +120,6 @@ def solve_contact(
     W: float,
     *,
     rel_tol: float = DEFAULT_REL_TOL,
-    n_coefficients: int | None = None,
     start: ContactSolution | None = None,
     ridges: range | None = None,
     ahead: Sequence[RigidSegment] = (),
@@ -135,8 +134,6 @@ def solve_contact(
         Load: 4 (1 - nu^2)/pi times p/E. With `ahead`, the smallest load.
     rel_tol : float, optional
         Tolerance of the ends, over their interval's width, of tension and of penetration.
-    n_coefficients : int, optional
-        Number per interval; determined by the profile and the tolerance if not given.
     start : ContactSolution, optional
         Solution at a similar load, as the initial guess.
     ridges : range, optional
@@ -159,8 +156,10 @@ def solve_contact(
         raise InputError(f"W = {W!r}; expected finite and > 0")
     if profile.corner < rel_tol * profile.a:  # the corner changes loads by less than corner/a
         profile = replace(profile, corner=0.0)
+    # The strength of a free end errs by a few times the tolerance, which TENSION has to exceed.
+    rel_tol = min(rel_tol, (0.1 * TENSION) ** 2)
     half_width = bearing_half_width(profile, W)
-    m = n_coefficients or coefficients_for(profile, rel_tol, half_width)
+    m = coefficients_for(profile, rel_tol, half_width)
     hertz = math.sqrt(2 * W)
     if ridges is None and (first := hertz / profile.pitch) * m > 2 * MOST_UNKNOWNS:
         # The number of ridges is checked before they are listed, because it may be millions.
@@ -193,7 +192,7 @@ def solve_contact(
             step = 0.0
         if moves or state.add_penetrated(pressing):
             continue
-        if _resolved(pressing, rel_tol) or m >= _MAX_COEFFICIENTS:
+        if pressing.tail**2 <= rel_tol or m >= _MAX_COEFFICIENTS:
             return replace(solution, status=_status_of(pressing, W, rel_tol))
         m = math.ceil(1.5 * m)  # a contact has come close to its neighbour
     return solution
@@ -257,17 +256,12 @@ def _status_of(pressing: PressureSolution, W: float, rel_tol: float) -> str:
     """Return ``ok``, or a message about a violated condition."""
     if not abs(pressing.load / W - 1) <= 1e-10:
         return f"forces not in balance: {pressing.load / W - 1:.1e}"
-    if not _resolved(pressing, rel_tol):
+    if not pressing.tail**2 <= rel_tol:  # the relative error of loads is below tail^2
         return f"not converged: coefficient tail {pressing.tail:.1e}"
     smallest = smallest_pressure(pressing)
     if not smallest >= -max(TENSION * math.sqrt(rel_tol), 1e-6):
         return f"tension: {smallest:.1e} of the mean pressure"
     return "ok"
-
-
-def _resolved(pressing: PressureSolution, rel_tol: float) -> bool:
-    """Return whether coefficients have decayed, so that the error of loads is below tail^2."""
-    return pressing.tail**2 <= rel_tol
 
 
 def smallest_pressure(pressing: PressureSolution) -> float:

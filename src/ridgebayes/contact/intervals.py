@@ -223,7 +223,8 @@ def solve_pressure(
     used = _used(intervals, m)
     functions = potentials(intervals, x, used.shape[1])
     matrix = np.empty((n * m + 1, n * m + 1))
-    matrix[:-1, :-1] = functions.reshape(len(x), -1)[:, used.ravel()]
+    every = functions.reshape(len(x), -1)
+    matrix[:-1, :-1] = every[:, used.ravel()] if intervals.straddles else every
     matrix[:-1, -1] = -1.0
     matrix[-1] = 0.0
     matrix[-1, :-1:m] = math.pi * intervals.weight

@@ -96,6 +96,13 @@ class RidgeContacts:
         return of_ridge
 
     @cached_property
+    def by_force(self) -> FloatArray:
+        """Derivatives of the moments by the force, shape (m, n), in a given field."""
+        by_force: FloatArray = 2.0 * self._places[0].mean(axis=1)
+        by_force[0] = 1.0
+        return by_force
+
+    @cached_property
     def level(self) -> FloatArray:
         """Mean height under each contact, (n,), with lengths in half-widths of a ridge."""
         by_force = np.pi * self.force * (np.log(2.0) - np.log(self.share))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
@@ -187,21 +188,16 @@ class Kinks:
         """The first h_n, which suffice far away, shape (n, 8)."""
         return self.series(_N_FAR)
 
-    @cached_property
-    def _sines(self) -> tuple[FloatArray, FloatArray]:
-        """Sine and cosine of the angles."""
-        return np.sin(self.angle), np.cos(self.angle)
-
     def slopes(self) -> FloatArray:
         """Return sums of n^3 h_n T_n at the left and right end, shape (2, n)."""
-        theta, (sine, c) = self.angle, self._sines
+        theta, sine, c = self.angle, np.sin(self.angle), np.cos(self.angle)
         near, far = 3 * sine + (2 - c) * theta, (2 + c) * theta - 3 * sine
         value: FloatArray = self.bend / np.pi * (near + far[::-1])
         return value
 
     def at_ends(self) -> FloatArray:
         """Return sums of n h_n T_n at the left and right end, shape (2, n)."""
-        theta, (sine, c) = self.angle, self._sines
+        theta, sine, c = self.angle, np.sin(self.angle), np.cos(self.angle)
         near = (1 - c) * (sine + theta) + 0.5 * (sine * c - theta)
         far = (1 + c) * (theta - sine) + 0.5 * (sine * c - theta)
         value: FloatArray = self.bend / np.pi * (near + far[::-1])
@@ -227,17 +223,12 @@ class Kinks:
 
         Within an interval this equals h.
         """
-        sums = np.zeros(s.shape)
         size = np.maximum(np.abs(s), 1.0)
         z = 1 / (size + np.sqrt(size**2 - 1))
-        for angle, sign in zip(self.angle, (-1.0, 1.0), strict=True):
-            has = np.flatnonzero(angle)
-            sums[:, has] += _continued(sign * s[:, has], z[:, has], angle[has])
-        sums *= self.bend
-        point, i = np.nonzero((z < _MAX_Z_FAR) & self.angle.any(axis=0))
-        few = self.few[i]
-        zeta = np.copysign(z, s)[point, i, None]
-        sums[point, i] = (few * zeta ** np.arange(_N_FAR)).sum(axis=1)
+        sums: FloatArray = polyval(np.copysign(z, s), self.few.T, tensor=False)
+        point, i = np.nonzero((z >= _MAX_Z_FAR) & self.angle.any(axis=0))
+        s, z, angle = s[point, i], z[point, i], self.angle[:, i]
+        sums[point, i] = self.bend[i] * (_continued(-s, z, angle[0]) + _continued(s, z, angle[1]))
         return sums
 
 
