@@ -22,7 +22,7 @@ from ridgebayes.model.observations import Observations
 from tests.tables_in_the_wild import tables
 
 TEXTURES = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02))
-FORMS = {form.name: form for form in (rb.Modified(), rb.Hybrid(), rb.PowerLaw())}
+FORMS = {form.name: form for form in (rb.Classic(), rb.Modified(), rb.Hybrid(), rb.PowerLaw())}
 
 
 @pytest.fixture(scope="module")
@@ -114,19 +114,11 @@ def test_form_far_behind__is_weighed_under_the_changed_prior_too():
     ],
 )
 def test_far_mode__is_found_by_every_seed(name, form, noise, factor):
-    noises, forms = [Noise.named(noise)], [FORMS.get(form, rb.Classic())]
-    table = rb.paper_sweep()
-    if name != "sweep":
-        (table,) = (wild.table for wild in tables() if wild.name == name)
-    priors = {"noise": {"sigma": NOISE_PRIORS["sigma"].stretched(factor)}}
-    evidences = [
-        weigh_pairs(
-            Observations.from_table(table), forms, noises, priors=priors, seed=seed, accuracy=QUICK
-        )
-        .weighed[form, noise]
-        .evidence
-        for seed in range(1, 5)
-    ]
+    rows = {wild.name: wild.table for wild in tables()} | {"sweep": rb.paper_sweep()}
+    rows, fitted = Observations.from_table(rows[name]), ([FORMS[form]], [Noise.named(noise)])
+    options = {"priors": {"noise": {"sigma": NOISE_PRIORS["sigma"].stretched(factor)}}}
+    runs = [weigh_pairs(rows, *fitted, **options, seed=i, accuracy=QUICK) for i in range(1, 5)]
+    evidences = [run.weighed[form, noise].evidence for run in runs]
     assert all(evidence.ok for evidence in evidences)
     values = np.array([evidence.value for evidence in evidences])
     error = math.hypot(*(evidence.se for evidence in evidences)) / math.sqrt(len(evidences))
