@@ -15,7 +15,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
@@ -236,6 +235,8 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
             colours = pixels.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
             colours.save(file, "png", dpi=(dpi, dpi))
         elif kind == "pdf":
+            from matplotlib.backends.backend_pdf import FigureCanvasPdf  # loads fontTools
+
             pdf: Any = FigureCanvasPdf(figure)
             pdf.print_pdf(file, metadata={"CreationDate": None, "Creator": None})
         else:
