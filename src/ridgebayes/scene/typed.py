@@ -38,6 +38,9 @@ def parse_texture(
     """
     parts, where = text.split(","), f"{where} {text!r}"
     with_unit = [has_unit(part) for part in parts]
+    pair = f"{where}: expected A,B, two widths with one comma, such as 0.022,0.02 or '1 mm,2 mm'"
+    if len(parts) != 2:
+        raise InputError(pair)
     if any(with_unit) and not all(with_unit):
         rule = "both widths with a unit, or both without (shares of the radius)"
         raise InputError(f"{where}: expected {rule}")
@@ -51,8 +54,7 @@ def parse_texture(
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     except ValueError:
-        rule = "A,B, two numbers with one comma, such as 0.022,0.02"
-        raise InputError(f"{where}: expected {rule}") from None
+        raise InputError(pair) from None
     if not (0 < a < float("inf") and 0 < b < float("inf")):
         raise InputError(f"{where}: expected both widths finite and > 0")
     return a, b
