@@ -204,7 +204,7 @@ def test_priors__a_bad_file_is_refused_in_one_line(refused, words, text, expecte
 
 
 TEXTURES = ["0.01;0.02", "0.01", "0.01,0.02,0.03", "a,b", "", "-0.01,0.02", "0,0.02", "nan,0.02"]
-TEXTURES += ["0.2 mm,0.02"]
+TEXTURES += ["0.2 mm,0.02", "0.2 mm:0.16 mm"]
 
 
 @pytest.mark.parametrize("text", TEXTURES)
