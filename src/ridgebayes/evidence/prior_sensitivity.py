@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 from ridgebayes._types import FloatArray
 from ridgebayes.evidence.pairs import Pair, WeighedPairs, in_parallel, weigh
 from ridgebayes.evidence.tables import used_evidence
-from ridgebayes.inference.importance import Drawn
+from ridgebayes.inference.importance import MAX_SE, Drawn, Effort
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.inference.pareto_smoothing import MAX_FINITE_VARIANCE_K, pareto_k
 from ridgebayes.inference.presets import QUICK
@@ -35,8 +35,9 @@ _SCALE_FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
 # A pair further below the best pair of its form in ln evidence has less than 5 % of the form's
 # evidence, the largest accepted standard error. Evidences from weights that miss a new mode are
 # too low, mostly by less than 3 in ln evidence.
-_MAX_LN_EVIDENCE_GAP, _MAX_LN_MISSED = 3.0, 3.0
-_N_LIKELIHOOD_DRAW = 256  # draws at which the likelihood is computed under changed priors
+_MAX_LN_EVIDENCE_GAP = -math.log(MAX_SE)
+_MAX_LN_MISSED = 3.0
+_N_LIKELIHOOD_DRAW = Effort().n_draw  # draws with likelihoods under changed priors
 
 _Key = tuple[str, str]  # names of form and error model
 _Change = tuple[str, float]  # name of a prior, and factor of its scale
