@@ -18,6 +18,7 @@ from scipy import fft
 from scipy.special import logsumexp, ndtri
 
 from ridgebayes._types import FloatArray
+from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.pareto_smoothing import MAX_PARETO_K, pareto_smoothed
 from ridgebayes.runtime.quiet import import_arviz
 
@@ -38,9 +39,7 @@ SUMMARY_COLUMNS = [
 ]
 MAX_R_HAT = 1.01
 MIN_ESS = 400.0
-_MAX_R_HAT_DRAWS = 25_600  # draws per ensemble; more draws do not change R-hat noticeably
 _WINDOW_PER_TAU = 5.0  # Sokal (1997)
-_MAX_DIRECT_LAGS = 64  # computing more lags directly costs more than one Fourier transform
 MAX_REFITTED_ROWS = 20  # each refitted row needs a posterior without it
 
 
@@ -124,7 +123,7 @@ def rank_r_hat(draws: FloatArray) -> FloatArray:
     ----------
     draws : ndarray of float, shape (n_ensemble, n_step, n_walker, n_parameter)
         Parameters. Each ensemble is one chain, ordered by step, then by walker. Long chains are
-        thinned to at most about 25,600 draws each.
+        thinned to at most about `N_KEPT` draws each; more do not change R-hat noticeably.
 
     Returns
     -------
@@ -132,7 +131,7 @@ def rank_r_hat(draws: FloatArray) -> FloatArray:
         R-hat; 1 where the ensembles agree.
     """
     n_step, n_walker = draws.shape[1:3]
-    draws = draws[:, :: -(-n_step * n_walker // _MAX_R_HAT_DRAWS)]
+    draws = draws[:, :: -(-n_step * n_walker // N_KEPT)]
     n_ensemble, n_step, n_walker, n_parameter = draws.shape
     chains = draws.reshape(n_ensemble, n_step * n_walker, n_parameter)
     from arviz_stats.base import array_stats  # loads scipy.signal
@@ -314,29 +313,21 @@ def autocorrelation_time(x: FloatArray) -> FloatArray:
     True
     """
     n_step = len(x)
-    columns = (x - x.mean(axis=0)).reshape(*x.shape[:2], -1)
-    tau = [_sokal(np.ascontiguousarray(columns[..., i])) for i in range(columns.shape[-1])]
+    columns = (x - x.mean(axis=0)).reshape(*x.shape[:2], -1).T
+    tau = [_sokal(np.ascontiguousarray(column)) for column in columns]
     value: FloatArray = np.maximum(np.array(tau).reshape(x.shape[2:]), 1 / n_step)
     return value
 
 
 def _sokal(x: FloatArray) -> float:
-    """Return tau of centred values, shape (n_step, n_walker).
-
-    Lags are computed one by one while there are few, else all at once by a Fourier transform.
-    """
-    n_step, square = len(x), float(np.vdot(x, x))
-    if square == 0:
+    """Return tau of centred values, shape (n_walker, n_step)."""
+    n_step = x.shape[1]
+    if not x.any():
         return np.nan
-    tau = 1.0
-    for lag in range(1, min(_MAX_DIRECT_LAGS, n_step)):
-        if lag - 1 >= _WINDOW_PER_TAU * tau:
-            return tau
-        tau += 2 * float(np.vdot(x[lag:], x[:-lag])) / square
     length = fft.next_fast_len(2 * n_step, real=True)
-    power = np.abs(fft.rfft(x, length, axis=0)) ** 2
-    rho = fft.irfft(power, length, axis=0)[:n_step].sum(axis=1) / square
-    taus = 2 * np.cumsum(rho) - 1
+    power = np.abs(fft.rfft(x, length)) ** 2
+    covariance = fft.irfft(power.sum(axis=0), length)[:n_step]
+    taus = 2 * np.cumsum(covariance) / covariance[0] - 1
     wide_enough = np.arange(n_step) >= _WINDOW_PER_TAU * taus
     return float(taus[np.argmax(wide_enough) if wide_enough.any() else -1])
 

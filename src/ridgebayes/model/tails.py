@@ -19,15 +19,9 @@ from ridgebayes._types import LOG_2PI, FloatArray
 # Largest half-width of an interval times the slope of the log density for which quadrature has a
 # relative error of 1e-13: with three Legendre nodes for normal errors, with sixteen for Student's.
 _MAX_NARROW_NORMAL, _MAX_NARROW_STUDENT = 0.02, 2.5
-_LEGENDRE = tuple(zip(*(x[8:] for x in np.polynomial.legendre.leggauss(16)), strict=True))
+_LEGENDRE = tuple(zip(*np.polynomial.legendre.leggauss(16), strict=True))
 _LAGUERRE = tuple(zip(*np.polynomial.laguerre.laggauss(24), strict=True))
-# Student's tail at z = sqrt(df) sinh v. For larger v a binomial series in cosh^-2 v, stored from
-# the highest power, is accurate to rounding. For smaller v Laguerre nodes are accurate to 1e-13 if
-# df log cosh v is above `_MAX_EXPONENT`.
-_MIN_SERIES_V = 2.0
-_SERIES = tuple((k, special.binom(k - 0.5, k)) for k in reversed(range(14)))
 _ROOT_HALF = math.sqrt(0.5)
-_MAX_EXPONENT = 600.0  # lower tail probabilities below exp(-600) are close to underflow
 
 
 class Tail(ABC):
@@ -124,7 +118,7 @@ class NormalTail(Tail):
                 )
                 by_nodes = np.log(width * (4 + 5 * outer) / 9) - 0.5 * (middle * middle + LOG_2PI)
                 value = np.where(narrow, by_nodes, value)
-        return np.asarray(value)
+        return value
 
     def cdf(self, z: Any, df: Any) -> FloatArray:
         return np.asarray(special.ndtr(z))
@@ -207,9 +201,8 @@ class StudentTail(Tail):
             growth = np.expm1(node * half)
             shrinkage = growth / (1 + growth)
             # cosh(v + s) / cosh v - 1 = cosh s - 1 + slope sinh s, computed from exp(s) - 1.
-            even, odd = 0.5 * growth * shrinkage, 0.5 * slope * (growth + shrinkage)
-            ahead, behind = np.log1p(even + odd), np.log1p(even - odd)
-            total += weight * (np.exp(-df * ahead) + np.exp(-df * behind))
+            growth = 0.5 * (growth * shrinkage + slope * (growth + shrinkage))
+            total += weight * np.exp(-df * np.log1p(growth))
         at_middle = 0.5 * (np.log(df) - df * _log1p_square(np.sinh(middle)))
         return log_peak + at_middle + np.log(half * total)
 
@@ -252,24 +245,16 @@ class StudentTail(Tail):
         .. math:: F(z) = \frac{f(0)}{\sqrt{df}} e^{-A} J, \qquad
                   J = \int_0^\infty e^{-s} (1 - e^{-l - 2 s / df})^{-1/2} ds.
 
-        For large v, where the tail is a power law, an expansion of the root gives J as the sum of
-        (1/2)_k / k! e^{-l k} / (1 + 2 k / df). For smaller v, J is computed by Gauss-Laguerre
-        quadrature if F would underflow; otherwise SciPy's distribution function is precise.
+        J is computed by Gauss-Laguerre quadrature if SciPy's distribution function, which is
+        precise elsewhere, underflows.
         """
-        u = z / np.sqrt(df)
-        log_kernel = _log1p_square(u)
-        exponent = 0.5 * df * log_kernel
-        outer = u < -math.sinh(_MIN_SERIES_V)
-        far = ~outer & (exponent > _MAX_EXPONENT)
-        near = ~outer & ~far
-        log_integral = np.empty(u.shape)
-        log_integral[outer] = _log_power_series(np.exp(-log_kernel[outer]), df[outer])
-        total = np.zeros(np.count_nonzero(far))
+        probability = special.stdtr(df, z)
+        value, far = np.asarray(np.log(probability)), probability < np.finfo(float).tiny
+        df, log_kernel = df[far], _log1p_square(z[far] / np.sqrt(df[far]))
+        integral = np.zeros(df.shape)
         for node, weight in _LAGUERRE:
-            total += weight / np.sqrt(-np.expm1(-log_kernel[far] - 2 * node / df[far]))
-        log_integral[far] = np.log(total)
-        value = np.asarray(log_peak - 0.5 * np.log(df) - exponent + log_integral)
-        value[near] = np.log(special.stdtr(df[near], z[near]))
+            integral += weight / np.sqrt(-np.expm1(-log_kernel - 2 * node / df))
+        value[far] = log_peak[far] + np.log(integral / np.sqrt(df)) - 0.5 * df * log_kernel
         return value
 
 
@@ -282,14 +267,6 @@ def _log1p_square(u: FloatArray) -> FloatArray:
     if np.any(far := np.isinf(value)):
         value = np.where(far, 2 * np.log(np.abs(np.where(far, u, 1.0))), value)
     return value
-
-
-def _log_power_series(x: FloatArray, df: FloatArray) -> FloatArray:
-    """Return the log of the sum over k of (1/2)_k / k! x^k / (1 + 2 k / df), by Horner's scheme."""
-    total = np.zeros(x.shape)
-    for k, coefficient in _SERIES:
-        total = total * x + coefficient / (1 + 2 * k / df)
-    return np.log(total)
 
 
 def _log_density_at_zero(df: FloatArray) -> FloatArray:

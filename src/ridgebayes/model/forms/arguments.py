@@ -10,7 +10,8 @@ from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.table.columns import LARGEST_LOAD, LARGEST_WIDTH, LEAST_WIDTH
 
-MAX_COUNT = 2**53  # floats represent all smaller integers exactly
+# Floats represent all smaller integers exactly.
+MAX_COUNT = int(np.reciprocal(np.finfo(float).epsneg))
 
 
 def even_counts(Q: ArrayLike, least: int = 2) -> FloatArray:
