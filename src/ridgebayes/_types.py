@@ -1,4 +1,4 @@
-"""Array aliases for signatures, the version, ln(2 pi), and the base class of tabular records."""
+"""Array aliases, the version, shared constants, and the base class of tabular records."""
 
 import math
 from abc import ABC, abstractmethod
@@ -13,6 +13,7 @@ if TYPE_CHECKING:  # slow to import
 
 __version__ = "0.1.0"
 LOG_2PI = math.log(2 * math.pi)
+BATCH_SIZE = 2**18  # numbers in the largest array of a batch: 2 MB fit in a core's cache
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]

@@ -59,8 +59,6 @@ class Fit(Posterior, Predictive, Tabular):
         Sampler of the draws: ``importance`` or ``emcee``.
     evidence : LogEvidence, optional
         Evidence from the same draws; a fit read from a file has none.
-    log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
-        Log-likelihood of each row at `draws`, if computed for scores.
     cautions : tuple of str, optional
         Sentences with reasons to doubt the result: units, copies, independence, priors.
     error_model_weights : dict of str to float, optional

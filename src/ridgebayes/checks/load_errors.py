@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from ridgebayes._types import BATCH_SIZE
 from ridgebayes.comparison.bands import loads_table, predicted_rows
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.model.forms import PowerLaw
-from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE
 
 _MAX_TEXTURES_SHOWN = 3  # one panel for each in a row
 
@@ -130,7 +130,7 @@ def slopes_table(comparison: Comparison) -> pd.DataFrame:
             continue
         theta, prob = fit.draws[:, : fit.model.n_coefficient], float(fit.summary["prob"].iloc[0])
         textures = np.array(fit.model.data.textures)
-        step = max(NUMBERS_AT_ONCE // len(theta), 1)
+        step = max(BATCH_SIZE // len(theta), 1)
         for i in range(0, len(textures), step):
             a, b = textures[i : i + step].T
             slope = fit.form.slope(a, b, theta)

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ridgebayes._types import BATCH_SIZE
 from ridgebayes.errors import InputError, OutputError, RidgebayesError
 from ridgebayes.runtime.atomic import exclusive_lock, replacing, write_text
 from ridgebayes.runtime.pool import map_ordered
 
 RUN_JSON = "run.json"
 CHAINS = "chains-*.npz"
-_CELLS_PER_TASK = 250_000  # cells of a table that one task converts to text
 PARTIAL = ".partial"  # suffix of an unfinished folder, whose name also gets a leading dot
 
 
@@ -146,7 +146,7 @@ def write_csv(frame: pd.DataFrame, path: Path, executor: Executor | None = None)
 
     An executor formats long tables, since formatting can take longer than computing the numbers.
     """
-    n = _CELLS_PER_TASK // max(frame.shape[1], 1) + 1
+    n = BATCH_SIZE // max(frame.shape[1], 1) + 1
     starts = range(0, len(frame), n)
     parts = (frame.iloc[i : i + n] for i in starts)
     texts = map_ordered(_csv, parts, executor if len(starts) > 1 else None)

@@ -223,8 +223,6 @@ def _check(
     checked = replace(
         posterior, convergence_failures=posterior.convergence_failures + tuple(failures)
     )
-    if request.scores:  # the fit's file in the run folder stores it as well
-        checked = checked.with_log_likelihood()
     return (checked, bridge), time.process_time() - began
 
 

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 N_PREDICTIVE = 500  # draws of the prior and of the two predictive distributions
-# Limits of memory: numbers in the predictions of all rows (32 MB), and in the Cholesky factors of
-# smooth offsets (1.6 GB).
-MAX_PREDICTIVE_SIZE, _MAX_FACTOR_SIZE = 4_000_000, 200_000_000
 
 SAMPLE = ("chain", "draw")
 Variables = dict[str, tuple[tuple[str, ...], np.ndarray]]
@@ -78,7 +75,7 @@ def labelled_groups(fit: Posterior, *, complete: bool = True) -> dict[str, Varia
     """
     groups = _variables(fit)
     if complete:
-        groups |= {"log_prior": _log_prior(fit), **_predictive(fit)}
+        groups |= {"log_prior": _log_prior(fit), **_predictive(fit, "log_likelihood" in groups)}
     return {name: _labelled(fit, group) for name, group in groups.items()}
 
 
@@ -150,17 +147,15 @@ def _log_prior(fit: Posterior) -> Variables:
     return {name: (SAMPLE, value) for name, value in log_priors.items()}
 
 
-def _predictive(fit: Posterior) -> dict[str, Variables]:
-    """Return prior, prior_predictive and posterior_predictive, unless they would be too large."""
+def _predictive(fit: Posterior, with_rows: bool) -> dict[str, Variables]:
+    """Return prior and, if asked for, prior_predictive and posterior_predictive."""
     model, rng = fit.model, stream(fit.seed, "predictive")
-    if N_PREDICTIVE * model.offsets.n_smooth**2 > _MAX_FACTOR_SIZE:
-        return {}
     try:
         prior = prior_draws(model, rng, N_PREDICTIVE)[None]
     except ComputationError:
         return {}
     groups = {"prior": _parameters(model, prior)}
-    if N_PREDICTIVE * len(model.data) <= MAX_PREDICTIVE_SIZE:
+    if with_rows:
         n_chain, n_walk = len(fit.chains.u), len(fit.draws) // len(fit.chains.u)
         draw = np.linspace(0, n_walk - 1, min(N_PREDICTIVE // n_chain, n_walk)).astype(np.int64)
         posterior = fit.draws.reshape(n_chain, n_walk, -1)[:, draw]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ridgebayes._types import LOG_2PI, BoolArray, FloatArray
+from ridgebayes._types import BATCH_SIZE, LOG_2PI, BoolArray, FloatArray
 from ridgebayes.inference.points import Batch, Estimate, PointIntegral
 from ridgebayes.inference.precision import Precision
 from ridgebayes.model.design import DesignMatrix
@@ -24,8 +24,6 @@ from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.model import Model
 from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import RowGroups
-
-_BATCH_SIZE = 2**18  # numbers in the largest array: 2 MB fit in a core's cache
 
 
 class LatentIntegral:
@@ -75,7 +73,7 @@ class LatentIntegral:
 
     def n_at_once(self, n_point: int) -> int:
         """Return the number of draws whose arrays fit in a processor's cache together."""
-        return max(_BATCH_SIZE // self._numbers_per_draw(n_point), 1)
+        return max(BATCH_SIZE // self._numbers_per_draw(n_point), 1)
 
     def prepared(self, eta: FloatArray) -> "Prepared":
         """Return the factors that depend only on error model parameters (n_draw, n_noise)."""
@@ -166,7 +164,7 @@ class LatentIntegral:
 
     def draw(self, u: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the scores given outer parameters and normal rows, shape (n_draw, n_level)."""
-        n, parts = max(_BATCH_SIZE // self._numbers_per_draw(1), 1), []
+        n, parts = max(BATCH_SIZE // self._numbers_per_draw(1), 1), []
         for i in range(0, len(u), n):
             log_rates, eta, _ = self._rates_and_noise(u[i : i + n])
             with np.errstate(all="ignore"):
@@ -320,7 +318,7 @@ class LatentIntegral:
             Exact for normal rows, from the diagonal of the inverse covariance. Rows that share no
             offsets have their unconditional log density.
         """
-        n = max(_BATCH_SIZE // (self.design.n * max(self.design.n_rest, 1)), 1)
+        n = max(BATCH_SIZE // (self.design.n * max(self.design.n_rest, 1)), 1)
         parts = [self._given_others(u[i : i + n]) for i in range(0, len(u), n)]
         return np.concatenate(parts)
 

@@ -22,7 +22,6 @@ from ridgebayes.runtime.randomness import stream
 
 SAMPLERS = ("emcee", "importance", "exact")
 MAX_LOG_LIKELIHOOD_SIZE = 30_000_000  # numbers: 240 MB
-_MAX_SENT_LOG_LIKELIHOOD_SIZE = 1_000_000  # numbers: 8 MB are quickly sent between processes
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +44,6 @@ class Posterior:
         ``emcee``, ``importance`` or ``exact``.
     evidence : LogEvidence, optional
         Evidence from the same draws; a posterior from a file has none.
-    log_likelihood : ndarray of float, shape (n_draw, n_obs), optional
-        Log-likelihood of each row at `draws`, after `with_log_likelihood`.
     cautions : tuple of str, optional
         Reasons to doubt the result, one sentence each: units, copies, independence, priors.
 
@@ -63,8 +60,6 @@ class Posterior:
     >>> few = fit.thinned(3000)
     >>> len(few.draws) <= 3000, few.rows_log_likelihood().shape == (len(few.draws), 41)
     (True, True)
-    >>> few.with_log_likelihood().log_likelihood.shape == few.rows_log_likelihood().shape
-    True
     >>> fit.shared_offsets(2) is None  # independent rows share none
     True
     >>> fit.log_likelihood_of_rows.shape == fit.draws.shape[:1]
@@ -78,7 +73,6 @@ class Posterior:
     seed: int
     sampler: str = "importance"
     evidence: LogEvidence | None = field(default=None, repr=False)
-    log_likelihood: FloatArray | None = field(default=None, repr=False)
     cautions: tuple[str, ...] = ()
     _kept: FloatArray = field(init=False, repr=False)
 
@@ -147,28 +141,17 @@ class Posterior:
         Returns
         -------
         Posterior
-            Thinned posterior; it has the rows' log-likelihood only if `draws` did not change.
+            Thinned posterior.
         """
-        chains = self.chains.thinned(n)
-        same = chains.n_step == self.kept_chains.n_step
-        return replace(self, chains=chains, log_likelihood=self.log_likelihood if same else None)
+        return replace(self, chains=self.chains.thinned(n))
 
     def rows_log_likelihood(self) -> FloatArray | None:
-        """Return each row's log-likelihood at the thinned draws, or None if it is too large."""
+        """Return each row's log-likelihood at the thinned draws, or None if it is too large.
+
+        It is given the other rows if exact, else given the offsets.
+        """
         if self.kept_chains.log_density.size * len(self.model.data) > MAX_LOG_LIKELIHOOD_SIZE:
             return None
-        if self.log_likelihood is not None:
-            return self.log_likelihood
-        return self._rows_log_likelihood()
-
-    def with_log_likelihood(self) -> Self:
-        """Return the posterior with the rows' log-likelihood, if it is small."""
-        if len(self.draws) * len(self.model.data) > _MAX_SENT_LOG_LIKELIHOOD_SIZE:
-            return self
-        return replace(self, log_likelihood=self._rows_log_likelihood())
-
-    def _rows_log_likelihood(self) -> FloatArray:
-        """Return each row's log-likelihood, given the other rows if exact, else given offsets."""
         integral, u, k = LatentIntegral(self.model), self.coordinates, self.model.n_parameter
         if integral.is_exact:
             return integral.rows_given_others(u[:, self.model.outer])

@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from ridgebayes._types import BoolArray, FloatArray
+from ridgebayes._types import BATCH_SIZE, BoolArray, FloatArray
 from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.model.joint_prior import JointPrior
 from ridgebayes.model.model import Model
 from ridgebayes.model.offsets import Offsets
 
-_BATCH_SIZE = 2**20  # numbers in the covariances of a batch: 8 MB
 _MAX_ROUNDS = 1_000  # rounds of n prior draws, until n of them have positive rates
 
 
@@ -97,7 +96,7 @@ def _offsets(offsets: Offsets, eta: FloatArray, scores: FloatArray) -> FloatArra
     """
     flat = eta.reshape(-1, eta.shape[-1])
     by_draw = scores.reshape(len(scores), len(flat), offsets.n_level)
-    step = max(_BATCH_SIZE // max(offsets.n_smooth**2, 1), 1)
+    step = max(BATCH_SIZE // max(offsets.n_smooth**2, 1), 1)
     parts = []
     for i in range(0, len(flat), step):
         part = by_draw[:, i : i + step]

@@ -11,12 +11,12 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from ridgebayes import drawing
-from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes._types import BATCH_SIZE, BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import common_shape, numbers
 from ridgebayes.predict import load_draws
 from ridgebayes.predict.extrapolation import LOAD, Flags, names_of
-from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE, Columns
+from ridgebayes.predict.load_draws import Columns
 from ridgebayes.predict.predicted import Predicted, keep_labels
 from ridgebayes.predict.q_distribution import heavy_parts, shares
 
@@ -305,7 +305,7 @@ class LoadDistribution(Predicted):
     def _blocks(self, columns: IntArray) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
         """Yield blocks of columns: their positions, and mean and sd, both (n_draw, n)."""
         order = np.argsort(columns, kind="stable")  # equal columns share a block
-        step = max(NUMBERS_AT_ONCE // len(self.weight), 1)
+        step = max(BATCH_SIZE // len(self.weight), 1)
         for first in range(0, len(columns), step):
             here = order[first : first + step]
             ids, place = np.unique(columns[here], return_inverse=True)

@@ -12,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import elementwise
 from scipy.special import ndtr, ndtri
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import BATCH_SIZE, FloatArray, IntArray
 from ridgebayes.errors import InputError
 
 NEGLIGIBLE_PROBABILITY = 1e-6  # larger counts are left out once P(Q >= n) is below it
@@ -21,8 +21,7 @@ MAX_Q = 20_000  # larger counts raise an error
 _MAX_Z = -ndtri(np.finfo(float).epsneg)
 # The interpolation error of 256 nodes is at most a tenth of the Monte Carlo error.
 _N_NODE = 256
-NUMBERS_AT_ONCE = 2**19  # draws times loads or places in one block: arrays of 4 MB
-MAX_DRAWS_TIMES_ROWS = 32 * NUMBERS_AT_ONCE  # limits memory; more rows get fewer draws
+MAX_DRAWS_TIMES_ROWS = 64 * BATCH_SIZE  # limits memory; more rows get fewer draws
 _LOG_QUANTILE_TOL = 1e-10  # absolute
 
 Columns = tuple[FloatArray, FloatArray]  # mean and sd of the log load, both (n_draw, n)

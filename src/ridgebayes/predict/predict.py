@@ -17,14 +17,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import BATCH_SIZE, FloatArray, IntArray
 from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, numbers, widths
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
-from ridgebayes.predict.load_draws import NUMBERS_AT_ONCE, Columns
+from ridgebayes.predict.load_draws import Columns
 from ridgebayes.predict.of_scene import load_of_scene, q_of_scene
 from ridgebayes.predict.posterior_loads import PosteriorLoads, by_texture
 from ridgebayes.predict.predicted import align_arrays
@@ -284,7 +284,7 @@ def predict_load(
 
     def distribution(part: PosteriorLoads) -> LoadDistribution:
         at = partial(part.at_places, columns)
-        if len(part) * len(q) <= NUMBERS_AT_ONCE:  # computed once
+        if len(part) * len(q) <= BATCH_SIZE:  # computed once
             at = partial(_stored, *at(np.arange(len(q))))
         weight = np.full(len(part), 1 / len(part))
         return LoadDistribution(weight, at, place, flags, highest, where, part.has_mean)
