@@ -15,10 +15,10 @@ from ridgebayes.inference.importance import at_least, importance_sample
 from ridgebayes.inference.posterior import Posterior, posterior_of
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.inference.target import ModelTarget
+from ridgebayes.model.model import MAX_COEFFICIENTS
 from ridgebayes.runtime.randomness import stream
 
 OUTER = 0.01  # tail probability of a prior beyond which a posterior mean is remarkable
-_MAX_PARAMETERS = 20  # of a posterior that is repeated in seconds
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def repeat_posterior(posterior: Posterior) -> Repeat:
 def is_cheap(posterior: Posterior) -> bool:
     """Return whether a repeat takes seconds: few parameters and a density in closed form."""
     target = ModelTarget(posterior.model)
-    return target.is_exact and posterior.model.n_parameter <= _MAX_PARAMETERS
+    return target.is_exact and posterior.model.n_parameter <= MAX_COEFFICIENTS
 
 
 def against_priors(posterior: Posterior) -> pd.DataFrame:

@@ -13,7 +13,7 @@ from ridgebayes.checks.power_scaling import power_scaling
 from ridgebayes.checks.predictive_checks import PredictiveChecks, posterior_checks, prior_bands
 from ridgebayes.checks.repeat import Repeat, against_priors, is_cheap, repeat_posterior
 from ridgebayes.comparison import ranking
-from ridgebayes.comparison.bands import bands_table
+from ridgebayes.comparison.bands import N_LOAD, bands_table
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.own_texture import OwnTexture, own_texture
 from ridgebayes.comparison.ranking import Predicting, best_form
@@ -26,7 +26,6 @@ from ridgebayes.inference.presets import Preset
 from ridgebayes.results import Fit
 from ridgebayes.table.datafiles import paper_sweep
 
-_N_LOADS = 300  # loads in the band of a panel, about one for each pixel
 _PANEL_END_OVER_MAX_LOAD = 1.6  # largest load of a panel over that of its texture
 
 
@@ -250,7 +249,7 @@ def _panel_bands(
     largest = seen.groupby(["a_over_R", "b_over_R"])["p_over_E"].max()
     for texture in textures:
         top = largest.get(texture, seen["p_over_E"].max())
-        loads.append((np.linspace(0.0, np.sqrt(_PANEL_END_OVER_MAX_LOAD * top), _N_LOADS) ** 2)[1:])
+        loads.append((np.linspace(0.0, np.sqrt(_PANEL_END_OVER_MAX_LOAD * top), N_LOAD) ** 2)[1:])
     return bands_table(comparison, textures=textures, forms=forms, loads=np.array(loads))
 
 

@@ -28,11 +28,11 @@ from ridgebayes.table.table import ContactTable
 
 AVERAGE = "average"
 MAX_BANDS_KEPT = 100_000  # bands kept per posterior, to limit memory; more are recomputed
-_N_LOAD, _MIN_N_LOAD = 200, 10  # loads per texture; fewer than 200 if there are too many bands
+N_LOAD, _MIN_N_LOAD = 200, 10  # loads per texture; fewer than 200 if there are too many bands
 _N_DECIMAL = round(-math.log10(NEGLIGIBLE_PROBABILITY))  # decimals of probabilities
 
 
-def default_loads(comparison: Comparison, n: int = _N_LOAD) -> FloatArray:
+def default_loads(comparison: Comparison, n: int = N_LOAD) -> FloatArray:
     """Return log-spaced loads over the range of a comparison's table, shape (n,)."""
     p = comparison.table.column("p_over_E")[comparison.table.column("status") == "ok"]
     # Twelve digits keep bands.csv small. Both ends are exact, so that they are no extrapolation.
@@ -96,7 +96,7 @@ def bands_table(
     of_table = _nu_of_textures(comparison) if nu is None else {}
     poisson = np.array([[of_table.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
     if loads is None:
-        n_load = int(np.clip(MAX_BANDS_KEPT // len(chosen), _MIN_N_LOAD, _N_LOAD))
+        n_load = int(np.clip(MAX_BANDS_KEPT // len(chosen), _MIN_N_LOAD, N_LOAD))
         loads = default_loads(comparison, n_load)
     p = np.atleast_2d(loads).astype(float)
     mixtures = _mixtures(comparison, names)

@@ -17,11 +17,11 @@ from ridgebayes.comparison.verdict import Verdict, ranked_forms, verdict_of
 from ridgebayes.errors import ComputationError
 from ridgebayes.evidence.components import component_table
 from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY
-from ridgebayes.evidence.tables import MIN_PAIR_WEIGHT
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.inference.presets import STANDARD
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
+from ridgebayes.predict.extrapolation import MIN_SHARE
 from ridgebayes.predict.predict import Predictive
 from ridgebayes.results import Fit
 from ridgebayes.table.table import ContactTable
@@ -260,5 +260,5 @@ class Comparison(Predictive, Tabular):
             if name in shares
             for posterior, weight in fit.averaged
         ]
-        least = min(MIN_PAIR_WEIGHT, max(weight for _, weight in parts))
+        least = min(MIN_SHARE, max(weight for _, weight in parts))
         return [(posterior, weight) for posterior, weight in parts if weight >= least]

@@ -11,8 +11,9 @@ from scipy.special import logsumexp
 
 from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.evidence.prior_sensitivity import NUGGET
-from ridgebayes.evidence.tables import MIN_PAIR_WEIGHT, mean_evidence, used_evidence
+from ridgebayes.evidence.tables import mean_evidence, used_evidence
 from ridgebayes.model.noise import SERIES, Noise
+from ridgebayes.predict.extrapolation import MIN_SHARE
 
 GRADES = ("decisive", "supports", "leans", "undecided")
 MIN_LN_BF_LEANS = 2.0  # smallest ln BF of the grade "leans"; below it the verdict is undecided
@@ -134,9 +135,7 @@ def verdict_of(
         over=over,
         min_prior_probability=_min_prior_probability(*ranked.values()),
         error_model=selected.name,
-        error_model_weights={
-            str(name): float(w) for name, w in weights.items() if w > MIN_PAIR_WEIGHT
-        },
+        error_model_weights={str(name): float(w) for name, w in weights.items() if w > MIN_SHARE},
         why=obstacle or _why(grade, ln_bf, low, min(factors, key=lambda k: factors[k], default="")),
     )
 
@@ -175,7 +174,7 @@ def _perturbed(
             yield from ((f"{form}'s {change}", forms | {form: new[form]}) for form in new)
     share = np.exp(used["log_evidence"] - logsumexp(used["log_evidence"]))
     by_noise = share.groupby(used["noise"]).sum()
-    for noise in by_noise.index[by_noise > MIN_PAIR_WEIGHT]:
+    for noise in by_noise.index[by_noise > MIN_SHARE]:
         alone = used[used["noise"] == noise].set_index("form")["log_evidence"]
         yield f"error model {noise} alone", alone.dropna().to_dict()
 

@@ -8,7 +8,7 @@ from scipy.interpolate import make_interp_spline
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 
-_ROUNDING = 1e-12  # relative difference of equal ratios of drawn widths
+ROUNDING = 1e-12  # relative difference of ratios and loads that are equal but for rounding
 
 
 class Spread:
@@ -93,7 +93,7 @@ class Axis:
     @classmethod
     def over(cls, low: float, high: float, n: int, *, degree: int = 3) -> "Axis":
         """Return the axis over a range, with one node if the ends are equal within rounding."""
-        is_range = high > low and not np.isclose(high, low, rtol=_ROUNDING, atol=0.0)
+        is_range = high > low and not np.isclose(high, low, rtol=ROUNDING, atol=0.0)
         return cls(float(low), float(high), n if is_range else 1, degree)
 
     @property

@@ -14,8 +14,6 @@ from ridgebayes._types import FloatArray
 from ridgebayes.drawing.style import QUIET, WIDTH, new_figure, plain, styled, title_of
 from ridgebayes.errors import InputError
 
-_DODGE_SHARE = 0.72  # share of a row's height taken by the dots of all probabilities
-
 
 @styled()
 def plot_coverage(frame: pd.DataFrame) -> Figure:
@@ -55,7 +53,7 @@ def plot_coverage(frame: pd.DataFrame) -> Figure:
         for i, (prob, shade) in enumerate(zip(probs, shades, strict=True)):
             part = of_form[of_form["prob"] == prob].set_index("noise").reindex(noises)
             top.axvline(prob, color=shade, linewidth=0.9, alpha=0.8)
-            _shares(top, part, _DODGE_SHARE * ((i + 0.5) / len(probs) - 0.5), shade)
+            _shares(top, part, (i + 1) / (len(probs) + 1) - 0.5, shade)
             widths = part["mean_width"].to_numpy(float)
             shown = np.isfinite(widths) & (widths > 0)
             rows = np.arange(len(noises))

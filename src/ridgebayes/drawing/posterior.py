@@ -24,7 +24,6 @@ from ridgebayes.drawing.style import (
 from ridgebayes.runtime.quiet import import_arviz
 from ridgebayes.runtime.text import short_label
 
-_N_BINS = 40
 _MAX_IQRS_SHOWN = 4  # interquartile ranges around the middle; outliers would squeeze the rest
 
 
@@ -133,10 +132,9 @@ def plot_posterior_checks(
         span = np.quantile(observed, [0.05, 0.95])
         shown = [*replicated[near], *span]
         low, high = min(shown), max(shown)
-        edges = np.linspace(low, high if high > low else low + 1, _N_BINS + 1).tolist()
-        axes.hist(
-            replicated, edges, density=True, color=colour_of(form), alpha=0.5, label="replicated"
-        )
+        look: dict[str, Any] = {"color": colour_of(form), "alpha": 0.5, "label": "replicated"}
+        ends = low, high if high > low else low + 1
+        axes.hist(replicated, "auto", range=ends, density=True, **look)
         # The observed quantity hardly varies: its histogram would tower over the other.
         axes.axvline(float(observed.mean()), color=OBSERVED, linewidth=1.4, label="observed: mean")
         axes.axvspan(

@@ -18,9 +18,6 @@ from ridgebayes.inference.emcee_sampling import Walked
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.target import Target
 
-# Relative rounding error of a mean or covariance of up to 100,000 points.
-_RELATIVE_ROUNDING = 100 * np.finfo(float).eps
-
 
 def bridge_evidence(
     target: Target,
@@ -121,9 +118,10 @@ class _Normal:
         """Return the normal with the points' mean and covariance, or None if it is singular."""
         covariance = np.atleast_2d(np.cov(points.T)).astype(float)
         # Because of rounding, the variance of equal points is exactly zero on some machines only.
-        rounding = _RELATIVE_ROUNDING * max(1.0, np.abs(points).max())
+        relative = np.sqrt(len(points)) * np.finfo(float).eps
+        rounding = relative * max(1.0, np.abs(points).max())
         spread = np.linalg.eigvalsh(covariance)
-        if not spread[0] > max(rounding**2, _RELATIVE_ROUNDING * spread[-1]):
+        if not spread[0] > max(rounding**2, relative * spread[-1]):
             return None
         return cls(points.mean(axis=0), np.linalg.cholesky(covariance))
 

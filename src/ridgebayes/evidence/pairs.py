@@ -24,8 +24,10 @@ from ridgebayes.evidence.tables import (
     used_evidence,
 )
 from ridgebayes.inference.chains import ProgressCallback
+from ridgebayes.inference.diagnostics import MIN_ESS
 from ridgebayes.inference.importance import (
     EXACT_DRAW_FACTOR,
+    N_REPEAT,
     Drawn,
     Effort,
     at_least,
@@ -43,11 +45,13 @@ from ridgebayes.model.prior_files import ResolvedPriors, priors_of
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import stream
 
-MIN_FORM_PROBABILITY = 1e-4  # less probable forms are not walked, and need not converge
-MAX_LN_EVIDENCE_GAP = 12.0  # an evidence further below the best need not be precise
+# Less probable forms are not walked, and need not converge. The evidence of a pair that is less
+# probable than the best by this factor need not be precise.
+MIN_FORM_PROBABILITY = 1e-4
 # Effective draws of a posterior with weight. With 400 in each of four sets, R-hat of a parameter is
-# above 1.01 by chance once in 50,000. At most 20 draws are made for each effective draw.
-_MIN_EFFECTIVE_DRAWS, _MIN_EFFECTIVE_SHARE = 1_600, 0.05
+# above 1.01 by chance once in 50,000.
+_MIN_EFFECTIVE_DRAWS = N_REPEAT * MIN_ESS
+_MIN_EFFECTIVE_SHARE = 0.05  # at most 20 draws are made for each effective draw
 _MAX_DOUBLINGS = 2  # maximum number of repetitions with twice the draws and points
 _Result = TypeVar("_Result")
 
@@ -290,8 +294,8 @@ def weigh_pairs(
     Notes
     -----
     If the weights of a pair fail a check, the pair is sampled again with twice the draws and
-    points, at most twice. Pairs with a ln evidence of more than 12 below the best keep the result
-    of the first pass; their status begins with "first pass".
+    points, at most twice. Pairs with less than 1e-4 of the best evidence keep the result of the
+    first pass; their status begins with "first pass".
     """
     pairs = {
         pair.key: pair
@@ -321,7 +325,7 @@ def _matters(weighed: Mapping[tuple[str, str], Weighed], key: tuple[str, str]) -
     """Return whether a pair's evidence is so close to the best that its error matters."""
     values = [result.evidence.value for result in weighed.values()]
     best = max((value for value in values if math.isfinite(value)), default=math.nan)
-    return bool(weighed[key].evidence.value > best - MAX_LN_EVIDENCE_GAP)
+    return bool(weighed[key].evidence.value > best + math.log(MIN_FORM_PROBABILITY))
 
 
 class Task(Protocol):

@@ -10,8 +10,8 @@ from scipy.special import logsumexp
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.model.noise import Noise
+from ridgebayes.predict.extrapolation import MIN_SHARE
 
-MIN_PAIR_WEIGHT = 0.01  # predictions omit error models with a smaller weight for their form
 MAX_SELECTED_GAP = 1.1  # ln evidence; the simplest error model this close to the best is selected
 
 EVIDENCE_COLUMNS = [
@@ -87,7 +87,7 @@ def error_model_weights(evidence: pd.DataFrame, form: str) -> dict[str, float]:
     if log_evidence.empty:
         return {}
     share = np.exp(log_evidence - logsumexp(log_evidence))
-    heavy = share[share >= MIN_PAIR_WEIGHT]
+    heavy = share[share >= MIN_SHARE]
     return {str(name): float(weight) for name, weight in (heavy / heavy.sum()).items()}
 
 

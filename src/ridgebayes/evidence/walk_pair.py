@@ -1,10 +1,8 @@
 """Sampling of a pair's posterior with emcee, as an independent check of its evidence."""
 
-from dataclasses import replace
-
 from ridgebayes.evidence.bridge import bridge_evidence
 from ridgebayes.evidence.pairs import Pair
-from ridgebayes.inference.chains import N_WALKER_CHEAP, ProgressCallback, SampleSettings
+from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.emcee_sampling import Walked, walk
 from ridgebayes.inference.importance import Drawn
@@ -29,8 +27,7 @@ def walk_pair(
     drawn : Drawn
         Draws from importance sampling, whose proposal the walk uses.
     settings : SampleSettings, optional
-        Lengths and thresholds. If `n_walker` is None and evaluations are cheap, 512 walkers are
-        used.
+        Lengths and thresholds.
     progress, checkpoint : optional
         As for `ridgebayes.inference.emcee_sampling.walk`.
 
@@ -41,10 +38,7 @@ def walk_pair(
     evidence : LogEvidence
         Log evidence by bridge sampling.
     """
-    target, settings = pair.target(), settings or SampleSettings()
-    model, seed = target.model, pair.own_seed
-    if settings.n_walker is None and model.is_normal and not model.offsets.n_level:
-        settings = replace(settings, n_walker=N_WALKER_CHEAP)
+    target, seed = pair.target(), pair.own_seed
     walked = walk(
         target,
         drawn.proposal,

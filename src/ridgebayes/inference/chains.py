@@ -11,7 +11,6 @@ from ridgebayes.errors import InputError
 ProgressCallback = Callable[[str], None]  # takes a line of text
 N_WALKER = 64  # a step with fewer walkers is no faster, and autocorrelation times converge later
 N_KEPT = 10_240  # draws in files and predictions: whole steps, evenly thinned
-N_WALKER_CHEAP = 512  # walkers where evaluating many densities costs little more than one
 
 
 @dataclass(frozen=True)
@@ -22,9 +21,8 @@ class SampleSettings:
     ----------
     n_ensemble : int
         Independently started ensembles; at least four, so that they can disagree.
-    n_walker : int or None
-        Walkers per ensemble; raised to four per coordinate if that is more. None means 512 if rows
-        are independent with normal errors, else 64.
+    n_walker : int
+        Walkers per ensemble; raised to four per coordinate if that is more.
     n_burn : int
         Steps discarded at the start.
     n_step_max : int
@@ -53,7 +51,7 @@ class SampleSettings:
     """
 
     n_ensemble: int = 4
-    n_walker: int | None = None
+    n_walker: int = N_WALKER
     n_burn: int = 60
     n_step_max: int = 20_000
     n_tau: float = 50.0
@@ -71,7 +69,7 @@ class SampleSettings:
             value = getattr(self, name)
             if value is not None and not 0 < value < np.inf:
                 raise InputError(f"{name}: expected finite and > 0, got {value}")
-        if self.n_walker is not None and (self.n_walker < 4 or self.n_walker % 2):
+        if self.n_walker < 4 or self.n_walker % 2:
             raise InputError(f"n_walker: expected even and at least 4, got {self.n_walker}")
 
 

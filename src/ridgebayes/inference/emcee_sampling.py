@@ -18,7 +18,7 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import ComputationError
-from ridgebayes.inference.chains import N_WALKER, Chains, ProgressCallback, SampleSettings
+from ridgebayes.inference.chains import Chains, ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint, Walk, packed, unpacked
 from ridgebayes.inference.diagnostics import autocorrelation_time
 from ridgebayes.inference.proposal import Mixture
@@ -167,7 +167,7 @@ def walk(
     """
     settings = settings or SampleSettings()
     d = len(target.names)
-    n_walker = max(settings.n_walker or N_WALKER, 4 * d)
+    n_walker = max(settings.n_walker, 4 * d)
     began, limit = time.monotonic(), settings.time_limit or math.inf
     density = _Density(target, proposal, n_point)
     samplers = [_ensemble(density, n_walker) for _ in range(settings.n_ensemble)]

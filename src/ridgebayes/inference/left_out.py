@@ -36,7 +36,6 @@ from ridgebayes.runtime.randomness import stream
 
 _MAX_WEIGHTED_DRAWS = 512  # four times as many if densities are exact
 _MIN_EFFECTIVE_SHARE = 0.35  # with a smaller share scores of tiny tables are too high
-_MIN_EFFECTIVE_DRAWS = 100  # for a log score to about 0.1
 _MAX_RETURNED_DRAWS = 1_024  # about, given the rest
 
 
@@ -180,8 +179,8 @@ class AllRows:
         estimate = LatentIntegral(rest).estimated(self.u, rng, self.effort.n_point)
         joint = self.log_density - estimate.log_density  # of rows left out: priors cancel
         log_weight, shape = pareto_smoothed(-joint)
-        min_share = max(_MIN_EFFECTIVE_SHARE, _MIN_EFFECTIVE_DRAWS / len(joint))
-        if not (shape <= MAX_FINITE_VARIANCE_K and effective_share(log_weight) >= min_share):
+        is_even = effective_share(log_weight) >= _MIN_EFFECTIVE_SHARE
+        if not (shape <= MAX_FINITE_VARIANCE_K and is_even):
             return None
         weight, top = np.exp(log_weight), joint.max()
         density = np.exp(joint - top)

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
+from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms import Form
 from ridgebayes.model.observations import Observations
@@ -20,7 +21,7 @@ from ridgebayes.model.tails import Tail
 
 # Smallest relative standard error of a load if rows share offsets: the tolerance of half-plane
 # loads. Without it, rows that agree to rounding would leave sigma without a lower bound.
-MIN_REL_SE = 1e-8
+MIN_REL_SE = DEFAULT_REL_TOL
 
 
 @dataclass(frozen=True, eq=False)

@@ -118,7 +118,7 @@ class NormalTail(Tail):
                 )
                 by_nodes = np.log(width * (4 + 5 * outer) / 9) - 0.5 * (middle * middle + LOG_2PI)
                 value = np.where(narrow, by_nodes, value)
-        return value
+        return np.asarray(value)
 
     def cdf(self, z: Any, df: Any) -> FloatArray:
         return np.asarray(special.ndtr(z))

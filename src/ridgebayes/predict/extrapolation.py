@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ridgebayes._types import BoolArray, FloatArray, Json
+from ridgebayes.contact.axes import ROUNDING
 from ridgebayes.contact.scaling import Texture, reduced_load
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import PowerLaw
@@ -19,9 +20,9 @@ from ridgebayes.model.forms import PowerLaw
 NAMES = ("Q", "load", "a/pitch", "a/R", "b/R", "texture", "offset")
 _BITS = Q, LOAD, RATIO, RIDGE, GROOVE, TEXTURE, OFFSET = [2**bit for bit in range(len(NAMES))]
 _MAX_WIDTH_FACTOR = 1.5  # widths beyond their calibrated range by more than this are flagged
-_ROUNDING = 1e-12  # relative difference below which two values count as equal
-# A mixture is flagged as extrapolated if a part, or a share of draws, above 1 % is.
-MIN_HEAVY = 0.01
+# Predictions omit error models with a smaller weight for their form. A mixture is flagged as
+# extrapolated if a part, or a share of draws, above this share is.
+MIN_SHARE = 0.01
 
 Flags = np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
 
@@ -84,7 +85,7 @@ class CalibratedRange:
     @property
     def limit(self) -> float:
         """Load p/E at nu = 0.5 above which predictions are flagged."""
-        return self.load_max * (1 + _ROUNDING)
+        return self.load_max * (1 + ROUNDING)
 
     def texture_flags(
         self, a_over_R: FloatArray, b_over_R: FloatArray, offset: ArrayLike = 0.0
@@ -142,7 +143,7 @@ class CalibratedRange:
 
 def common_flags(flags: Flags) -> Flags:
     """Return the flags that are set in more than 1 % of the draws, the first axis."""
-    is_common = [((flags & bit) > 0).mean(axis=0) > MIN_HEAVY for bit in _BITS]
+    is_common = [((flags & bit) > 0).mean(axis=0) > MIN_SHARE for bit in _BITS]
     value: Flags = np.bitwise_or.reduce(list(map(_flag, is_common, _BITS)))
     return value
 
@@ -162,7 +163,7 @@ def _ends(values: FloatArray) -> tuple[float, float]:
 
 
 def _beyond(value: FloatArray, ends: tuple[float, float], margin: float) -> BoolArray:
-    low, high = ends[0] / margin * (1 - _ROUNDING), ends[1] * margin * (1 + _ROUNDING)
+    low, high = ends[0] / margin * (1 - ROUNDING), ends[1] * margin * (1 + ROUNDING)
     return (value < low) | (value > high)
 
 

@@ -13,7 +13,7 @@ from ridgebayes import drawing
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.arguments import common_shape, numbers
-from ridgebayes.predict.extrapolation import MIN_HEAVY, Flags, Q, names_of
+from ridgebayes.predict.extrapolation import MIN_SHARE, Flags, Q, names_of
 from ridgebayes.predict.predicted import Predicted, keep_labels
 
 if TYPE_CHECKING:  # heavy
@@ -330,5 +330,5 @@ def shares(weights: Sequence[float]) -> FloatArray:
 
 def heavy_parts(share: FloatArray) -> BoolArray:
     """Return which parts of a mixture are heavy enough to flag the mixture as extrapolated."""
-    value: BoolArray = (share > MIN_HEAVY) | (share == share.max())
+    value: BoolArray = (share > MIN_SHARE) | (share == share.max())
     return value
