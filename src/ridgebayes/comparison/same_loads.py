@@ -14,8 +14,7 @@ from ridgebayes.model.forms import Form
 from ridgebayes.model.rows import Rows
 
 _LOG_LOAD_TOL = 1e-7  # log loads closer than this are equal; the half-plane solver has 1e-8
-# Number of sets of coefficients tried for each form, and their distance in prior sds.
-_N_POINT, _SHIFT_PRIOR_SD = 3, 0.5
+_N_POINT = 3  # sets of coefficients tried for each form, about a prior sd apart
 _MAX_TEXTURES = 200  # with more textures and coefficients, only a selection is compared
 
 
@@ -105,7 +104,7 @@ class _Reachable:
         at_draw = cls(form, a, b, model.to_theta(u)[None, names])
         points = [at_draw.points[0]]
         for k in range(1, _N_POINT):
-            step = _SHIFT_PRIOR_SD * np.cos(k + np.arange(len(u)))  # differs between coefficients
+            step = np.cos(k + np.arange(len(u)))  # differs between coefficients
             while np.abs(step).max() > _LOG_LOAD_TOL:  # halve the step until loads are finite
                 theta = model.to_theta(u + step)[names]
                 if np.isfinite(at_draw.log_rates(theta)).all():

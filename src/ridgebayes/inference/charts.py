@@ -21,13 +21,12 @@ from scipy import optimize
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.latent import LatentIntegral, Prepared
+from ridgebayes.inference.modes import N_START
 from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.noise import SMOOTH
 
-_MAX_ROUNDING = 1e-13  # relative rounding error of log loads
+_MAX_ROUNDING = 1e-13  # rounding error of log loads, relative if they are above 1
 _LEAST_SQUARES_TOLERANCES = dict.fromkeys(("ftol", "xtol", "gtol"), np.finfo(float).eps)
-_MIN_RESIDUAL_SCALE = 1e-9  # log loads with smaller residuals agree to rounding
-_SD_PER_MEDIAN_DEVIATION = 1.4826  # of a normal distribution
 # Number of random subsets of k + 1 rows. With two groups of equal size and two coefficients, each
 # group contains one of the subsets completely in nine of ten cases.
 _N_CANDIDATE = 24
@@ -71,9 +70,8 @@ class Conditional(NamedTuple):
         return np.concatenate([z, u[:, k:]], axis=1)
 
 
-# Number of random starts, and their largest spread in prior sds, if the form has no rates at the
-# priors' centre.
-_N_START, _MAX_START_SD = 256, 6.0
+# Largest spread of random starts in prior sds, if the form has no rates at the priors' centre.
+_MAX_START_SD = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,12 +158,12 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
 def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
     """Return the scores of coefficients at which the form has rates.
 
-    The priors' centre is returned if possible, else the nearest of 256 random points, whose spread
+    The priors' centre is returned if possible, else the nearest of 64 random points, whose spread
     grows to six prior sds.
     """
     model, k = integral.model, integral.model.n_outer_coefficient
-    wide = np.linspace(1, _MAX_START_SD, _N_START)[:, None]
-    for u in (np.zeros((1, k)), wide * rng.standard_normal((_N_START, k))):
+    wide = np.linspace(1, _MAX_START_SD, N_START)[:, None]
+    for u in (np.zeros((1, k)), wide * rng.standard_normal((N_START, k))):
         outer_u = np.concatenate([u, np.zeros((len(u), model.n_outer - k))], axis=1)
         with np.errstate(all="ignore"):
             log_rates = model.outer_log_rates(model.outer_theta(outer_u))
@@ -184,7 +182,7 @@ def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray
         return all(np.abs(u - other).max() > _MIN_DISTANCE for other in (base, *minima))
 
     for start in np.concatenate([np.eye(len(base)), -np.eye(len(base))]) * _START_DISTANCE:
-        near = _least_squares(integral, start, scale=max(best, _MIN_RESIDUAL_SCALE), n_pass=1)
+        near = _least_squares(integral, start, scale=max(best, _MAX_ROUNDING), n_pass=1)
         if is_new(near):
             u = _least_squares(integral, near)
             size = float(np.sqrt(np.mean(_linearised(integral, u)[1] ** 2)))
@@ -243,7 +241,7 @@ def _least_squares(
             except ValueError:  # the start has no positive rates: use it as the reference
                 return u
             remaining = _linearised(integral, u)[1][selected]
-        scale = max(math.sqrt(float(np.mean(remaining**2))), _MIN_RESIDUAL_SCALE)
+        scale = max(math.sqrt(float(np.mean(remaining**2))), _MAX_ROUNDING)
     return u
 
 
@@ -264,7 +262,7 @@ def _groups(
             rows = np.argsort(np.abs(residual + jacobian @ step), kind="stable")[:n_near]
         size = float(np.abs(residual + jacobian @ step)[rows].max())
         candidates.append((size, np.asarray(step, float), rows))
-    largest = _SD_PER_MEDIAN_DEVIATION * float(np.median(np.abs(residual)))
+    largest = float(np.median(np.abs(residual)))
     steps = [np.zeros(k)]
     references = []
     for size, step, rows in sorted(candidates, key=lambda candidate: candidate[0]):

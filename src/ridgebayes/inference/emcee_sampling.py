@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import BATCH_SIZE, FloatArray
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.chains import Chains, ProgressCallback, SampleSettings
 from ridgebayes.inference.checkpoint import Checkpoint, Walk, packed, unpacked
@@ -28,7 +28,7 @@ from ridgebayes.runtime.randomness import stream
 # A walk five times longer than `n_tau` requires would be long enough even if tau were five times
 # larger, so tau need not be stable to `tau_change`. With ten parameters, one of them rarely is.
 _LONG_WALK_FACTOR = 5
-_MAX_STORED_NUMBERS = 2**26  # half a GiB
+_MAX_STORED_NUMBERS = 256 * BATCH_SIZE  # half a GiB
 _PROPOSAL_SHARE = 0.9  # share of moves that draw from the proposal
 _N_FIRST_STEP = 100  # steps before the first check
 

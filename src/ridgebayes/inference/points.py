@@ -29,7 +29,7 @@ from ridgebayes.model.tails import Tail
 # distribution with nine degrees of freedom. With this scale its peak is about as high as the
 # standard normal's.
 _POINT_SCALE = 0.65
-_MIN_TAIL_PROBABILITY = 1e-12  # keeps points finite
+_MIN_TAIL_PROBABILITY = np.finfo(float).eps  # keeps points finite
 _PRIOR_PAIR_PERIOD = 4  # if rows are intervals, every fourth pair of points is drawn from the prior
 _N_INNER_POINT = 8  # points of a texture's score for each point of the rest
 _MIN_INFORMED_PIVOT = 1.02  # scores with a smaller pivot of M are drawn from a normal distribution

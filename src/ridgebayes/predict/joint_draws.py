@@ -16,8 +16,9 @@ from ridgebayes.predict.extrapolation import CalibratedRange, Flags
 from ridgebayes.predict.load_draws import MAX_Q, Columns
 from ridgebayes.predict.posterior_loads import PosteriorLoads
 
-MOST_TEXTURES = 16  # computed exactly; loads of more textures are interpolated over a/pitch
-_N_RATIO_NODE = 13  # interpolated loads are within 0.03 % for a/pitch from 0.05 to 0.95
+# Textures whose loads are computed exactly, and nodes in a/pitch from which loads of more textures
+# are interpolated: within 0.03 % for a/pitch from 0.05 to 0.95.
+MOST_TEXTURES = 16
 
 
 def textures_of(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -61,7 +62,7 @@ class RatioLoads:
 
     def __init__(self, loads: PosteriorLoads, low: float, high: float) -> None:
         loads.check_scaling(low)
-        self._axis = Axis.over(special.logit(low), special.logit(high), _N_RATIO_NODE)
+        self._axis = Axis.over(special.logit(low), special.logit(high), MOST_TEXTURES)
         nodes = special.expit(self._axis.nodes).tolist()
         self._nodes = _NodeLoads([partial(_roots, loads, node) for node in nodes])
 

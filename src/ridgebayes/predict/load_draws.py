@@ -22,7 +22,6 @@ _MAX_Z = -ndtri(np.finfo(float).epsneg)
 # The interpolation error of 256 nodes is at most a tenth of the Monte Carlo error.
 _N_NODE = 256
 MAX_DRAWS_TIMES_ROWS = 64 * BATCH_SIZE  # limits memory; more rows get fewer draws
-_LOG_QUANTILE_TOL = 1e-10  # absolute
 
 Columns = tuple[FloatArray, FloatArray]  # mean and sd of the log load, both (n_draw, n)
 
@@ -80,8 +79,7 @@ def quantile(prob: FloatArray, mean: FloatArray, sd: FloatArray, weight: FloatAr
     def excess(y: FloatArray, i: IntArray) -> FloatArray:
         return average(cdf(y, mean[:, i], sd[:, i]), weight) - prob[i]
 
-    places, tolerances = np.arange(len(reached)), {"xatol": _LOG_QUANTILE_TOL, "xrtol": 0.0}
-    root = elementwise.find_root(excess, (low, high), args=(places,), tolerances=tolerances)
+    root = elementwise.find_root(excess, (low, high), args=(np.arange(len(reached)),))
     value = np.full(len(share), np.inf)
     with np.errstate(over="ignore"):
         value[reached] = np.exp(root.x)
