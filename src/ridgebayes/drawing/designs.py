@@ -1,5 +1,6 @@
 """Map of designs: probability of a goal over ridge and groove width."""
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -15,7 +16,6 @@ from ridgebayes._types import FloatArray
 from ridgebayes.drawing.style import new_figure, styled
 
 _BEST = "#D55E00"
-_LEVELS = (0.1, 0.5, 0.9, 0.99)
 
 
 def draw_designs(
@@ -23,6 +23,7 @@ def draw_designs(
     designs: pd.DataFrame,
     best: tuple[float, float],
     label: str,
+    levels: Sequence[float],
     *,
     is_met: bool,
 ) -> None:
@@ -38,6 +39,8 @@ def draw_designs(
         Recommended texture, or the texture nearest to the goals.
     label : str
         Quantity shown by the colour: ``margin``, or the quantity in column ``probability``.
+    levels : sequence of float
+        Probabilities shown by contours.
     is_met : bool
         Whether `best` meets the goals.
     """
@@ -55,9 +58,9 @@ def draw_designs(
     handles: list[Artist] = []
     if min(len(x), len(y)) > 1:
         values = margin.to_numpy(float)
-        levels = [p for p in _LEVELS if _within(p, grid.to_numpy(float))]
-        if levels and label == "probability":
-            lines = axes.contour(x, y, grid, levels=levels, colors="#8A8A8A", linewidths=0.8)
+        within = [p for p in levels if _within(p, grid.to_numpy(float))]
+        if within and label == "probability":
+            lines = axes.contour(x, y, grid, levels=within, colors="#8A8A8A", linewidths=0.8)
             for text in axes.clabel(lines, fontsize=8, colors="black"):
                 text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
         if _within(0.0, values):
@@ -94,9 +97,14 @@ def _within(level: float, values: FloatArray) -> bool:
 
 @styled()
 def plot_designs(
-    designs: pd.DataFrame, best: tuple[float, float], label: str, *, is_met: bool
+    designs: pd.DataFrame,
+    best: tuple[float, float],
+    label: str,
+    levels: Sequence[float],
+    *,
+    is_met: bool,
 ) -> Figure:
     """Draw a map of designs as a figure; see `draw_designs`."""
     figure = new_figure(6.4, 5.2)
-    draw_designs(figure.subplots(), designs, best, label, is_met=is_met)
+    draw_designs(figure.subplots(), designs, best, label, levels, is_met=is_met)
     return figure

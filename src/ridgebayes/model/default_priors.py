@@ -8,12 +8,12 @@ from ridgebayes.distributions.auto import at_place
 from ridgebayes.distributions.distribution import Distribution, LogNormal, Normal
 from ridgebayes.distributions.grammar import parse_distribution
 from ridgebayes.errors import InputError
-from ridgebayes.model.forms import Form, PowerLaw
+from ridgebayes.model.forms import Classic, Form, PowerLaw
 from ridgebayes.model.noise import Noise
 from ridgebayes.runtime.reading import read_toml
 
 SLOPES = "K"  # key of the common prior of all power-law slopes, including those of new textures
-HERTZ = 1.382  # smooth Hertz coefficient at nu = 0.5, as printed in the paper
+(HERTZ,) = Classic.published  # smooth Hertz coefficient at nu = 0.5
 _DEFAULTS = read_toml(Path(__file__).with_name("default_priors.toml"))
 REASONS = {name: entry["reason"] for part in _DEFAULTS.values() for name, entry in part.items()}
 NOISE_PRIORS = {name: parse_distribution(x["prior"]) for name, x in _DEFAULTS["noise"].items()}

@@ -53,7 +53,7 @@ class Classic(OneCoefficient):
     """
 
     name: ClassVar[str] = "classic"
-    published: ClassVar[tuple[float, ...] | None] = (1.382,)
+    published: ClassVar[tuple[float]] = (1.382,)
 
     def shape(self, Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike) -> FloatArray:
         a, b = np.asarray(a_over_R), np.asarray(b_over_R)
