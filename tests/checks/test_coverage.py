@@ -8,8 +8,9 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes.checks.coverage import COVERAGE_COLUMNS, PROBS
+from ridgebayes.checks.coverage import COVERAGE_COLUMNS
 from ridgebayes.checks.left_out import Fold
+from ridgebayes.drawing import PROBS
 from studies.coverage import coverage_of
 from tests.drawn import model_of, points_of
 

@@ -8,7 +8,7 @@ import pytest
 
 import ridgebayes as rb
 from ridgebayes import Noise
-from ridgebayes.checks.coverage import PROBS
+from ridgebayes.drawing import PROBS
 from ridgebayes.drawing.coverage import plot_coverage
 from ridgebayes.drawing.style import as_bytes
 from ridgebayes.model.forms import FORMS

@@ -11,6 +11,7 @@ import pandas as pd
 
 from ridgebayes._types import Rng
 from ridgebayes.checks.left_out import Fold, clustered_se, form_of, of_folds, row_loads
+from ridgebayes.drawing import PROBS
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form
@@ -22,7 +23,6 @@ from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.table import ContactTable
 
-PROBS = (0.5, 0.8, 0.9, 0.95, 0.99)
 COVERAGE_COLUMNS = ["form", "noise", "prob", "n", "covered", "share", "share_se", "mean_width"]
 COVERAGE_COLUMNS += ["share_extrapolated", "n_texture", "n_unconverged", "n_failed", "failed"]
 # Result of a fold: its predicted rows and whether its fit converged, or the reason of a failure.

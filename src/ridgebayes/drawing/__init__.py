@@ -22,7 +22,9 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-MOST_TEXTURES = 12  # panels in a figure; defined here because this module imports no matplotlib
+# Defined here because this module imports no matplotlib.
+MOST_TEXTURES = 12  # panels in a figure
+PROBS = (0.5, 0.8, 0.9, 0.95, 0.99)  # of bands whose coverage is measured, and contours of designs
 
 
 def __getattr__(name: str) -> object:

@@ -1,19 +1,17 @@
 """Map of designs: probability of a goal over ridge and groove width."""
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from ridgebayes._types import FloatArray
-from ridgebayes.drawing.style import new_figure, styled
+from ridgebayes.drawing import PROBS
 
 _BEST = "#D55E00"
 
@@ -23,7 +21,6 @@ def draw_designs(
     designs: pd.DataFrame,
     best: tuple[float, float],
     label: str,
-    levels: Sequence[float],
     *,
     is_met: bool,
 ) -> None:
@@ -39,8 +36,6 @@ def draw_designs(
         Recommended texture, or the texture nearest to the goals.
     label : str
         Quantity shown by the colour: ``margin``, or the quantity in column ``probability``.
-    levels : sequence of float
-        Probabilities shown by contours.
     is_met : bool
         Whether `best` meets the goals.
     """
@@ -58,9 +53,9 @@ def draw_designs(
     handles: list[Artist] = []
     if min(len(x), len(y)) > 1:
         values = margin.to_numpy(float)
-        within = [p for p in levels if _within(p, grid.to_numpy(float))]
-        if within and label == "probability":
-            lines = axes.contour(x, y, grid, levels=within, colors="#8A8A8A", linewidths=0.8)
+        levels = [p for p in PROBS if _within(p, grid.to_numpy(float))]
+        if levels and label == "probability":
+            lines = axes.contour(x, y, grid, levels=levels, colors="#8A8A8A", linewidths=0.8)
             for text in axes.clabel(lines, fontsize=8, colors="black"):
                 text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
         if _within(0.0, values):
@@ -93,18 +88,3 @@ def _edges(widths: FloatArray) -> FloatArray:
 
 def _within(level: float, values: FloatArray) -> bool:
     return bool(values.min() < level <= values.max())
-
-
-@styled()
-def plot_designs(
-    designs: pd.DataFrame,
-    best: tuple[float, float],
-    label: str,
-    levels: Sequence[float],
-    *,
-    is_met: bool,
-) -> Figure:
-    """Draw a map of designs as a figure; see `draw_designs`."""
-    figure = new_figure(6.4, 5.2)
-    draw_designs(figure.subplots(), designs, best, label, levels, is_met=is_met)
-    return figure

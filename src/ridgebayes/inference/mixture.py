@@ -28,7 +28,7 @@ from ridgebayes.runtime.randomness import seeded, stream
 from ridgebayes.runtime.reading import LARGEST_TEXT, read_text, refusing
 
 _MAX_COMPONENTS, _MAX_PARAMETERS = 8, 40
-_MAX_STEPS, _MIN_GAIN = 200, 2e-5  # steps of expectation maximisation; nats of mean log density
+_MIN_GAIN = 2e-5  # nats of mean log density; the last step of expectation maximisation has less
 _N_COMPARED = 100_000  # draws of the mixture that are compared with the posterior's draws
 _FORMAT = "ridgebayes posterior mixture 1"
 _ARRAY_KEYS = ("weights", "means", "covariances")
@@ -271,8 +271,9 @@ def _fit(z: FloatArray, k: int, rng: np.random.Generator) -> _Arrays:
     """Fit k components by expectation maximisation, started from k-means++."""
     from scipy.cluster.vq import kmeans2  # few commands need it
 
-    share, last = np.eye(k)[:, kmeans2(z, k, iter=1, minit="++", rng=rng)[1]], -np.inf
-    for _ in range(_MAX_STEPS):
+    share = np.eye(k)[:, kmeans2(z, k, iter=1, minit="++", rng=rng)[1]]
+    last, gain = -np.inf, np.inf
+    while gain >= _MIN_GAIN:
         size = share.sum(axis=1)[:, None] + 1e-12
         means = share @ z / size
         deviation = z - means[:, None]  # (k, n, d)
@@ -284,8 +285,6 @@ def _fit(z: FloatArray, k: int, rng: np.random.Generator) -> _Arrays:
         )
         total = np.logaddexp.reduce(logs := _log_densities(z, mixture))
         gain, last, share = total.mean() - last, total.mean(), np.exp(logs - total)
-        if gain < _MIN_GAIN:
-            break
     return mixture
 
 

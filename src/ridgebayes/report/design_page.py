@@ -3,7 +3,6 @@
 import base64
 
 from ridgebayes import drawing
-from ridgebayes.checks.coverage import PROBS
 from ridgebayes.runtime.templates import rendered
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.record import Design
@@ -11,10 +10,9 @@ from ridgebayes.texture_design.record import Design
 
 def drawn_design(result: Design, kind: str) -> bytes:
     """Return the map of a design as a ``png`` or ``svg`` file."""
-    best = (result.best["a_over_R"], result.best["b_over_R"])
-    figure = drawing.designs.plot_designs(
-        result.designs, best, result.shown, PROBS, is_met=result.feasible
-    )
+    with drawing.style.styled():
+        figure = drawing.style.new_figure(6.4, 5.2)
+        result.plot(figure.subplots())
     return drawing.style.as_bytes(figure, kind)
 
 

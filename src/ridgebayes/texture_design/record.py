@@ -8,7 +8,6 @@ import pandas as pd
 
 from ridgebayes import drawing
 from ridgebayes._types import Json, Tabular
-from ridgebayes.checks.coverage import PROBS
 from ridgebayes.predict.extrapolation import NAMES
 from ridgebayes.texture_design.goals import Goal
 
@@ -184,9 +183,7 @@ class Design(Tabular):
         """
         best = (self.best["a_over_R"], self.best["b_over_R"])
         axes = drawing.records.axes_or_new(ax)
-        drawing.designs.draw_designs(
-            axes, self.designs, best, self.shown, PROBS, is_met=self.feasible
-        )
+        drawing.designs.draw_designs(axes, self.designs, best, self.shown, is_met=self.feasible)
         return axes
 
 
