@@ -15,7 +15,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "ridgebayes"
 # Code lines that a room may have: today's count, so that a room which grows says so. Lower a budget
 # when its room has shrunk; write the reason beside a budget that is raised.
 BUDGETS = {
-    "modules of the package": 400,  # with `request`, `cautions` and the size of batches of rooms below
+    "modules of the package": 400,  # with `request`, `cautions`, the size of batches
     "runtime": 767,
     "distributions": 479,  # with those of SciPy
     "drawing": 945,
