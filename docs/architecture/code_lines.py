@@ -27,7 +27,7 @@ BUDGETS = {
     "model": 1_552,
     "inference": 2_470,
     "predict": 1_065,  # loads over a/pitch, which designs share; names of DataArrays
-    "evidence": 615,
+    "evidence": 616,
     "comparison": 878,
     "checks": 769,
     "friction": 861,  # draws the blocks of a scene itself
