@@ -45,9 +45,8 @@ from ridgebayes.model.prior_files import ResolvedPriors, priors_of
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import stream
 
-# Less probable forms are not walked, and need not converge. The evidence of a pair that is less
-# probable than the best by this factor need not be precise.
-MIN_FORM_PROBABILITY = 1e-4
+MIN_FORM_PROBABILITY = 1e-4  # less probable forms are not walked, and need not converge
+MAX_LN_EVIDENCE_GAP = 12.0  # an evidence further below the best need not be precise
 # Effective draws of a posterior with weight. With 400 in each of four sets, R-hat of a parameter is
 # above 1.01 by chance once in 50,000.
 _MIN_EFFECTIVE_DRAWS = N_REPEAT * MIN_ESS
@@ -294,8 +293,8 @@ def weigh_pairs(
     Notes
     -----
     If the weights of a pair fail a check, the pair is sampled again with twice the draws and
-    points, at most twice. Pairs with less than 1e-4 of the best evidence keep the result of the
-    first pass; their status begins with "first pass".
+    points, at most twice. Pairs with a ln evidence of more than 12 below the best keep the result
+    of the first pass; their status begins with "first pass".
     """
     pairs = {
         pair.key: pair
@@ -325,7 +324,7 @@ def _matters(weighed: Mapping[tuple[str, str], Weighed], key: tuple[str, str]) -
     """Return whether a pair's evidence is so close to the best that its error matters."""
     values = [result.evidence.value for result in weighed.values()]
     best = max((value for value in values if math.isfinite(value)), default=math.nan)
-    return bool(weighed[key].evidence.value > best + math.log(MIN_FORM_PROBABILITY))
+    return bool(weighed[key].evidence.value > best - MAX_LN_EVIDENCE_GAP)
 
 
 class Task(Protocol):

@@ -34,7 +34,8 @@ from ridgebayes.model.default_priors import SLOPES
 from ridgebayes.model.model import Model
 from ridgebayes.runtime.randomness import stream
 
-_MAX_DRAWS = 512  # four times as many are weighted if densities are exact
+_MAX_WEIGHTED_DRAWS = 512  # four times as many if densities are exact
+_MAX_RETURNED_DRAWS = 2 * _MAX_WEIGHTED_DRAWS  # about, given the rest
 _MIN_EFFECTIVE_SHARE = 0.35  # with a smaller share scores of tiny tables are too high
 
 
@@ -159,7 +160,7 @@ class AllRows:
             if reweighted is not None:
                 return reweighted
         drawn = _sample(rest, self.effort, seed)
-        stride = max(drawn.log_density.size // _MAX_DRAWS, 1)
+        stride = max(drawn.log_density.size // _MAX_RETURNED_DRAWS, 1)
         u, scores = (
             x.reshape(drawn.log_density.size, x.shape[-1])[::stride]
             for x in (drawn.u, drawn.scores)
@@ -185,7 +186,7 @@ class AllRows:
         density = np.exp(joint - top)
         mean = float(weight @ density)
         se = float(np.sqrt((weight**2) @ (density - mean) ** 2)) / mean
-        cumulative, n = np.cumsum(weight), min(_MAX_DRAWS, len(weight))
+        cumulative, n = np.cumsum(weight), min(_MAX_RETURNED_DRAWS, len(weight))
         index = np.searchsorted(cumulative, (np.arange(n) + 0.5) / n * cumulative[-1])
         value = float(top) + math.log(mean)
         draws = self.u[index], estimate.scores[index]
@@ -203,7 +204,7 @@ def rest_of(model: Model, left: BoolArray) -> Model:
 
 def _stride(model: Model, n: int) -> int:
     factor = EXACT_DRAW_FACTOR if LatentIntegral(model).is_exact else 1
-    return -(-n // (_MAX_DRAWS * factor))
+    return -(-n // (_MAX_WEIGHTED_DRAWS * factor))
 
 
 def _sample(model: Model, effort: Effort, seed: int) -> Drawn:

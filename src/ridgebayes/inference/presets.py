@@ -71,7 +71,7 @@ QUICK = Preset(
     "quick",
     0.25,
     0.1,
-    Effort(n_draw=160, n_point=8),
+    Effort(n_round=3, n_per_round=384, n_draw=160, n_point=8),
     n_kept=1_024,
     walks=False,
     extras=False,

@@ -8,6 +8,8 @@ from scipy.linalg import blas
 
 from ridgebayes._types import FloatArray
 
+_MAX_BATCHED_SIZE = 16  # unknowns; larger systems are solved faster one by one
+
 
 def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
     """Return the lower Cholesky factors of a batch; NaN if a matrix is not positive definite."""
@@ -29,7 +31,7 @@ def solve_lower(factor: FloatArray, right: FloatArray, *, transposed: bool = Fal
     columns = np.broadcast_to(right, (*batch, n, m)).reshape(n_batch, n, m)
     if not columns.size:
         return np.zeros((*batch, n, m))
-    if n < n_batch:  # the shorter loop is over the unknowns
+    if n <= _MAX_BATCHED_SIZE < n_batch:
         return _substituted(factors, columns, transposed).reshape(*batch, n, m)
     out = columns.copy(order="C")
     for matrix, x in zip(factors, out, strict=True):
