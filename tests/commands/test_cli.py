@@ -471,7 +471,6 @@ def test_run__passes_every_option_on(command, monkeypatch, finished):
     said = command("run", *words, "--force", "--resume", "-o", "out")
     assert asked.pop("began") > 0
     assert asked == {
-        "command": "run",
         "folder": Path("out"),
         "table": Path("t.csv"),
         "forms": ["classic", "hybrid"],
