@@ -33,7 +33,6 @@ _Task = TypeVar("_Task")
 # A server that has imported everything forks workers in milliseconds. Without it (Windows) each
 # worker imports all modules.
 _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-_PACKAGE = __name__.partition(".")[0]
 # One BLAS thread for each worker: several would compete for processors. One malloc arena: each
 # thread of a worker would otherwise keep memory that it has freed.
 _ENVIRONMENT = dict.fromkeys(
@@ -134,7 +133,7 @@ def start_server(preload: Sequence[str] = ()) -> None:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         with patch.dict(os.environ, _ENVIRONMENT):
-            loaded = [name for name in list(sys.modules) if name.startswith(f"{_PACKAGE}.")]
+            loaded = [name for name in list(sys.modules) if name.startswith("ridgebayes.")]
             forkserver.set_forkserver_preload(list(preload) or loaded)
             forkserver.ensure_running()
     finally:

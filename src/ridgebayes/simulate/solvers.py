@@ -161,7 +161,7 @@ def transition_curves(
                 how = f"{effects} corners=a/{1 / _CORNER_OVER_A:g}" if rounded else effects
                 curve = _curve(task, rows, "cylinder-fe", how, offset, edges)
                 if rounded:
-                    curve |= {"rel_se": math.hypot(curve["rel_se"], _CORNER_SE)}
+                    curve |= {"rel_se": math.hypot(curve["rel_se"], FINITE_ELEMENT_ERROR)}
                 yield curve
                 if pressed is not None:
                     pressed(texture, body, reached)
@@ -226,8 +226,9 @@ def optional_effects(texture: Texture) -> list[str]:
 # Relative error of loads by the number of mesh edges per ridge: docs/validation/cylinder.md. If a
 # fine mesh cannot pass a corner, a coarser one may, because the rim slides by less than its edge.
 ELEMENTS_SE = {48: 5e-4, 24: 1e-3, 10: 4e-3}
-# If the last mesh stops at a sharp corner, it continues with round ones: an error of some 0.1 %.
-_CORNER_OVER_A, _CORNER_SE = 0.05, 2e-3
+# If the last mesh stops at a sharp corner, it continues with round ones: an error of some 0.1 %,
+# within `FINITE_ELEMENT_ERROR`.
+_CORNER_OVER_A = 0.05
 
 
 def _two_scale(curve: Json, profile: Profile, ogden: Ogden) -> Json:

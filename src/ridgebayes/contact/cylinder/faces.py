@@ -15,9 +15,7 @@ from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
 _N_GAUSS = 3  # quadrature points between kinks, where the gap is smooth
 _GROWTH = 0.25  # of segment lengths with distance from the nearest corner
-_WALL_DEPTH = 0.5  # groove widths; depth of a wall without a floor
 _MAX_BEHIND = 0.02  # over R; depth of the body inside the rigid side during the solution
-_NEAR_SEGMENTS = 10.0  # longest segments of a face; farther nodes are no kinks of closing gaps
 
 
 @dataclass(frozen=True)
@@ -179,8 +177,7 @@ class Faces:
         up = np.array([0.0, rise])
         for number, face in enumerate(self.faces):
             place, apart = face.of(nodes - up)
-            near = _NEAR_SEGMENTS * face.measure * float(np.diff(face.breaks).max())
-            kinks = place[np.abs(apart) < near]
+            kinks = place[np.abs(apart) < _MAX_BEHIND]  # farther gaps do not close in a step
             kinks = kinks[(kinks > face.breaks[0]) & (kinks < face.breaks[-1])]
             breaks = np.unique(np.concatenate([face.breaks, kinks]))
             low, width = breaks[:-1, None], np.diff(breaks)[:, None]
@@ -273,7 +270,7 @@ def _ridge(
     profile: Profile, segment: RigidSegment, height: float, resolution: Resolution
 ) -> Iterator[Face]:
     r, number = segment.corner, segment.ridge
-    depth = min(profile.depth, max(_WALL_DEPTH * profile.b, 2 * r))
+    depth = min(profile.depth, max(profile.b, 2 * r))
     at_corner = r * math.pi / 2 / resolution.arc if r else resolution.corner
     cut_up = _graded if r else cut
     start, stop = segment.flat
