@@ -47,7 +47,7 @@ _FIRST_SHARE, _MIN_SHARE = 0.1, 1e-3  # step as a share of the corner's distance
 # because loads depend on the path; without friction they are twice as long. Shorter steps do not
 # save Newton steps where the rim snaps past sharp corners.
 _LONG_SHARE = 0.25
-_FEW_STEPS = 7  # fewer Newton steps double the next step
+_FEW_STEPS = 6  # fewer Newton steps double the next step
 # Failed solves on the way to a transition. A solve that takes all Newton steps counts twice,
 # because it costs as much as five successful solves.
 MOST_FAILURES = 16
