@@ -25,7 +25,6 @@ from ridgebayes.contact.ridge_row import RidgeRow, total_potential
 from ridgebayes.contact.rigid_profile import Profile
 
 
-
 @dataclass(frozen=True, eq=False)
 class Events:
     """Events in rising order.

@@ -8,12 +8,13 @@ import numpy as np
 from ridgebayes._types import NEO_HOOKEAN, FloatArray, Ogden
 from ridgebayes.contact.cylinder.cylinder import Cylinder
 from ridgebayes.contact.cylinder.newton import NotConvergedError
+from ridgebayes.contact.two_scale import ORDER_P
 
 # Share of a contact's segments that determine its end, and number of partly covered last segments.
 _FITTED_SHARE, _SEGMENTS_SKIPPED = 0.4, 3
 _LOADS = Path(__file__).with_name("stiffening_loads.csv")  # largest load of each mesh, and loads
 # Few edges suffice for the ratio of two materials.
-_EDGES, _ORDER = 16.0, 5
+_EDGES = 16.0
 
 
 def half_width(x: FloatArray, pressure: FloatArray) -> float:
@@ -58,7 +59,7 @@ def stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
 
     Returns
     -------
-    ndarray of float, shape (6,)
+    ndarray of float, shape (7,)
         Coefficients of powers of sqrt(p/E), from 0, of the ratio minus 1.
     float
         Largest p/E with an equilibrium; 0 if there is none.
@@ -84,8 +85,8 @@ def stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
                 ratio.append(width / soft)
         except NotConvergedError:
             break
-    if len(p) < _ORDER:
-        return np.zeros(_ORDER + 1), 0.0
-    terms = np.sqrt(p)[:, None] ** np.arange(1, _ORDER + 1)
+    if len(p) < ORDER_P:
+        return np.zeros(ORDER_P + 1), 0.0
+    terms = np.sqrt(p)[:, None] ** np.arange(1, ORDER_P + 1)
     coefficients = np.linalg.lstsq(terms, np.array(ratio) - 1.0, rcond=None)[0]
     return np.concatenate([[0.0], coefficients]), p[-1]

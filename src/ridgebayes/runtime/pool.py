@@ -41,7 +41,6 @@ _ENVIRONMENT = dict.fromkeys(
 _MAX_TRIES = 3  # a task that has killed so many workers would kill another one
 # Tasks submitted for each worker: one runs, the others are queued so that it never idles.
 _MAX_TASKS_PER_WORKER = 4
-_MAX_TASKS = 1_000  # submitted to an executor with an unknown number of workers
 
 
 class WorkerPool(futures.ThreadPoolExecutor):
@@ -254,8 +253,10 @@ def map_ordered(
     try:
         while True:
             n_worker = getattr(executor, "n_worker", None)  # a cluster may grow or shrink
-            most = _MAX_TASKS if n_worker is None else _MAX_TASKS_PER_WORKER * max(n_worker, 1)
-            for number, task in itertools.islice(numbered, max(most - len(under_way), 0)):
+            room = None  # an executor with an unknown number of workers has a queue of its own
+            if n_worker is not None:
+                room = max(_MAX_TASKS_PER_WORKER * max(n_worker, 1) - len(under_way), 0)
+            for number, task in itertools.islice(numbered, room):
                 future = executor.submit(function, task)
                 under_way[future] = number, task
                 future.add_done_callback(ended.put)

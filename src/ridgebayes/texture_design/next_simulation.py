@@ -87,7 +87,9 @@ def _log_loads(
     a, b = texture
     total, parts = sum(weight for _, weight in form), []
     for loads, weight in form:
-        which = np.linspace(0, loads.n_draw - 1, max(round(N_INNER * weight / total), 1)).astype(int)
+        which = np.linspace(0, loads.n_draw - 1, max(round(N_INNER * weight / total), 1)).astype(
+            int
+        )
         location, scale = loads.at(count, which, np.asarray(a / (a + b)))
         parts.append((location, np.broadcast_to(scale, location.shape)))
     location, scale = (np.concatenate(column) for column in zip(*parts, strict=True))

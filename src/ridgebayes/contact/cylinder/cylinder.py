@@ -15,6 +15,7 @@ from ridgebayes._types import NEO_HOOKEAN, FloatArray, IntArray, Ogden
 from ridgebayes.contact import hertz
 from ridgebayes.contact.cylinder.contact_problem import ContactProblem, State
 from ridgebayes.contact.cylinder.faces import (
+    GROWTH,
     Corner,
     Faces,
     Resolution,
@@ -52,7 +53,6 @@ _FEW_STEPS = 6  # fewer Newton steps double the next step
 # because it costs as much as five successful solves.
 MOST_FAILURES = 16
 _MAX_ELEMENTS = 40_000
-_GROWTH = 0.3  # of edge lengths with distance from the ridges
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,9 +355,9 @@ class _Sizes:
         # A point of the rim moves between its arc length and its abscissa, or slightly farther.
         edge = self.resolution.edge
         slack = 0.3 * np.minimum(theta, 1.0) ** 3 + 2 * edge
-        length = edge + _GROWTH * np.maximum(_outside(self.spans, theta) - slack, 0.0)
+        length = edge + GROWTH * np.maximum(_outside(self.spans, theta) - slack, 0.0)
         if self.at_corner < edge:
-            length = np.minimum(length, self.at_corner + _GROWTH * _outside(self.windows, theta))
+            length = np.minimum(length, self.at_corner + GROWTH * _outside(self.windows, theta))
         return np.asarray(length)
 
 

@@ -14,7 +14,7 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
 _N_GAUSS = 3  # quadrature points between kinks, where the gap is smooth
-_GROWTH = 0.25  # of segment lengths with distance from the nearest corner
+GROWTH = 0.3  # of segment and edge lengths with distance from corners and ridges
 _MAX_BEHIND = 0.02  # over R; depth of the body inside the rigid side during the solution
 
 
@@ -306,7 +306,7 @@ def cut(length: float, first: float, last: float, most: float) -> FloatArray:
 def _graded(length: float, first: float, last: float, most: float) -> FloatArray:
     """Return breaks from 0 to length whose segments grow from both ends up to a limit."""
     fine = np.linspace(0.0, length, 4001)
-    size = np.minimum(np.minimum(first + _GROWTH * fine, last + _GROWTH * (length - fine)), most)
+    size = np.minimum(np.minimum(first + GROWTH * fine, last + GROWTH * (length - fine)), most)
     count = np.concatenate([[0.0], np.cumsum(0.5 * (1 / size[1:] + 1 / size[:-1]))]) * fine[1]
     n = max(math.ceil(count[-1] - 1e-9), 1)
     return np.interp(np.linspace(0.0, count[-1], n + 1), count, fine)
