@@ -31,8 +31,8 @@ CHECKED_STIFFENING = 0.2  # the same limit for materials other than neo-Hookean
 UNCHECKED = "not checked: no finite elements at this load to compare with"
 BEYOND = f"not computed: p/E above {REACH:g}, or nu under {LEAST_NU:g}"
 TABLE = Path(__file__).with_name("smooth_cylinder.csv")
-# Orders of the polynomial r - 1 in sqrt(p) and nu, which is 0 at p = 0.
-ORDER_P, _ORDER_NU = 6, 4
+# Orders of the polynomials r - 1 in sqrt(p) and nu, which are 0 at p = 0.
+_ORDER_P, _ORDER_NU = 6, 4
 # Standard errors, from a comparison of loads with finite elements (docs/two-scale.md).
 ERRORS = Path(__file__).with_name("two_scale_errors.csv")
 
@@ -41,10 +41,10 @@ ERRORS = Path(__file__).with_name("two_scale_errors.csv")
 def _coefficients() -> FloatArray:
     """Return the coefficients of powers of sqrt(p), from 0, and of nu, by least squares."""
     nu, p, ratio = np.loadtxt(TABLE, delimiter=",", skiprows=1, unpack=True)
-    terms = np.polynomial.polynomial.polyvander2d(np.sqrt(p), nu, [ORDER_P, _ORDER_NU])
+    terms = np.polynomial.polynomial.polyvander2d(np.sqrt(p), nu, [_ORDER_P, _ORDER_NU])
     first = _ORDER_NU + 1
     coefficients = np.linalg.lstsq(terms[:, first:], ratio - 1.0, rcond=None)[0]
-    return np.concatenate([np.zeros(first), coefficients]).reshape(ORDER_P + 1, first)
+    return np.concatenate([np.zeros(first), coefficients]).reshape(_ORDER_P + 1, first)
 
 
 @cache
@@ -59,7 +59,7 @@ def stiffening_of(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
     # scikit-fem takes long to import.
     from ridgebayes.contact.smooth import stiffening
 
-    return stiffening(nu, ogden)
+    return stiffening(nu, ogden, _ORDER_P)
 
 
 def _material_factor(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:

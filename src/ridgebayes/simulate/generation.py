@@ -15,13 +15,7 @@ from ridgebayes.scene.effects import HIGHEST_LOAD, Plan, beyond_reach, full_prof
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.simulate import solvers
-from ridgebayes.simulate.solvers import (
-    LOAD_PRESETS,
-    CylinderVisitor,
-    TextureTask,
-    optional_effects,
-    versions,
-)
+from ridgebayes.simulate.solvers import LOAD_PRESETS, CylinderVisitor, TextureTask, optional_effects
 from ridgebayes.table.table import ContactTable
 
 _IF_ANY = ("rel_se", "offset_over_R", "edges")  # columns dropped if all values are zero
@@ -130,7 +124,9 @@ def generate(
         if refused:
             raise InputError("\n".join(refused))
     beyond_reach(scene, solver)
-    tasks = _tasks(scene.at_medians(), solver, rel_tol, preset.meshes)
+    # If a mesh cannot pass a corner, a coarser one may: its rim slides by less than an edge.
+    meshes = tuple(edges for edges in reversed(solvers.ELEMENTS_SE) if edges <= preset.edges)
+    tasks = _tasks(scene.at_medians(), solver, rel_tol, meshes)
     solve = functools.partial(_solved, pressed=pressed) if pressed is not None else _solved
     results = _results_of(tasks, solve, executor, journal, progress)
     if problems := [text for text in results if isinstance(text, str)]:
@@ -184,7 +180,7 @@ def _results_of(
 
 def _solved(task: TextureTask, *, pressed: "CylinderVisitor | None" = None) -> list[Json] | str:
     """Return the curves of a texture, or the reason why it has none."""
-    here = versions()["ridgebayes"]
+    here = solvers.versions()["ridgebayes"]
     if task.version != here:
         other = f"a worker has ridgebayes {here}, this process {task.version}"
         raise InputError(f"{other}; expected the same on all")

@@ -45,15 +45,6 @@ class LoadPreset:
     edges: int
     mesh_error: float
 
-    @property
-    def meshes(self) -> tuple[int, ...]:
-        """Edges per ridge, from this mesh to the coarsest.
-
-        If a mesh cannot pass a corner, a coarser one may, because its rim slides by less than an
-        edge.
-        """
-        return tuple(edges for edges in sorted(ELEMENTS_SE, reverse=True) if edges <= self.edges)
-
 
 LOAD_PRESETS = {
     "quick": LoadPreset(1e-4, 10, 4e-3),
