@@ -278,11 +278,10 @@ def _floor(base: _Base) -> Effect:
 
 
 def _corner(base: _Base) -> Effect:
-    corner = base.profile.corner
-    number = corner / base.sharp.a
+    corner, a = base.profile.corner, base.sharp.a
     cost = base.cost(120 * len(base.W), len(base.W), 12)
     reason = "radius over a" if corner else "radius over a; corners are sharp"
-    return Effect("corner radius", number, base.change(1), corner > 0, reason, cost)
+    return Effect("corner radius", corner / a, base.change(1), corner > 0, reason, cost)
 
 
 def _poisson(base: _Base) -> Effect:
