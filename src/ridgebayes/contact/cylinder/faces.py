@@ -177,7 +177,7 @@ class Faces:
         up = np.array([0.0, rise])
         for number, face in enumerate(self.faces):
             place, apart = face.of(nodes - up)
-            kinks = place[np.abs(apart) < _MAX_BEHIND]  # farther gaps do not close in a step
+            kinks = place[apart > -_MAX_BEHIND]
             kinks = kinks[(kinks > face.breaks[0]) & (kinks < face.breaks[-1])]
             breaks = np.unique(np.concatenate([face.breaks, kinks]))
             low, width = breaks[:-1, None], np.diff(breaks)[:, None]
