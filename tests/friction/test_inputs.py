@@ -232,7 +232,7 @@ def test_write_inputs__blocks_are_the_whole(fit, tmp_path, monkeypatch, suffix):
 
 
 def test_write_inputs__netcdf_of_too_many_draws_is_refused_at_once(fit, tmp_path, monkeypatch):
-    monkeypatch.setattr("ridgebayes.friction.files.LARGEST_NETCDF", 10_000)
+    monkeypatch.setattr("ridgebayes.friction.files.LARGEST", 30_000)
     monkeypatch.setattr("ridgebayes.friction.inputs._BLOCK", 7)
     draws = InputDraws(fit, rb.Scene.of([(A, B)]), 2, n=1_000, rng=1)
     with pytest.raises(

@@ -6,7 +6,7 @@ from ridgebayes import InputError, Noise, generate
 from ridgebayes.evidence.pairs import weigh_pairs
 from ridgebayes.inference.presets import PRESETS, Preset
 from ridgebayes.model.observations import Observations
-from ridgebayes.simulate.generation import LOAD_PRESETS
+from ridgebayes.simulate.solvers import LOAD_PRESETS
 
 
 def test_accuracy__of_another_name_is_refused():

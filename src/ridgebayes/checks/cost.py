@@ -22,8 +22,7 @@ from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of
-from ridgebayes.simulate.generation import LOAD_PRESETS
-from ridgebayes.simulate.solvers import ELEMENTS_SE
+from ridgebayes.simulate.solvers import LOAD_PRESETS
 from ridgebayes.table.table import ContactTable
 
 COST_COLUMNS = ("task", "method", "preset", "target_error", "error", "cpu_s", "status")
@@ -157,7 +156,8 @@ def _elements(texture: Texture, p_max: float, name: str) -> Iterator[_Row]:
         _, p_over_E, _ = transition_curve(Cylinder(Profile(a, b), p_max=p_max, edges=edges), p_max)
         return p_over_E[np.isfinite(p_over_E)]
 
-    edges, finest = (LOAD_PRESETS[preset].meshes[0] for preset in (name, REFERENCE.name))
+    preset, finest = LOAD_PRESETS[name], LOAD_PRESETS[REFERENCE.name].edges
+    edges = preset.edges
     p_over_E, cpu_s = _timed(lambda: loads(edges), 1)
     error = np.nan
     if edges != finest:
@@ -166,7 +166,7 @@ def _elements(texture: Texture, p_max: float, name: str) -> Iterator[_Row]:
         if n == 0:
             raise ComputationError(f"no transition under p/E = {p_max:g}")
         error = float(np.abs(p_over_E[:n] / exact[:n] - 1).max())
-    yield "loads", f"finite elements, {edges} edges", name, ELEMENTS_SE[edges], error, cpu_s, "ok"
+    yield "loads", f"finite elements, {edges} edges", name, preset.mesh_error, error, cpu_s, "ok"
 
 
 def _timed(work: Callable[[], _T], repeats: int) -> tuple[_T, float]:

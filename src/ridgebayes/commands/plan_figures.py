@@ -21,7 +21,7 @@ from ridgebayes.report.figures.bodies import plot_deformed, plot_pressed
 from ridgebayes.runtime.text import one_line_message
 from ridgebayes.scene.effects import HIGHEST_LOAD, Plan, full_profile, plan_label, plan_table
 from ridgebayes.scene.scene import Scene
-from ridgebayes.simulate.generation import LOAD_PRESETS
+from ridgebayes.simulate.solvers import LOAD_PRESETS
 
 
 def draw_plan(scene: Scene, planned: Plan, folder: Path) -> list[str]:
@@ -83,7 +83,7 @@ def _deformed(profile: Profile, scene: Scene, planned: Plan, p_max: float) -> Fi
     if p_max > HIGHEST_LOAD:  # the solver would fail after minutes
         raise ComputationError(f"p/E = {p_max:.2g} is above {HIGHEST_LOAD:g}")
     nu, friction, ogden = scene.nu, scene.friction, scene.ogden
-    edges = LOAD_PRESETS["quick"].meshes[0]
+    edges = LOAD_PRESETS["quick"].edges
     body = Cylinder(profile, p_max=p_max, nu=nu, friction=friction, edges=edges, ogden=ogden)
     try:
         return plot_deformed(body, body.at_load(p_max, body.unloaded()))

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebvander
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
-from ridgebayes.contact.contact_set import SHRINK, TENSION
+from ridgebayes.contact.contact_set import N_PLACES, SHRINK, TENSION
 from ridgebayes.contact.contact_solution import (
+    MAX_ITERATIONS,
     MOST_UNKNOWNS,
     bearing_half_width,
     coefficients_for,
@@ -22,9 +23,6 @@ from ridgebayes.contact.contact_solution import (
 from ridgebayes.contact.ridge_contacts import RidgeContacts
 from ridgebayes.contact.ridge_row import RidgeRow, total_potential
 from ridgebayes.contact.rigid_profile import Profile
-
-_MAX_ROUNDS = 40  # iterations; usually five to fifteen suffice
-_MAX_DEPTH_SHARE = 0.9  # penetration over groove depth from which the floor may be touched
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +128,7 @@ class _Rounds:
 
     def events(self) -> tuple[FloatArray, BoolArray]:
         """Return the load of each event, and whether all conditions hold at this load."""
-        for _ in range(_MAX_ROUNDS):
+        for _ in range(MAX_ITERATIONS):  # usually five to fifteen suffice
             self._round()
             if not self._active.any():
                 break
@@ -233,7 +231,9 @@ class _Rounds:
             up = total_potential(self._row.potentials(x), self._moments)
             free &= 0.5 * x**2 + fall + up >= approach
         if math.isfinite(profile.depth):
-            free &= self._row.depth(self._moments, approach) < _MAX_DEPTH_SHARE * profile.depth
+            # Penetration is concave, so places miss at most the share of a spacing in its maximum.
+            most = (1 - 1 / (N_PLACES - 1)) * profile.depth
+            free &= self._row.depth(self._moments, approach) < most
         return free
 
 

@@ -18,7 +18,7 @@ TENSION = 0.1  # tension allowed at free ends, over the mean pressure and the ro
 # Shares of the load: contacts below `BEGUN` need less accuracy, and the smallest are rounding.
 BEGUN, _ROUNDING_SHARE = 1e-6, 1e-9
 _MIN_STEP = 1e-13  # over a contact's width; shorter steps are rounding errors
-N_PLACES, _N_REFINEMENTS = 17, 8  # on a segment; each refinement divides the spacing by eight
+N_PLACES = 17  # on a segment
 _MIN_WIDTH = 1e-11  # of a contact, over its segment's width
 
 
@@ -140,7 +140,7 @@ class ContactSet:
         others = [segment for segment in self._segments if segment not in self._ends]
         if not others:
             return False
-        _, gaps, slack = nearest_gaps(pressing, others, looks=1)
+        _, gaps, slack = nearest_gaps(pressing, others, spacing=1.0)
         others = [others[i] for i in np.flatnonzero(gaps <= slack)]
         if not others:
             return False
@@ -175,22 +175,28 @@ def end_steps(
 
 
 def nearest_gaps(
-    pressing: PressureSolution, segments: Sequence[RigidSegment], looks: int = _N_REFINEMENTS
+    pressing: PressureSolution,
+    segments: Sequence[RigidSegment],
+    spacing: float = math.sqrt(np.finfo(np.float64).eps),
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the places where the gaps to untouched segments are smallest, and these gaps.
 
-    The third array is the possible decrease of each gap between the evaluated places.
+    The third array is the possible decrease of each gap between the evaluated places, whose
+    distance is at most `spacing` times the segment. At the default a smaller gap is rounding.
     """
     rows = np.arange(len(segments))
     start, stop = np.array([(s.start, s.stop) for s in segments]).T
     x = np.linspace(start, stop, N_PLACES, axis=1)
     # Outside of contact the surface is convex, as ridges are, so there is a single minimum.
-    for _ in range(looks):
+    apart = 1 / (N_PLACES - 1)
+    while True:
         heights = [segment.height(at) for segment, at in zip(segments, x, strict=True)]
         gap = pressing.surface(x) + heights
         lowest = np.argmin(gap, axis=1)
         nearest, least = x[rows, lowest], gap[rows, lowest]
         i = np.clip(lowest, 1, N_PLACES - 2)
         slack = np.ptp(gap[rows, [i - 1, i, i + 1]], axis=0)
+        if apart <= spacing:
+            return nearest, least, slack
         x = np.linspace(x[rows, i - 1], x[rows, i + 1], N_PLACES, axis=1)
-    return nearest, least, slack
+        apart *= 2 / (N_PLACES - 1)

@@ -22,7 +22,6 @@ from ridgebayes.errors import InputError
 
 # 7,000 unknowns take 400 MB and a few seconds; larger problems get a status instead.
 MAX_UNKNOWNS = 7000
-_FIRST_BATCH = 4
 _NOT_CONVERGED = "not converged: estimated relative error {:.1e}"
 
 
@@ -153,9 +152,7 @@ def transition_loads(
         raise InputError(f"n_transitions = {n_transitions!r}: must be an integer of at least 1")
     if not 0.0 < rel_tol <= 0.1:
         raise InputError(f"rel_tol = {rel_tol!r}: must be in (0, 0.1]")
-    n_table = _FIRST_BATCH
-    while n_table < n_transitions:
-        n_table *= 2
+    n_table = 1 << (int(n_transitions) - 1).bit_length()
     table = _table(2.0 * groove_width / ridge_width, n_table, float(rel_tol))
     return table.part(slice(0, n_transitions))
 
@@ -209,7 +206,7 @@ def forget_loads() -> None:
 @functools.lru_cache(maxsize=1024)
 def _table(gap_ratio: float, n_table: int, rel_tol: float) -> HalfPlaneLoads:
     """Return F_1 ... F_n_table: the table of half the length, joined with a new batch."""
-    if n_table == _FIRST_BATCH:
+    if n_table == 1:
         return _solve_batch(gap_ratio, 0, n_table, rel_tol)
     below = _table(gap_ratio, n_table // 2, rel_tol)
     return below.joined(_solve_batch(gap_ratio, n_table // 2, n_table, rel_tol))

@@ -12,9 +12,6 @@ import numpy as np
 
 from ridgebayes._types import FloatArray
 
-# Gauss nodes are chosen for an aliasing error of exp(-40) = 4e-18, below rounding errors.
-_ALIASING_EXPONENT = 40.0
-
 
 def log_ellipse(gap_ratio: float) -> float:
     """Return ln(rho) of the largest Bernstein ellipse that contains no neighbour strip.
@@ -114,8 +111,8 @@ def cross_blocks(gap_ratio: float, n_distances: int, n_coefficients: int) -> Flo
     1.0
     """
     # The integrand is a polynomial of degree m < M times a function analytic inside the ellipse,
-    # so the rule of q nodes aliases at rho^-(2q - M).
-    by_ellipse = _ALIASING_EXPONENT / log_ellipse(gap_ratio)
+    # so the rule of q nodes aliases at rho^-(2q - M), which is at most the rounding error.
+    by_ellipse = -math.log(np.finfo(np.float64).eps) / log_ellipse(gap_ratio)
     n_nodes = 4 + math.ceil(0.5 * (by_ellipse + n_coefficients))
     theta = (np.arange(n_nodes) + 0.5) * (math.pi / n_nodes)
     trial = np.cos(np.arange(n_coefficients)[:, None] * theta) * (math.pi / n_nodes)

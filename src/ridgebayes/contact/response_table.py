@@ -28,21 +28,19 @@ from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import ComputationError, InputError
 
-_N_PLACE, _N_BISECTION = 25, 10  # nodes of an interval (or decade of loads); refinements
-_END_DISTANCE = 1e-5  # distance of nodes from ends of an interval, where contacts are too small
+_N_PLACE = 25  # nodes of an interval (or decade of loads)
 # Distance of loads from the ends of an interval, over its length. Also the lowest load of the table
 # over the load at which the count first changes.
 CLOSEST = 1e-4
 _CLOSEST_OFFSETS = 0.01  # the same, if ends are interpolated between offsets
-MOST_DISTINCT, _MAX_SHAPES = 32, 400  # shapes without interpolation; shapes of a grid
+MOST_DISTINCT = 32  # shapes without interpolation
 _MAX_COEFFICIENTS = 64  # of a ridge in a grid: enough for grooves of 0.6 % of a sharp ridge
-_MAX_OFFSET = 0.499  # last node: at 0.5 counts are odd
 # Columns of `shapes_of`. A shape has lengths over the ridge, or over the radius.
 _SHAPE = ("groove/ridge", "offset", "depth", "corner/ridge", "ridge")
 _COLUMNS = (*_SHAPE, "groove", "corner")
 _OVER_RIDGE = [_COLUMNS.index(name) for name in _SHAPE]
 _OVER_RADIUS = [_COLUMNS.index(name.removesuffix("/ridge")) for name in _SHAPE]
-_N_SMOOTH, _N_OFFSET = 13, 17  # nodes of a spline axis, and of the linear axis of offsets
+_N_NODE = 17  # nodes of an axis of shapes
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,14 +88,14 @@ class ResponseTable:
     Raises
     ------
     InputError
-        If a table would need more than 400 shapes, because too many values vary.
+        If more than two values of shapes vary.
 
     Notes
     -----
     *Accuracy.* The caller measures errors with `solved`.
 
     *Cost.* About 0.1 s per shape and count. Up to 32 distinct shapes are solved; more shapes are
-    interpolated from 13 ratios of groove to ridge, or 17 offsets, or both.
+    interpolated from 17 ratios of groove to ridge, or 17 offsets, or both.
     """
 
     def __init__(self, seen: Spread) -> None:
@@ -108,7 +106,7 @@ class ResponseTable:
             choices = [(columns, _axes(seen, columns)) for columns in (_OVER_RIDGE, _OVER_RADIUS)]
             sizes = [math.prod(axis.n for axis in axes) for _, axes in choices]
             self._columns, self._axes = choices[sizes.index(min(sizes))]
-            if min(sizes) > _MAX_SHAPES:
+            if min(sizes) > _N_NODE**2:  # more than two values vary
                 rule = "certain widths and radius where corners are round or floors are touched"
                 raise InputError(f"scene: too many values vary at once; expected {rule}")
             if self._axes[1].n > 1:
@@ -209,10 +207,11 @@ def _units(profiles: FloatArray) -> FloatArray:
 def _axes(seen: Spread, columns: list[int]) -> list[Axis]:
     """Return axes for some columns of `shapes_of`; the second is the offset."""
     ranges = list(zip(seen.low[columns], seen.high[columns], strict=True))
-    axes = [Axis.over(*ends, _N_SMOOTH) for ends in ranges]
+    axes = [Axis.over(*ends, _N_NODE) for ends in ranges]
     # Free ends change with the offset, so cubic splines would oscillate.
-    near, far = (min(end, _MAX_OFFSET) for end in ranges[1])
-    axes[1] = Axis.over(near, far, _N_OFFSET, degree=1)
+    # At 0.5 counts are odd.
+    near, far = (min(end, 0.5 * (1 - _CLOSEST_OFFSETS)) for end in ranges[1])
+    axes[1] = Axis.over(near, far, _N_NODE, degree=1)
     return axes
 
 
@@ -280,7 +279,9 @@ class _Shape:
             # The first interval covers decades of loads and has more nodes.
             n = _N_PLACE * max(round(math.log10(high / low)), 1)
             nodes = dict(self._solve(Q, root**2) for root in np.linspace(0.0, 1.0, n).tolist())
-            for _ in range(_N_BISECTION):  # bisect towards the places where free ends change
+            apart = 1.0 / n
+            while apart > CLOSEST:  # bisect towards the places where free ends change
+                apart *= 0.5
                 for first, last in itertools.pairwise(sorted(nodes)):
                     if _free_ends(nodes[first]) != _free_ends(nodes[last]):
                         root = 0.5 * (math.sqrt(first) + math.sqrt(last))
@@ -295,7 +296,7 @@ class _Shape:
     ) -> tuple[float, ContactSolution]:
         """Return a place at y, or farther inside if that cannot be solved, and its contact."""
         low, high = self.interval(Q)
-        inside = _END_DISTANCE * max(1.0, 0.5 / math.log(high / low))
+        inside = CLOSEST * max(1.0, 0.5 / math.log(high / low))
         while True:
             inside = min(inside, 0.25)
             place = min(max(y, inside), 1 - inside)

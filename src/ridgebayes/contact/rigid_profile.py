@@ -17,7 +17,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 
 _THIN_ANGLE, _THIN_NODES = 0.3, 8  # of a thin layer; nodes for Gauss quadrature to rounding error
-_MAX_Z_FAR, _N_FAR = 0.03, 8  # z below which few orders suffice, and the closed sum would cancel
+_N_FAR = 8  # orders of z that suffice far away, where the closed sum would cancel
 _gauss = cache(np.polynomial.legendre.leggauss)
 
 
@@ -226,7 +226,8 @@ class Kinks:
         size = np.maximum(np.abs(s), 1.0)
         z = 1 / (size + np.sqrt(size**2 - 1))
         sums: FloatArray = polyval(np.copysign(z, s), self.few.T, tensor=False)
-        point, i = np.nonzero((z >= _MAX_Z_FAR) & self.angle.any(axis=0))
+        is_near = z ** float(_N_FAR) > np.finfo(np.float64).eps
+        point, i = np.nonzero(is_near & self.angle.any(axis=0))
         s, z, angle = s[point, i], z[point, i], self.angle[:, i]
         sums[point, i] = self.bend[i] * (_continued(-s, z, angle[0]) + _continued(s, z, angle[1]))
         return sums

@@ -13,7 +13,7 @@ from ridgebayes.contact.cylinder.newton import NotConvergedError
 _FITTED_SHARE, _SEGMENTS_SKIPPED = 0.4, 3
 _LOADS = Path(__file__).with_name("stiffening_loads.csv")  # largest load of each mesh, and loads
 # Few edges suffice for the ratio of two materials.
-_EDGES, _ORDER = 16.0, 5
+_EDGES = 16.0
 
 
 def half_width(x: FloatArray, pressure: FloatArray) -> float:
@@ -46,7 +46,7 @@ def half_widths(body: Cylinder, loads: tuple[float, ...]) -> Iterator[float]:
         yield half_width(x, state.pressure)
 
 
-def stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
+def stiffening(nu: float, ogden: Ogden, order: int) -> tuple[FloatArray, float]:
     """Compare a material's contact half-width with a neo-Hookean body's on the same mesh.
 
     Parameters
@@ -55,10 +55,12 @@ def stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
         Poisson's ratio.
     ogden : tuple of (float, float)
         See `Material`.
+    order : int
+        Order of the fitted polynomial in sqrt(p/E).
 
     Returns
     -------
-    ndarray of float, shape (6,)
+    ndarray of float, shape (order + 1,)
         Coefficients of powers of sqrt(p/E), from 0, of the ratio minus 1.
     float
         Largest p/E with an equilibrium; 0 if there is none.
@@ -84,8 +86,8 @@ def stiffening(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
                 ratio.append(width / soft)
         except NotConvergedError:
             break
-    if len(p) < _ORDER:
-        return np.zeros(_ORDER + 1), 0.0
-    terms = np.sqrt(p)[:, None] ** np.arange(1, _ORDER + 1)
+    if len(p) < order:
+        return np.zeros(order + 1), 0.0
+    terms = np.sqrt(p)[:, None] ** np.arange(1, order + 1)
     coefficients = np.linalg.lstsq(terms, np.array(ratio) - 1.0, rcond=None)[0]
     return np.concatenate([[0.0], coefficients]), p[-1]

@@ -31,9 +31,8 @@ CHECKED_STIFFENING = 0.2  # the same limit for materials other than neo-Hookean
 UNCHECKED = "not checked: no finite elements at this load to compare with"
 BEYOND = f"not computed: p/E above {REACH:g}, or nu under {LEAST_NU:g}"
 TABLE = Path(__file__).with_name("smooth_cylinder.csv")
-# Orders of the polynomial r - 1 in sqrt(p) and nu, which is 0 at p = 0.
+# Orders of the polynomials r - 1 in sqrt(p) and nu, which are 0 at p = 0.
 _ORDER_P, _ORDER_NU = 6, 4
-_NEWTON_STEPS = 12
 # Standard errors, from a comparison of loads with finite elements (docs/two-scale.md).
 ERRORS = Path(__file__).with_name("two_scale_errors.csv")
 
@@ -60,7 +59,7 @@ def stiffening_of(nu: float, ogden: Ogden) -> tuple[FloatArray, float]:
     # scikit-fem takes long to import.
     from ridgebayes.contact.smooth import stiffening
 
-    return stiffening(nu, ogden)
+    return stiffening(nu, ogden, _ORDER_P)
 
 
 def _material_factor(nu: FloatArray, ogden: Ogden) -> tuple[FloatArray, float]:
@@ -183,8 +182,10 @@ def load_of(half_plane: ArrayLike, nu: ArrayLike = 0.5, ogden: Ogden = NEO_HOOKE
     by_material, reach = _material_factor(nu, ogden)
     within = loads <= half_plane_load(reach, nu, ogden)
     p = np.where(within, loads, np.nan)
-    for _ in range(_NEWTON_STEPS):
-        root = np.sqrt(p)
+    last = np.zeros_like(p)
+    # The error of a Newton step is quadratic, so that of the last one is rounding.
+    while (np.abs(p - last) > math.sqrt(np.finfo(np.float64).eps) * p).any():
+        last, root = p, np.sqrt(p)
         ratio, slope = _polynomial(root, nu, by_material)
         # d(p r^2)/dp = r^2 + r sqrt(p) dr/dsqrt(p)
         p = np.minimum(p + (loads - p * ratio**2) / (ratio * (ratio + root * slope)), reach)

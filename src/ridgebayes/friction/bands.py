@@ -20,7 +20,7 @@ from ridgebayes.runtime.randomness import stream
 
 _N_BATCH, _BATCH = 16, 1_024  # number and size of batches, whose spread gives standard errors
 _N_KEPT = 4_096  # draws returned
-_N_BIN, _MIN_DRAWS = 16, 64  # bins of a scene's value; least draws of the contact per batch
+_N_BIN = 16  # bins of a scene's value
 _SCALES = [PARAMETERS.index(name) for name in PARAMETERS if name.startswith(("tau_", "sigma"))]
 _SCENE = ("a_over_R", "b_over_R", "nu", "offset", "radius", "youngs_modulus", "p_over_E", "Q")
 BAND_COLUMNS = ["load", "p_over_E", "mu_mean", "mu_sd", "mu_median", "mu_lower", "mu_upper"]
@@ -268,7 +268,7 @@ def _scene_shares(
     mean = inputs.contact[:, j] @ factors[:3] + factors[3]
     for name, values in inputs.scene.items():
         value = values if values.ndim == 1 else values[:, j]
-        if np.ptp(value) > 0 and len(value) >= _MIN_DRAWS * _N_BATCH:
+        if np.ptp(value) > 0 and len(value) >= _BATCH:
             batches = zip(*(np.array_split(x, _N_BATCH) for x in (value, mean)), strict=True)
             _, se = _mean_and_se(np.array([_between(*pair) for pair in batches]))
             yield name, _between(value, mean) / variance, se / variance, np.nan, np.nan

@@ -12,10 +12,9 @@ import xarray as xr
 from ridgebayes.errors import InputError
 from ridgebayes.friction.inputs import joined
 from ridgebayes.runtime.atomic import replacing
-from ridgebayes.runtime.reading import extra
+from ridgebayes.runtime.reading import LARGEST, extra
 
 SUFFIXES = (".nc", ".parquet", ".csv")
-LARGEST_NETCDF = 2**30  # bytes of variables; an HDF5 file takes three times as much memory
 
 
 def check_name(path: Path) -> None:
@@ -39,7 +38,7 @@ def write_inputs(blocks: xr.Dataset | Iterable[xr.Dataset], path: str | os.PathL
     ------
     InputError
         If the suffix is not supported, pyarrow is missing for Parquet, or the variables of a NetCDF
-        file, which is built in memory, would exceed 1 GiB.
+        file, which is built in memory, would take over 2 GiB.
     """
     target = Path(path)
     check_name(target)
@@ -59,8 +58,9 @@ def _limited(parts: Iterable[xr.Dataset], path: Path) -> Iterator[xr.Dataset]:
     """Yield blocks, and refuse draws that are too large together."""
     for block in parts:
         n, size = int(block.attrs["n_draw"]), block.nbytes / block.sizes["draw"]
-        if n * size > LARGEST_NETCDF:
-            rule = f"at most {LARGEST_NETCDF / size:,.0f} in NetCDF, which is made in memory"
+        most = LARGEST // (3 * size)  # an HDF5 file takes three times as much memory as its data
+        if n > most:
+            rule = f"at most {most:,.0f} in NetCDF, which is made in memory"
             draws = f"{n:,} draws of {size:,.0f} bytes"
             raise InputError(f"{path}: {draws}; expected {rule}; Parquet and CSV take any number")
         yield block

@@ -15,6 +15,7 @@ from ridgebayes.contact import two_scale
 from ridgebayes.contact.axes import Spread
 from ridgebayes.contact.contact_solution import load_factor
 from ridgebayes.contact.response_table import (
+    CLOSEST,
     MOST_DISTINCT,
     ContactValues,
     ResponseTable,
@@ -34,7 +35,6 @@ from ridgebayes.table.columns import LARGEST_LOAD
 SMALL_STRAIN = 0.015  # p/E: small strain is within 1 % of finite strain, for moderate grooves
 _BLOCK = 1_000  # draws in memory at a time
 _N_CHECKED = 24  # contacts solved to measure the error of interpolation
-_MIN_ERROR = 1e-4  # smallest reported error of interpolation
 _PROFILE = ("a", "b", "depth", "corner", "offset")
 _CORNER = _PROFILE.index("corner")
 # Name: dimensions, unit, meaning.
@@ -287,7 +287,7 @@ class InputDraws:
         self, profiles: FloatArray, Q: IntArray, W: FloatArray, rng: np.random.Generator
     ) -> float:
         """Return three times the largest error of the table in some solved contacts."""
-        worst = _MIN_ERROR / 3
+        worst = CLOSEST / 3  # a load near the end of its interval is moved by this share
         for i, j in zip(*(rng.integers(size, size=_N_CHECKED) for size in Q.shape), strict=True):
             contact = self._table.at(profiles[[i]], int(Q[i, j]), W[i, [j]])
             try:

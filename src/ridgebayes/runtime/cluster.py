@@ -13,8 +13,7 @@ from ridgebayes.errors import InputError, WorkerLostError
 from ridgebayes.runtime.reading import extra
 
 _T = TypeVar("_T")
-_TIMEOUT_S = 10.0  # for an answer of the scheduler
-_RECOUNT_AFTER_S = 5.0  # counting the workers takes a message each way
+_TIMEOUT_S = 10.0  # for an answer of the scheduler, and until its workers are counted again
 
 
 @contextmanager
@@ -80,7 +79,7 @@ class ClusterExecutor(Executor):
     @property
     def n_worker(self) -> int:
         """Number of threads of all workers, counted every few seconds as a cluster may change."""
-        if time.monotonic() > self._counted + _RECOUNT_AFTER_S:
+        if time.monotonic() > self._counted + _TIMEOUT_S:
             self._n_worker = sum(self._client.nthreads().values())
             self._counted = time.monotonic()
         return self._n_worker

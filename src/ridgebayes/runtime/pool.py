@@ -33,7 +33,6 @@ _Task = TypeVar("_Task")
 # A server that has imported everything forks workers in milliseconds. Without it (Windows) each
 # worker imports all modules.
 _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-_PACKAGE = __name__.partition(".")[0]
 # One BLAS thread for each worker: several would compete for processors. One malloc arena: each
 # thread of a worker would otherwise keep memory that it has freed.
 _ENVIRONMENT = dict.fromkeys(
@@ -42,7 +41,6 @@ _ENVIRONMENT = dict.fromkeys(
 _MAX_TRIES = 3  # a task that has killed so many workers would kill another one
 # Tasks submitted for each worker: one runs, the others are queued so that it never idles.
 _MAX_TASKS_PER_WORKER = 4
-_MAX_TASKS = 1_000  # submitted to an executor with an unknown number of workers
 
 
 class WorkerPool(futures.ThreadPoolExecutor):
@@ -134,7 +132,7 @@ def start_server(preload: Sequence[str] = ()) -> None:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         with patch.dict(os.environ, _ENVIRONMENT):
-            loaded = [name for name in list(sys.modules) if name.startswith(f"{_PACKAGE}.")]
+            loaded = [name for name in list(sys.modules) if name.startswith("ridgebayes.")]
             forkserver.set_forkserver_preload(list(preload) or loaded)
             forkserver.ensure_running()
     finally:
@@ -255,8 +253,10 @@ def map_ordered(
     try:
         while True:
             n_worker = getattr(executor, "n_worker", None)  # a cluster may grow or shrink
-            most = _MAX_TASKS if n_worker is None else _MAX_TASKS_PER_WORKER * max(n_worker, 1)
-            for number, task in itertools.islice(numbered, max(most - len(under_way), 0)):
+            room = None  # an executor with an unknown number of workers has a queue of its own
+            if n_worker is not None:
+                room = max(_MAX_TASKS_PER_WORKER * max(n_worker, 1) - len(under_way), 0)
+            for number, task in itertools.islice(numbered, room):
                 future = executor.submit(function, task)
                 under_way[future] = number, task
                 future.add_done_callback(ended.put)

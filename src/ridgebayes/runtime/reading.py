@@ -22,14 +22,13 @@ from ridgebayes.runtime.text import one_line_message
 if TYPE_CHECKING:
     import h5py
 
-_MEBIBYTE = 2**20  # bytes that are unpacked before they are counted
+_MEBIBYTE = 2**20  # bytes
 LARGEST = 2048 * _MEBIBYTE  # of a file that is read into memory
 # Bytes of TOML or JSON, which would take minutes to parse above it; and bytes of an HDF5 chunk,
 # which is always unpacked as a whole.
 LARGEST_TEXT = LARGEST_CHUNK = 64 * _MEBIBYTE
 _MAX_OBJECTS = 10_000  # groups and datasets; a posterior has thirty
 _NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
-_MAX_PACKED_SHARE = 4 / 3  # packed over unpacked bytes; gzip and checksums never need more
 
 
 def read_bytes(path: Path, most: int = LARGEST) -> bytes:
@@ -280,9 +279,9 @@ def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: 
     chunks: list[Any] = []
     data.id.chunk_iter(chunks.append)
     for chunk in chunks:
-        if chunk.size > _MAX_PACKED_SHARE * size + 1024:
+        if chunk.size > (limit := max(most, LARGEST_CHUNK)):
             packed = f"a chunk of {chunk.size} packed bytes"
-            raise InputError(f"{where}: {packed}; expected at most {most}")
+            raise InputError(f"{where}: {packed}; expected at most {limit}")
         mask, packed = data.id.read_direct_chunk(chunk.chunk_offset)
         if not mask >> at & 1 and not _fits(packed, most):
             unpacked = f"a chunk of over {most} bytes unpacked"
@@ -290,13 +289,8 @@ def _check_unpacked(data: "h5py.Dataset", filters: list[int], size: int, where: 
 
 
 def _fits(packed: bytes, most: int) -> bool:
-    unpack, n = zlib.decompressobj(), 0
     with suppress(zlib.error):  # HDF5 refuses a damaged chunk
-        while packed and not unpack.eof:
-            n += len(unpack.decompress(packed, _MEBIBYTE))
-            if n > most:
-                return False
-            packed = unpack.unconsumed_tail
+        return len(zlib.decompressobj().decompress(packed, most + 1)) <= most
     return True
 
 

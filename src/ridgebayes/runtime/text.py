@@ -12,7 +12,6 @@ MINUS = "\N{MINUS SIGN}"
 # Packages that numbers depend on, and packages for files and figures.
 _COMPUTING_PACKAGES = ("ridgebayes", "numpy", "scipy", "pandas", "emcee", "arviz")
 _OUTPUT_PACKAGES = ("xarray", "corner", "matplotlib")
-_MAX_DIGITS = 6  # longer numbers in a label are rounded
 LONGEST_VALUE = 200  # characters shown of a value from a file
 _INVISIBLE = ("Cc", "Cf", "Cs", "Zl", "Zp")  # Unicode categories, with marks that reverse text
 
@@ -72,7 +71,7 @@ def short_label(text: str, n_digit: int = 5, most: int = 40) -> str:
 
     def rounded(number: re.Match[str]) -> str:
         digits = number[0].replace(".", "").lstrip("0")
-        return f"{float(number[0]):.{n_digit}g}" if len(digits) > _MAX_DIGITS else number[0]
+        return f"{float(number[0]):.{n_digit}g}" if len(digits) > n_digit + 1 else number[0]
 
     shown = re.sub(r"\d+\.\d+", rounded, text)
     return shown if len(shown) <= most else shown[: most - 1] + "…"

@@ -31,7 +31,6 @@ from ridgebayes.scene.effects import (
 from ridgebayes.scene.scene import Scene, Texture
 
 _SAFETY = 1.5  # bound of a change over its estimate
-_ESTIMATE_REL_TOL = 1e-5  # relative tolerance of the solutions behind estimates
 # Below the Poisson's ratios of two-scale loads, finite strain multiplies half-plane loads by
 # 1 + 0.3 (w/R)^2, fitted for half-widths w up to 0.26 R (data/fea).
 _FINITE_STRAIN_FACTOR = 0.3
@@ -128,7 +127,7 @@ class _Base:
         W = W[: max(int(np.searchsorted(W, W_max, side="right")), 1)]
         # Beyond the last transition considered, effects vary little from ridge to ridge.
         top = min(max(W_max, float(W[-1])), 1.2 * float(W[-1]) + sharp.pitch**2)
-        last = solve_contact(sharp, top, rel_tol=_ESTIMATE_REL_TOL)
+        last = solve_contact(sharp, top)
         return cls(scene, texture, sharp, W, last, max(W_max, float(W[-1])))
 
     @property
@@ -168,7 +167,7 @@ class _Base:
         rounded = self.last
         if self.profile.corner:
             round_profile = replace(self.sharp, corner=self.profile.corner)
-            rounded = solve_contact(round_profile, self.last.W, rel_tol=_ESTIMATE_REL_TOL)
+            rounded = solve_contact(round_profile, self.last.W)
         solutions = [solution for solution in (self.last, rounded) if solution.status == "ok"]
         if not solutions:
             raise _too_narrow(self.texture, rounded.status)
@@ -210,7 +209,7 @@ class _Base:
     def _shift_of(self, other: Profile, k: int) -> float:
         """Return the relative load shift of event k from one Newton step on its gap."""
         W, ridge = float(self.W[k - 1]), other.ridge(k)
-        solution = solve_contact(other, W, rel_tol=_ESTIMATE_REL_TOL, ridges=range(k))
+        solution = solve_contact(other, W, ridges=range(k))
         if solution.status != "ok":
             return math.nan
         return solution.rise_to_touch([ridge]) / W
@@ -279,11 +278,10 @@ def _floor(base: _Base) -> Effect:
 
 
 def _corner(base: _Base) -> Effect:
-    corner = base.profile.corner
-    number = corner / base.sharp.a
+    corner, a = base.profile.corner, base.sharp.a
     cost = base.cost(120 * len(base.W), len(base.W), 12)
     reason = "radius over a" if corner else "radius over a; corners are sharp"
-    return Effect("corner radius", number, base.change(1), corner > 0, reason, cost)
+    return Effect("corner radius", corner / a, base.change(1), corner > 0, reason, cost)
 
 
 def _poisson(base: _Base) -> Effect:

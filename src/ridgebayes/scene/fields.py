@@ -59,8 +59,8 @@ def _ogden(raw: object) -> Ogden:
 # Field types of scene files and of records.
 Positive = PositiveFloat
 NotNegative = NonNegativeFloat
-PoissonsRatio = Annotated[float, Field(ge=0.0, le=0.5)]
-Relative = Annotated[float, Field(gt=0.0, lt=1.0)]
+PoissonsRatio = Annotated[NonNegativeFloat, Field(le=0.5)]
+Relative = Annotated[PositiveFloat, Field(lt=1.0)]
 Offset = Annotated[float | Literal["uniform"], PlainValidator(_offset)]
 OgdenTerms = Annotated[Ogden, BeforeValidator(_ogden)]
 Role = Literal["calibration", "held-out"]

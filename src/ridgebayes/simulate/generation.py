@@ -4,12 +4,10 @@ import functools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 
 import pandas as pd
 
 from ridgebayes._types import NEO_HOOKEAN, Json
-from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
@@ -17,33 +15,10 @@ from ridgebayes.scene.effects import HIGHEST_LOAD, Plan, beyond_reach, full_prof
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.simulate import solvers
-from ridgebayes.simulate.solvers import CylinderVisitor, TextureTask, optional_effects, versions
+from ridgebayes.simulate.solvers import LOAD_PRESETS, CylinderVisitor, TextureTask, optional_effects
 from ridgebayes.table.table import ContactTable
 
-
-@dataclass(frozen=True)
-class LoadPreset:
-    """Target errors of generated loads.
-
-    Parameters
-    ----------
-    load_error : float
-        Target relative error of a half-plane load.
-    meshes : tuple of int
-        Finite-element edges per ridge, finest first: if a mesh cannot pass a corner, the next
-        continues.
-    """
-
-    load_error: float
-    meshes: tuple[int, ...]
-
-
 _IF_ANY = ("rel_se", "offset_over_R", "edges")  # columns dropped if all values are zero
-LOAD_PRESETS = {
-    "quick": LoadPreset(1e-4, tuple(solvers.ELEMENTS_SE)[2:]),
-    "standard": LoadPreset(DEFAULT_REL_TOL, tuple(solvers.ELEMENTS_SE)[1:]),
-    "reference": LoadPreset(1e-10, tuple(solvers.ELEMENTS_SE)),
-}
 
 
 def generate(
@@ -76,7 +51,7 @@ def generate(
         smaller.
     accuracy : str, optional
         ``quick`` (1e-4, and the coarse mesh of finite elements), ``standard`` (1e-8) or
-        ``reference`` (1e-10, and a mesh twice as fine), see `LoadPreset`.
+        ``reference`` (1e-10, and a mesh twice as fine), see `solvers.LoadPreset`.
     pressed : callable, optional
         Called for each texture simulated by finite elements, with the cylinder and its
         transitions, such as `ridgebayes.commands.fields`, which writes their states to files. It
@@ -149,7 +124,9 @@ def generate(
         if refused:
             raise InputError("\n".join(refused))
     beyond_reach(scene, solver)
-    tasks = _tasks(scene.at_medians(), solver, rel_tol, preset.meshes)
+    # If a mesh cannot pass a corner, a coarser one may: its rim slides by less than an edge.
+    meshes = tuple(edges for edges in reversed(solvers.ELEMENTS_SE) if edges <= preset.edges)
+    tasks = _tasks(scene.at_medians(), solver, rel_tol, meshes)
     solve = functools.partial(_solved, pressed=pressed) if pressed is not None else _solved
     results = _results_of(tasks, solve, executor, journal, progress)
     if problems := [text for text in results if isinstance(text, str)]:
@@ -203,7 +180,7 @@ def _results_of(
 
 def _solved(task: TextureTask, *, pressed: "CylinderVisitor | None" = None) -> list[Json] | str:
     """Return the curves of a texture, or the reason why it has none."""
-    here = versions()["ridgebayes"]
+    here = solvers.versions()["ridgebayes"]
     if task.version != here:
         other = f"a worker has ridgebayes {here}, this process {task.version}"
         raise InputError(f"{other}; expected the same on all")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ridgebayes._types import NEO_HOOKEAN, FloatArray, IntArray, Json, Ogden
 from ridgebayes.contact import halfplane, hertz, two_scale
-from ridgebayes.contact.contact_solution import load_factor
+from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL, load_factor
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.scene.effects import FINITE_ELEMENT_ERROR, Plan, full_profile
@@ -25,6 +25,33 @@ SOLVERS = ("auto", "hertz", "half-plane", "two-scale", "cylinder-linear", "cylin
 # More transitions in a texture indicate wrong units; above the solver's cap rows have no load.
 _MAX_TRANSITIONS = 65_536
 _N_OFFSETS = 8  # curves that represent a uniform offset
+
+
+@dataclass(frozen=True)
+class LoadPreset:
+    """Target errors of generated loads.
+
+    Parameters
+    ----------
+    load_error : float
+        Target relative error of a half-plane load.
+    edges : int
+        Finite-element edges per ridge.
+    mesh_error : float
+        Relative error of finite-element loads: docs/validation/cylinder.md.
+    """
+
+    load_error: float
+    edges: int
+    mesh_error: float
+
+
+LOAD_PRESETS = {
+    "quick": LoadPreset(1e-4, 10, 4e-3),
+    "standard": LoadPreset(DEFAULT_REL_TOL, 24, 1e-3),
+    "reference": LoadPreset(1e-10, 48, 5e-4),
+}
+ELEMENTS_SE = {preset.edges: preset.mesh_error for preset in LOAD_PRESETS.values()}
 
 # Q, loads and status of a texture's transitions up to p/E.
 _Rows: TypeAlias = "tuple[IntArray, FloatArray, NDArray[np.str_]]"
@@ -161,7 +188,7 @@ def transition_curves(
                 how = f"{effects} corners=a/{1 / _CORNER_OVER_A:g}" if rounded else effects
                 curve = _curve(task, rows, "cylinder-fe", how, offset, edges)
                 if rounded:
-                    curve |= {"rel_se": math.hypot(curve["rel_se"], _CORNER_SE)}
+                    curve |= {"rel_se": math.hypot(curve["rel_se"], FINITE_ELEMENT_ERROR)}
                 yield curve
                 if pressed is not None:
                     pressed(texture, body, reached)
@@ -223,11 +250,9 @@ def optional_effects(texture: Texture) -> list[str]:
     return [name for name, on in effects.items() if on]
 
 
-# Relative error of loads by the number of mesh edges per ridge: docs/validation/cylinder.md. If a
-# fine mesh cannot pass a corner, a coarser one may, because the rim slides by less than its edge.
-ELEMENTS_SE = {48: 5e-4, 24: 1e-3, 10: 4e-3}
-# If the last mesh stops at a sharp corner, it continues with round ones: an error of some 0.1 %.
-_CORNER_OVER_A, _CORNER_SE = 0.05, 2e-3
+# If the last mesh stops at a sharp corner, it continues with round ones: an error of some 0.1 %,
+# within `FINITE_ELEMENT_ERROR`.
+_CORNER_OVER_A = 0.05
 
 
 def _two_scale(curve: Json, profile: Profile, ogden: Ogden) -> Json:

@@ -33,7 +33,6 @@ from ridgebayes.texture_design.sensitivity import (
     what_to_measure,
 )
 
-_N_SPREAD = 4_096  # draws for a bound on the spread, which sums over all counts
 _N_LOADS = 20  # default of the objective min-load
 
 
@@ -123,8 +122,7 @@ def design(
     tol.check(min(min(texture) for texture in textures))
     draw = partial(Bodies.draw, scene, tol, seed=seed)
     loads_of = drawn_loads(averaged, draw(N_DRAW).ratios(textures))
-    n = _N_SPREAD if any(goal_.is_spread for goal_ in goals_by_load[0]) else N_DRAW
-    values = GoalValues(loads_of, draw, n)
+    values = GoalValues(loads_of, draw, N_DRAW)
     for goals in goals_by_load:
         designs = _map(values, goals, textures)
         goal_loads = _loads_of(goals, scene)

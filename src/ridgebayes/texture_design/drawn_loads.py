@@ -12,8 +12,6 @@ from ridgebayes.predict.joint_draws import RatioLoads
 from ridgebayes.predict.posterior_loads import PosteriorLoads
 from ridgebayes.predict.q_distribution import shares
 
-_MIN_SCALE = 1e-12  # avoids division by 0 in draws without error
-
 
 class DrawnLoads:
     """Location and scale of the log load of a count at nu = 0.5, for each draw of a posterior.
@@ -50,7 +48,8 @@ class DrawnLoads:
     ) -> tuple[FloatArray, FloatArray]:
         """Return location and scale of draws at a pitch of 1, each with its a/pitch, (n,)."""
         location, scale = self._new.at(ratio, which, [count])
-        return location[:, 0], np.maximum(scale[:, 0], _MIN_SCALE)
+        # Draws without error would divide by 0.
+        return location[:, 0], np.maximum(scale[:, 0], np.finfo(np.float64).tiny)
 
     def mean_log_load(self, texture: Texture, count: int) -> float:
         """Return the mean of a count's log load at a texture; infinite if a draw has none."""

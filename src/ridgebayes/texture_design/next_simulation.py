@@ -12,8 +12,9 @@ from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.texture_design.drawn_loads import DrawnLoads
+from ridgebayes.texture_design.sensitivity import N_INNER
 
-_DRAWS, _MAX_TEXTURES = 256, 64  # draws of a form; candidates
+_MAX_TEXTURES = 64  # candidates
 _COLUMNS = ["a_over_R", "b_over_R", "Q", "p_over_E", "information", "form_a", "form_b"]
 Form = Sequence[tuple[Posterior, float]]  # posteriors and weights of a form
 
@@ -86,7 +87,9 @@ def _log_loads(
     a, b = texture
     total, parts = sum(weight for _, weight in form), []
     for loads, weight in form:
-        which = np.linspace(0, loads.n_draw - 1, max(round(_DRAWS * weight / total), 1)).astype(int)
+        which = np.linspace(0, loads.n_draw - 1, max(round(N_INNER * weight / total), 1)).astype(
+            int
+        )
         location, scale = loads.at(count, which, np.asarray(a / (a + b)))
         parts.append((location, np.broadcast_to(scale, location.shape)))
     location, scale = (np.concatenate(column) for column in zip(*parts, strict=True))

@@ -31,7 +31,7 @@ _GROUPS = {"body": "body", "load": "load", "texture": "tolerance"}  # by section
 _N_CHECK = 100_000  # draws of the check
 _MAX_SE = 0.1  # largest standard error of a reported share
 _N_OUTER = math.isqrt(N_DRAW)  # measurements
-_N_INNER = 2 * _N_OUTER  # draws of each
+N_INNER = 2 * _N_OUTER  # draws of each
 _QUANTILES = (0.05, 0.95)  # of the probability after a measurement
 _SPREADS_LEFT = (0.0, 0.5)  # shares of a source's sd after a measurement
 Draws = Mapping[str, FloatArray]  # by source; draws are along the last axis
@@ -76,7 +76,7 @@ class Sources:
         A share `left` of the measured sources' spread, in normal scores, remains. It is 0 except
         for the tolerance and for distributions of the scene.
         """
-        n = _N_OUTER * _N_INNER
+        n = _N_OUTER * N_INNER
         draws, measurements = self.draw(n, seed), self.draw(_N_OUTER, seed + 1)
         in_part = bool(left) and members != ["tolerance"]
         score = draws
@@ -85,7 +85,7 @@ class Sources:
             measurements = self._uncertain.scores(_N_OUTER, streams(seed + 1))
         measured = {
             name: left * score[name]
-            + math.sqrt(1 - left**2) * np.repeat(measurements[name], _N_INNER, axis=-1)
+            + math.sqrt(1 - left**2) * np.repeat(measurements[name], N_INNER, axis=-1)
             for name in members
         }
         if in_part:
@@ -270,10 +270,10 @@ def what_to_measure(sources: Sources, seed: int) -> pd.DataFrame:
             continue
         draws = sources.draw_measured(members, left, seed + 2 * k)
         met = 1 - sources.outcome(draws)[1] if name == SIMULATION else sources.probability(draws)
-        within = met.reshape(_N_OUTER, _N_INNER)
+        within = met.reshape(_N_OUTER, N_INNER)
         share = within.mean(axis=1)
         total = share.mean() * (1 - share.mean())
-        noise = within.var(axis=1, ddof=1).mean() / _N_INNER
+        noise = within.var(axis=1, ddof=1).mean() / N_INNER
         resolved = (share.var(ddof=1) - noise) / total if total else 0.0
         low, high = np.quantile(share, _QUANTILES)
         rows.append((name, left, min(max(resolved, 0.0), 1.0), low, high))
