@@ -18,9 +18,11 @@ from scipy.linalg import lapack
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.contact.contact_set import N_PLACES
 from ridgebayes.contact.intervals import potentials_around
-from ridgebayes.contact.logkernel import cross_blocks, self_energies
+from ridgebayes.contact.logkernel import cross_blocks, log_ellipse, self_energies
 from ridgebayes.contact.rigid_profile import Profile
 
+# The m-th moments act on neighbours by rho^-2m. Below e^-6 the iteration of `all_events` suffices.
+_MAX_DECAY = 3.0  # m ln(rho) of the highest moments in the factor
 _N_AHEAD = 2  # ridges that no event touches: the next ridge on either side
 
 
@@ -46,8 +48,9 @@ class RidgeRow:
     by_distance : ndarray of float, shape (2 n_distance + 1, m, m)
         Projections on a ridge of the potentials of another ridge's moments, at distances from
         -n_distance to n_distance pitches.
-    factor : ndarray of float, shape (n m, n m)
-        Cholesky factor of the scaled matrix of the moments of fully covered ridges.
+    factor : ndarray of float, shape (n m_far, n m_far)
+        Cholesky factor of the scaled matrix of the first moments of fully covered ridges. Higher
+        moments hardly act on neighbours.
     """
 
     profile: Profile
@@ -75,9 +78,11 @@ class RidgeRow:
         row = cls(profile, numbers, half_width, reach + profile.a, by_distance, none)
         by_distance[:, 0, 0] += math.pi * row.shift
         by_distance[len(right)] = 0.0
-        rows, columns = row._scales
-        matrix = row._matrix / (rows[:, None] * columns)
-        matrix[np.arange(n * m), np.arange(n * m)] += 1.0
+        m_far = min(math.ceil(_MAX_DECAY / log_ellipse(free / half_width)) + 1, m)
+        m_far = m_far if profile.corner else m  # sharp ridges are solved without iteration
+        rows, columns = row._scales(m_far)
+        matrix = row._matrix(m_far) / (rows[:, None] * columns)
+        matrix[np.arange(n * m_far), np.arange(n * m_far)] += 1.0
         factor, info = lapack.dpotrf(matrix.T, lower=0, clean=0, overwrite_a=1)
         if info != 0:
             raise np.linalg.LinAlgError(f"ridges' matrix is not positive definite (pivot {info})")
@@ -152,36 +157,39 @@ class RidgeRow:
             return np.empty(0, dtype=np.int64)
         return -self.numbers[: self.n] - (0 if self.has_own_image else 1)
 
-    @property
-    def _matrix(self) -> FloatArray:
-        """Projections on each ridge of the other ridges' moments, (n m, n m)."""
-        numbers, n, m, middle = self.numbers[: self.n], self.n, self.m, len(self.by_distance) // 2
-        blocks = self.by_distance[numbers[:, None] - numbers + middle]
+    def _matrix(self, m: int) -> FloatArray:
+        """Return projections on each ridge of the other ridges' first moments, (n m, n m)."""
+        numbers, n, middle = self.numbers[: self.n], self.n, len(self.by_distance) // 2
+        blocks = self.by_distance[numbers[:, None] - numbers + middle, :m, :m]
         if self.profile.mirrored:
             signs = (-1.0) ** np.arange(m)
-            blocks += self.by_distance[numbers[:, None] - self._images + middle] * signs
+            blocks += self.by_distance[numbers[:, None] - self._images + middle, :m, :m] * signs
             if self.has_own_image:  # the first ridge is its own image, without odd orders
-                blocks[:, 0] = self.by_distance[numbers + middle]
+                blocks[:, 0] = self.by_distance[numbers + middle, :m, :m]
                 blocks[:, 0, :, 1::2] = blocks[0, :, 1::2] = 0.0
         value: FloatArray = blocks.transpose(0, 2, 1, 3).reshape(n * m, n * m)
         return value
 
-    @property
-    def _scales(self) -> tuple[FloatArray, FloatArray]:
-        """Divisors of rows and columns of the factor's matrix, (n m,) each."""
-        root = np.repeat(np.sqrt(self.weight), self.m)
-        scale = np.sqrt(np.tile(self.energies, self.n))
+    def _scales(self, m: int) -> tuple[FloatArray, FloatArray]:
+        """Return the divisors of rows and columns of the factor's matrix, (n m,) each."""
+        root = np.repeat(np.sqrt(self.weight), m)
+        scale = np.sqrt(np.tile(self.energies[:m], self.n))
         return scale / root, scale * root
 
     def solve(self, potentials: FloatArray) -> FloatArray:
-        """Return the moments of fully covered ridges with given projections of potentials."""
-        rows, columns = self._scales
-        value = potentials.reshape(self.n * self.m, -1) / rows[:, None]
-        value, _ = lapack.dtrtrs(self.factor, np.asfortranarray(value), lower=0, trans=1)
-        value[~np.repeat(self.within, self.m, axis=0)] = 0.0
-        value, _ = lapack.dtrtrs(self.factor, value, lower=0, trans=0, overwrite_b=1)
-        moments: FloatArray = (value / columns[:, None]).reshape(potentials.shape)
-        return moments
+        """Return the moments of fully covered ridges with given projections of potentials.
+
+        Moments above the order of the factor are taken to act on their own ridge only.
+        """
+        n, m_far = self.n, len(self.factor) // self.n
+        rows, columns = self._scales(m_far)
+        value: FloatArray = potentials * (self.within[:, None] / self.energies[:, None])
+        first = potentials[:, :m_far].reshape(n * m_far, -1) / rows[:, None]
+        first, _ = lapack.dtrtrs(self.factor, np.asfortranarray(first), lower=0, trans=1)
+        first[~np.repeat(self.within, m_far, axis=0)] = 0.0
+        first, _ = lapack.dtrtrs(self.factor, first, lower=0, trans=0, overwrite_b=1)
+        value[:, :m_far] = (first / columns[:, None]).reshape(n, m_far, -1)
+        return value
 
     def events_of_covered(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Solve for fully covered ridges, with the surface touching the corner of the next ridge.

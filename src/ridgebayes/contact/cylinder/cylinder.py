@@ -15,7 +15,6 @@ from ridgebayes._types import NEO_HOOKEAN, FloatArray, IntArray, Ogden
 from ridgebayes.contact import hertz
 from ridgebayes.contact.cylinder.contact_problem import ContactProblem, State
 from ridgebayes.contact.cylinder.faces import (
-    GROWTH,
     Corner,
     Faces,
     Resolution,
@@ -26,13 +25,7 @@ from ridgebayes.contact.cylinder.faces import (
 )
 from ridgebayes.contact.cylinder.material import Material
 from ridgebayes.contact.cylinder.mesh import disk_mesh
-from ridgebayes.contact.cylinder.newton import (
-    NEAR_TOLERANCES,
-    Control,
-    NotConvergedError,
-    OutOfStepsError,
-    solve,
-)
+from ridgebayes.contact.cylinder.newton import Control, NotConvergedError, OutOfStepsError, solve
 from ridgebayes.contact.cylinder.solid import Solid
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
@@ -48,11 +41,15 @@ _FIRST_SHARE, _MIN_SHARE = 0.1, 1e-3  # step as a share of the corner's distance
 # because loads depend on the path; without friction they are twice as long. Shorter steps do not
 # save Newton steps where the rim snaps past sharp corners.
 _LONG_SHARE = 0.25
-_FEW_STEPS = 6  # fewer Newton steps double the next step
+# Fewer Newton steps than the first number double the share; more than the second halve a long one.
+_FEW_STEPS, _MANY_STEPS = 6, 10
+# Error of states between transitions, in tolerances: 1e-5 of the load.
+_LOOSE_TOLERANCES = 1e4
 # Failed solves on the way to a transition. A solve that takes all Newton steps counts twice,
 # because it costs as much as five successful solves.
 MOST_FAILURES = 16
 _MAX_ELEMENTS = 40_000
+_GROWTH = 0.3  # of edge lengths with distance from the ridges
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +177,7 @@ class Cylinder:
                     raise NotConvergedError(f"at p/E = {now:.5g}: {failed}") from None
                 continue
             state, now = there, goal
-            step = min(step * (2.0 if n < _FEW_STEPS else 1.0), p_over_E - now, key=abs)
+            step = min(step * (2.0 if n < 7 else 1.0), p_over_E - now, key=abs)
         return state
 
     def transitions(
@@ -250,7 +247,7 @@ class Cylinder:
             goal = share - step if share - step > _MIN_SHARE else 0.0
             control = Control("corner", goal * distance, corners[i])
             try:
-                enough = NEAR_TOLERANCES if goal and not frictional else 1.0
+                enough = _LOOSE_TOLERANCES if goal and not frictional else 1.0
                 reached, n = solve(self.problem, state, control, enough=enough)
             except NotConvergedError as failed:
                 step /= 3
@@ -269,7 +266,9 @@ class Cylinder:
             state, share = reached, goal
             if self.p_over_E(state) > p_max:
                 return None
-            step *= 2.0 if n < _FEW_STEPS else 1.0
+            step *= (
+                2.0 if n < _FEW_STEPS else 0.5 if n > _MANY_STEPS and step >= _LONG_SHARE else 1.0
+            )
             if share == 0.0:
                 return state, corners[i], min(step, _LONG_SHARE if frictional else 2 * _LONG_SHARE)
 
@@ -355,9 +354,9 @@ class _Sizes:
         # A point of the rim moves between its arc length and its abscissa, or slightly farther.
         edge = self.resolution.edge
         slack = 0.3 * np.minimum(theta, 1.0) ** 3 + 2 * edge
-        length = edge + GROWTH * np.maximum(_outside(self.spans, theta) - slack, 0.0)
+        length = edge + _GROWTH * np.maximum(_outside(self.spans, theta) - slack, 0.0)
         if self.at_corner < edge:
-            length = np.minimum(length, self.at_corner + GROWTH * _outside(self.windows, theta))
+            length = np.minimum(length, self.at_corner + _GROWTH * _outside(self.windows, theta))
         return np.asarray(length)
 
 

@@ -12,6 +12,8 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from ridgebayes._types import IntArray
 
+_RELAX_COLUMNS, _PANEL_COLUMNS = 1, 2  # SuperLU's larger defaults suit denser factors
+
 
 def elimination_order(groups: Sequence[IntArray], n: int) -> IntArray:
     """Return the elimination order of nodes by minimum degree.
@@ -65,4 +67,6 @@ def factorise(matrix: sparse.csr_array, order: IntArray, *, pivoting: bool) -> S
         sparse.csc_array(matrix)[order][:, order],
         permc_spec="NATURAL",
         diag_pivot_thresh=1e-3 if pivoting else 0.0,
+        relax=_RELAX_COLUMNS,
+        panel_size=_PANEL_COLUMNS,
     )

@@ -14,8 +14,10 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
 _N_GAUSS = 3  # quadrature points between kinks, where the gap is smooth
-GROWTH = 0.3  # of segment and edge lengths with distance from corners and ridges
+_GROWTH = 0.25  # of segment lengths with distance from the nearest corner
+_WALL_DEPTH = 0.5  # groove widths; depth of a wall without a floor
 _MAX_BEHIND = 0.02  # over R; depth of the body inside the rigid side during the solution
+_NEAR_SEGMENTS = 10.0  # longest segments of a face; farther nodes are no kinks of closing gaps
 
 
 @dataclass(frozen=True)
@@ -177,7 +179,8 @@ class Faces:
         up = np.array([0.0, rise])
         for number, face in enumerate(self.faces):
             place, apart = face.of(nodes - up)
-            kinks = place[apart > -_MAX_BEHIND]
+            near = _NEAR_SEGMENTS * face.measure * float(np.diff(face.breaks).max())
+            kinks = place[np.abs(apart) < near]
             kinks = kinks[(kinks > face.breaks[0]) & (kinks < face.breaks[-1])]
             breaks = np.unique(np.concatenate([face.breaks, kinks]))
             low, width = breaks[:-1, None], np.diff(breaks)[:, None]
@@ -270,7 +273,7 @@ def _ridge(
     profile: Profile, segment: RigidSegment, height: float, resolution: Resolution
 ) -> Iterator[Face]:
     r, number = segment.corner, segment.ridge
-    depth = min(profile.depth, max(profile.b, 2 * r))
+    depth = min(profile.depth, max(_WALL_DEPTH * profile.b, 2 * r))
     at_corner = r * math.pi / 2 / resolution.arc if r else resolution.corner
     cut_up = _graded if r else cut
     start, stop = segment.flat
@@ -306,7 +309,7 @@ def cut(length: float, first: float, last: float, most: float) -> FloatArray:
 def _graded(length: float, first: float, last: float, most: float) -> FloatArray:
     """Return breaks from 0 to length whose segments grow from both ends up to a limit."""
     fine = np.linspace(0.0, length, 4001)
-    size = np.minimum(np.minimum(first + GROWTH * fine, last + GROWTH * (length - fine)), most)
+    size = np.minimum(np.minimum(first + _GROWTH * fine, last + _GROWTH * (length - fine)), most)
     count = np.concatenate([[0.0], np.cumsum(0.5 * (1 / size[1:] + 1 / size[:-1]))]) * fine[1]
     n = max(math.ceil(count[-1] - 1e-9), 1)
     return np.interp(np.linspace(0.0, count[-1], n + 1), count, fine)

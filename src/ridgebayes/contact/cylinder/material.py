@@ -12,7 +12,7 @@ import numpy as np
 from ridgebayes._types import NEO_HOOKEAN, FloatArray, Ogden
 from ridgebayes.errors import InputError
 
-_N_TAYLOR = 6  # terms about equal stretches
+_NEAR_STRETCH, _N_TAYLOR = 0.1, 6
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,7 @@ def _chebyshev(c: FloatArray, n: float) -> tuple[FloatArray, FloatArray, FloatAr
     """Return T(c) = cosh(n arccosh c) for c >= 1 and real n, and its first two derivatives."""
     above = np.maximum(c - 1.0, 0.0)
     s = np.arccosh(1.0 + above)
-    # Both stretches are nearly equal: further terms are rounding.
-    near = np.maximum(n**2, 1.0) * above < np.finfo(np.float64).eps ** (1 / _N_TAYLOR)
+    near = s < _NEAR_STRETCH / max(abs(n), 1.0)  # both stretches are nearly equal
     far = np.where(near, 1.0, s)
     T, dT = np.cosh(n * s), n * np.sinh(n * far) / np.sinh(far)
     ddT = (n**2 * T - c * dT) / np.sinh(far) ** 2  # Chebyshev's equation

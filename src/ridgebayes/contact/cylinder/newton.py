@@ -34,7 +34,8 @@ _CONTACT_SHARES = (1.0, 0.9, 0.0)
 # Over R, and over R^2 for an element's volume; it moves the first transition by 2e-8 of its load.
 _GAP_TOL = 1e-11
 _FORCE_TOL = 1e-9  # of the load; also of the friction, for the shear of sliding segments
-NEAR_TOLERANCES = 1e3  # errors below it, a part in 10^6 of the load, need no line search
+_NEAR_TOLERANCES = 1e3  # errors below it, a part in 10^6 of the load, need no line search
+_MIN_VOLUME = 0.05  # of an element after a step, over its undeformed volume
 _SLIDING_SHARE = 0.9  # of the friction, in one direction, above which the whole body slides
 
 
@@ -133,7 +134,7 @@ def solve(
         if not (np.isfinite(moved.u).all() and math.isfinite(moved.rise)):
             raise NotConvergedError("the stiffness is singular")
         # The first step changes the controlled quantity, which does external work.
-        if step and error > NEAR_TOLERANCES:
+        if step and error > _NEAR_TOLERANCES:
             moved = _line_searched(problem, start, left_out, state, moved)
         state = _limited_step(problem, state, moved)
     raise OutOfStepsError(f"no equilibrium in {_MAX_STEPS + more} Newton steps")
@@ -155,7 +156,7 @@ def _line_searched(
 
     def slope(part: float) -> float:
         there = along(part)
-        if not _least_volume(problem, there) > 0:
+        if not _least_volume(problem, there) > _MIN_VOLUME:
             return math.inf
         outside = problem.force(there, problem.gaps(there, start, left_out))
         inside = problem.solid.force(there.u, there.p).ravel()
@@ -206,7 +207,7 @@ def _limited_step(problem: ContactProblem, state: State, moved: State) -> State:
     """Return the state after a step, shortened until no element is turned inside out."""
     part, tried = 1.0, moved
     for _ in range(6):
-        if _least_volume(problem, tried) > 0:
+        if _least_volume(problem, tried) > _MIN_VOLUME:
             return tried
         part *= 0.5
         tried = _interpolated(state, moved, part)
