@@ -25,7 +25,7 @@ BUDGETS = {
     "simulate": 497,
     "fea": 4_103,
     "model": 1_553,
-    "inference": 2_471,
+    "inference": 2_472,
     "predict": 1_065,  # loads over a/pitch, which designs share; names of DataArrays
     "evidence": 617,
     "comparison": 878,

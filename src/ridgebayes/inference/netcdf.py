@@ -27,6 +27,7 @@ from ridgebayes.runtime.atomic import replacing
 from ridgebayes.runtime.reading import check_tree, read_bytes
 from ridgebayes.runtime.text import clipped, one_line_message
 
+_MIN_COMPRESSED_BYTES = 1_000  # compressing smaller arrays saves nothing
 # Groups that only arviz uses, stored in single precision.
 _SINGLE_PRECISION = ("log_likelihood", "log_prior", "prior_predictive", "posterior_predictive")
 _GROUPS_READ = ("constant_data", "observed_data", "sample_stats")
@@ -106,7 +107,7 @@ def _write_group(group: Any, variables: Variables, floats: type | None) -> None:
         if cells.dtype.kind in "OSU":
             options["dtype"] = h5py.string_dtype()
             cells = cells.astype(object)
-        else:
+        elif cells.nbytes > _MIN_COMPRESSED_BYTES:
             options = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
         new = {
             dim: n for dim, n in zip(dims, cells.shape, strict=True) if dim not in group.dimensions
