@@ -28,7 +28,7 @@ BUDGETS = {
     "inference": 2_472,
     "predict": 1_065,  # loads over a/pitch, which designs share; names of DataArrays
     "evidence": 617,
-    "comparison": 878,
+    "comparison": 879,
     "checks": 769,
     "friction": 861,  # draws the blocks of a scene itself
     "texture_design": 1_135,

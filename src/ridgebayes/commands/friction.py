@@ -19,12 +19,12 @@ from ridgebayes.friction.bands import FrictionBands, FrictionInputs
 from ridgebayes.friction.files import check_name, write_inputs
 from ridgebayes.friction.friction_model import FrictionModel
 from ridgebayes.friction.inputs import InputDraws
-from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.typed import parse_loads
 
 _SHOWN = ("p_over_E", "Q", "contact_length_over_R", "ridge_force_mean", "penetration_over_R")
+_MAX_MODEL_DRAWS = 20_000  # draws for the bands; limits memory
 
 
 def command(asked: options.Friction) -> Answer:
@@ -56,7 +56,7 @@ def command(asked: options.Friction) -> Answer:
     def summed(progress: Progress) -> Iterator[xr.Dataset]:
         done = 0
         for block in draws.blocks():
-            if model is not None and done < N_KEPT:  # limits memory
+            if model is not None and done < _MAX_MODEL_DRAWS:
                 kept.append(FrictionInputs.of(block, edges=model.kappa != 0))
             yield block if asked.edges else block.drop_dims("edge", errors="ignore")
             sums.append(block[[*_SHOWN, "extrapolation"]].sum("draw").to_dataframe())

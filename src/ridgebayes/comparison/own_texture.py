@@ -27,6 +27,7 @@ _PROB = ndtr(ndtri(0.05) * np.linspace(2, -2, 17))  # evenly spaced normal score
 _MIN_RATIO = 0.04  # smallest a/pitch; the largest is 1 minus this value
 _N_RATIO = 10  # number of a/pitch below, within and above the calibrated range
 _MAX_Q = 40  # largest count, or twice the largest calibrated count if larger
+_N_SAMPLE = 2 * N_KEPT  # sampled loads per place
 _LN_LOAD_UNIT = 1e-5  # rounding of ln load, far below the Monte Carlo error
 
 
@@ -118,7 +119,7 @@ def _log_quantiles(
     spread the scores evenly.
     """
     load = model.predict_load(ratio[:, None], 1 - ratio[:, None], Q)
-    n = -(-N_KEPT // len(load.weight)), len(load.weight), 1
+    n = -(-_N_SAMPLE // len(load.weight)), len(load.weight), 1
     score = ndtri((np.arange(math.prod(n)) + 0.5) / golden % 1).reshape(n)
     value = np.empty((*load.shape, len(prob)))
     columns = load.columns(load.place.ravel())  # one call, which takes most of the time
