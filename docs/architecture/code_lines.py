@@ -27,7 +27,7 @@ BUDGETS = {
     "model": 1_553,
     "inference": 2_472,
     "predict": 1_065,  # loads over a/pitch, which designs share; names of DataArrays
-    "evidence": 617,
+    "evidence": 611,
     "comparison": 879,
     "checks": 769,
     "friction": 861,  # draws the blocks of a scene itself

@@ -102,10 +102,13 @@ class Pair:
         """Seed for this pair only."""
         return int(stream(self.seed, *self.key).integers(2**63))
 
+    def model(self) -> Model:
+        """Return the pair's model."""
+        return Model(self.data, self.form, self.noise, self.priors)
+
     def target(self) -> ModelTarget:
         """Return the pair's posterior density."""
-        model = Model(self.data, self.form, self.noise, self.priors)
-        return ModelTarget(model, self.own_seed)
+        return ModelTarget(self.model(), self.own_seed)
 
 
 @dataclass(frozen=True, eq=False)

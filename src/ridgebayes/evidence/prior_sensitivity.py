@@ -95,12 +95,8 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     keys = zip(used["form"], used["noise"], strict=True)
     evidence: dict[_Key, float] = dict(zip(keys, used["log_evidence"], strict=True))
     pairs = {key: weighed.pairs[key] for key in evidence}
-    draws = {key: weighed.weighed[key].drawn for key in pairs}
-    tasks = [
-        _Task(pairs[key], _changes(pairs[key]), drawn)
-        for key, drawn in draws.items()
-        if drawn is not None
-    ]
+    draws = {key: drawn for key in pairs if (drawn := weighed.weighed[key].drawn) is not None}
+    tasks = [_Task(pairs[key], _changes(pairs[key]), drawn) for key, drawn in draws.items()]
     values: dict[_PairChange, float] = {}
     pareto_ks: dict[_PairChange, float] = {}
     for task, result in zip(tasks, in_parallel(_reweighted, tasks, executor), strict=True):
@@ -110,8 +106,7 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     sides: dict[tuple[_Key, str, bool], list[_Change]] = {}
     for key, change in _unreliable_changes(evidence, values, pareto_ks):
         sides.setdefault((key, change[0], change[1] > 1), []).append(change)
-    drawn_by_key = {task.pair.key: task.drawn for task in tasks}
-    again = [_Task(pairs[key], changes, drawn_by_key[key]) for (key, *_), changes in sides.items()]
+    again = [_Task(pairs[key], changes, draws[key]) for (key, *_), changes in sides.items()]
     for task, redrawn in zip(again, in_parallel(_redrawn, again, executor), strict=True):
         values |= {(task.pair.key, change): value for change, value in redrawn.items()}
     return _table(evidence, values)
@@ -224,7 +219,7 @@ class _Draws:
         """Return a pair's draws, at most n of them if given."""
         u = drawn.u.reshape(-1, drawn.u.shape[-1])
         u = u if n is None else u[:: len(u) // n][:n]
-        return cls(pair, u, _model(pair).outer_theta(u))
+        return cls(pair, u, pair.model().outer_theta(u))
 
     def beside(self, other: "_Draws") -> "_Draws":
         """Return these draws and as many draws of the pair under other priors."""
@@ -239,7 +234,7 @@ class _Draws:
             return ratio
         if prior in (SLOPES, NUGGET):
             return self._likelihood(_changed(self.pair, change)) - self._default_likelihood
-        model = _model(self.pair)
+        model = self.pair.model()
         for name in _scaled_priors(model)[prior]:
             x, default = self.theta[:, model.outer_names.index(name)], model.priors[name]
             with np.errstate(invalid="ignore"):  # inf - inf for draws outside both supports
@@ -258,17 +253,13 @@ class _Draws:
         """
         u = self.u[:: max(len(self.u) // _N_LIKELIHOOD_DRAW, 1)]
         rng = stream(self.pair.own_seed, "changed likelihood")
-        integral = LatentIntegral(_model(pair))
+        integral = LatentIntegral(pair.model())
         return integral.estimated(u, rng, QUICK.effort.n_point).log_density
-
-
-def _model(pair: Pair) -> Model:
-    return Model(pair.data, pair.form, pair.noise, pair.priors)
 
 
 def _changes(pair: Pair) -> list[_Change]:
     """Return the changes of a pair's priors to be evaluated."""
-    model = _model(pair)
+    model = pair.model()
     priors = [*_scaled_priors(model)] + [NUGGET] * (SMOOTH in pair.noise.factors)
     return [(prior, factor) for prior in priors for factor in scale_factors(prior)]
 
@@ -291,6 +282,6 @@ def _changed(pair: Pair, change: _Change) -> Pair:
     pair = replace(pair, effort=QUICK.effort)
     if prior == NUGGET:
         return replace(pair, noise=replace(pair.noise, nugget=factor * pair.noise.nugget))
-    model = _model(pair)
+    model = pair.model()
     scaled = {name: model.priors[name].stretched(factor) for name in _scaled_priors(model)[prior]}
     return replace(pair, priors={**model.given_priors, **scaled})
