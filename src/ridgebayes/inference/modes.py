@@ -117,26 +117,28 @@ def _update_inverse(inverse: FloatArray, s: FloatArray, y: FloatArray) -> FloatA
 
 
 def _gradients(log_density: Density, x: FloatArray) -> FloatArray:
-    """Return gradients by central differences; a component is 0 if it is not finite."""
+    """Return gradients by forward differences; a component is 0 if it is not finite.
+
+    Approximate densities can depend on the other points of a call, so that all points of a
+    difference are in one call.
+    """
     n, d = x.shape
-    ahead, behind = x[:, None] + _DIFFERENCE * np.eye(d), x[:, None] - _DIFFERENCE * np.eye(d)
-    values = log_density(np.concatenate([ahead, behind]).reshape(-1, d)).reshape(2, n, d)
-    slope: FloatArray = (values[0] - values[1]) / (2 * _DIFFERENCE)
+    steps = _DIFFERENCE * np.eye(d + 1, d, -1)  # the first row is 0
+    values = log_density((x[:, None] + steps).reshape(-1, d)).reshape(n, d + 1)
+    slope: FloatArray = (values[:, 1:] - values[:, :1]) / _DIFFERENCE
     return np.asarray(np.nan_to_num(slope, posinf=0.0, neginf=0.0))
 
 
 def _normal_approximation(log_density: Density, x: FloatArray, value: float) -> FoundMode:
     """Return a mode whose covariance is the inverse Hessian, by differences."""
     d, size = len(x), 0.02
-    steps = size * np.eye(d)
-    along, across = steps[:, None] + steps, steps[:, None] - steps
-    corners = np.stack([along, across, -across, -along])
-    densities = log_density(x + corners.reshape(-1, d)).reshape(2, 2, d, d)
+    i, j = np.tril_indices(d)
+    along, across = size * (np.eye(d)[i] + np.eye(d)[j]), size * (np.eye(d)[i] - np.eye(d)[j])
+    densities = log_density(x + np.concatenate([along, -along, across, -across])).reshape(4, -1)
     densities = np.where(np.isfinite(densities), densities, value - 1.0)
-    hessian = (densities[0, 0] - densities[0, 1] - densities[1, 0] + densities[1, 1]) / (
-        4 * size**2
-    )
-    curvature, vectors = np.linalg.eigh(-0.5 * (hessian + hessian.T))
+    hessian = np.zeros((d, d))
+    hessian[i, j] = densities.T @ [1, 1, -1, -1] / (4 * size**2)
+    curvature, vectors = np.linalg.eigh(-hessian)  # eigh reads the lower triangle only
     variance = 1 / np.maximum(curvature, _MIN_CURVATURE)
     factor = np.linalg.cholesky((vectors * variance) @ vectors.T)
     log_mass = value + 0.5 * np.log(2 * np.pi * variance).sum()

@@ -120,7 +120,8 @@ class PointIntegral:
             return n_point, 1
         # Densities of intervals are smooth, so that few points suffice; Student rows can have
         # several modes.
-        n_inner = _N_INNER_POINT if self.rows.exact.all() else min(n_point, _N_INNER_POINT)
+        n_few = max(min(n_point // 4, _N_INNER_POINT), 2)
+        n_inner = _N_INNER_POINT if self.rows.exact.all() else n_few
         return max(n_point // 4, 2 * _PRIOR_PAIR_PERIOD), n_inner
 
     def approximation(self, batch: Batch) -> Approximation:
