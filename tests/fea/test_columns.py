@@ -110,6 +110,12 @@ UNDERSCORES = {"a": "a_mm", "b": "b_um", "line": "line_N_per_mm", "R": "R_mm", "
             {"a_over_R": [0.03], "b_over_R": [0.01]},
         ),
         (
+            "Groove [mm],Pitch [mm],Diameter [mm],Q,p/E\n0.08,0.32,16,4,0.002\n",
+            {},
+            {},
+            {"a_over_R": [0.03], "b_over_R": [0.01]},
+        ),
+        (
             CONTRACT.replace("E\n", "E,p\n").replace("1\n", "1,60\n").replace("4\n", "4,90\n"),
             {"p": "p"},
             {"E": "6000"},

@@ -16,8 +16,8 @@ def cautions(**columns):
     return Imported(ContactTable.from_frame(frame), ()).cautions
 
 
-@pytest.mark.parametrize(("times", "n"), [(4.99, 0), (5.01, 1)])
-def test_cautions__name_loads_of_five_times_a_smooth_body_s(times, n):
+@pytest.mark.parametrize(("times", "n"), [(4.99, 0), (5.01, 1), (0.201, 0), (0.199, 1)])
+def test_cautions__name_loads_of_five_times_or_a_fifth_of_a_smooth_body_s(times, n):
     corner = B / 2 + A + B  # the second ridge's edge
     said = cautions(Q=[4], p_over_E=[times * float(load_of_half_width(corner, nu=NU))])
     assert len(said) == n

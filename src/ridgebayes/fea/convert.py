@@ -120,9 +120,13 @@ class Converter:
     def curve(self) -> dict[str, Any]:
         """Return the columns that are constant along a curve."""
         a, b = self._over_R("a"), self._over_R("b")
-        if b is None and a is not None and (pitch := self._over_R("pitch")) is not None:
+        pitch = self._over_R("pitch") if (a is None) != (b is None) else None
+        if pitch is not None and a is not None:
             b = np.round(pitch - a, 12)  # removes rounding errors of a difference of decimals
             self.messages.append("b: pitch minus ridge width")
+        elif pitch is not None and b is not None:
+            a = np.round(pitch - b, 12)
+            self.messages.append("a: pitch minus groove width")
         columns = {"a_over_R": a, "b_over_R": b, "offset_over_R": self._over_R("offset")}
         columns["nu"] = self.number("nu")
         return columns | self.texts("texture", "series", "solver", "source")

@@ -319,7 +319,7 @@ def lacking(uses: Sequence[Use], values: Mapping[str, object]) -> list[str]:
     keys = {use.key for use in uses} | set(values)
     per_Q = {use.key for use in uses if use.Q is not None}
     if "pitch" in keys:
-        keys.add("b")
+        keys.add("a" if keys & _alternatives("b") else "b")
     if per_Q:
         keys |= {"Q"} if per_Q & set(CORNERS) else {"Q", "load"}
     return [key for key in ("a", "b", "Q", "load") if not keys & _alternatives(key)]

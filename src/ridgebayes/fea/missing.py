@@ -9,7 +9,7 @@ from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import DIMENSIONS, is_counter, split_header, unit_factor
 
 _KEY_NAMES = {
-    "a": "a_over_R (or a)",
+    "a": "a_over_R (or a, pitch)",
     "b": "b_over_R (or b, pitch)",
     "Q": "Q",
     "load": "p_over_E (or p, line, force, load)",

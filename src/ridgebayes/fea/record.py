@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import BoolArray, IntArray
-from ridgebayes.contact.hertz import load_of_half_width
+from ridgebayes.contact.hertz import transition_load
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_bytes, read_toml
 from ridgebayes.runtime.text import clipped, count, shown_value, some_of
@@ -316,7 +316,8 @@ def broken_rule(where: str, name: str, rule: str, spots: Sequence[tuple[str, str
 
 FIRST = 4  # smallest Q with a transition load: two ridges touch at any load
 _MAX_REL_SE = 0.2  # larger relative errors get a caution
-# Loads above this multiple of a smooth body's load get a caution: a texture needs a smaller load.
+# Loads that differ from a smooth body's by more than this factor get a caution: by the half-plane
+# equation textures need 0.27 to 1 times that load, from a/b = 0.01 to wide ridges.
 _MAX_LOAD_RATIO = 5.0
 FARTHEST = 4.0  # largest distance over R of a point of the body from the axis
 HUGE = 1e100  # largest length or load; the product of three is still a finite float
@@ -346,19 +347,20 @@ class Imported:
         """Warnings about doubtful rows, which break no rule of the table.
 
         Doubtful are a relative error above 0.2, a curve that begins above Q = 4, and a load above
-        five times the load at which a smooth body reaches the same corner.
+        five times, or below a fifth of, the load at which a smooth body reaches the same corner.
         """
         frame = self.table.frame
         transition = frame[(frame["kind"] == TRANSITION) & (frame["status"] == OK)]
         first = transition.loc[transition.groupby(list(CURVE), sort=False)["Q"].idxmin()]
-        corner = frame["b_over_R"] / 2 + (frame["Q"] / 2 - 1) * (
-            frame["a_over_R"] + frame["b_over_R"]
-        )
-        limit = _MAX_LOAD_RATIO * load_of_half_width(corner, nu=frame["nu"])
-        ratio = f"{_MAX_LOAD_RATIO:g} times that of a smooth body"
-        far = f"p/E is over {ratio} whose contact reaches this corner"
+        texture = (frame[name] for name in ("Q", "a_over_R", "b_over_R"))
+        ratio = frame["p_over_E"] / transition_load(*texture, nu=frame["nu"])
+        smooth = "that of a smooth body whose contact reaches this corner"
+        units = f"{smooth}; check the units of loads, widths, R and E"
         doubtful = {
-            f"{far}; check the units of loads, widths, R and E": frame[frame["p_over_E"] > limit],
+            f"p/E is over {_MAX_LOAD_RATIO:g} times {units}": frame[ratio > _MAX_LOAD_RATIO],
+            f"p/E is less than 1/{_MAX_LOAD_RATIO:g} of {units}": frame[
+                ratio < 1 / _MAX_LOAD_RATIO
+            ],
             f"rel_se is above {_MAX_REL_SE:g}: the load is hardly known": frame[
                 frame["rel_se"] > _MAX_REL_SE
             ],

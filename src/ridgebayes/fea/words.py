@@ -191,6 +191,7 @@ NOTHING = re.compile(rf"\s*{_any_of(_WORDS['columns']['nothing'])}\s*", re.I)
 _COUNTER, _ERRORS, _NO_CORNER = (
     re.compile(_any_of(_WORDS["columns"][name])) for name in ("counter", "errors", "no_corner")
 )
+_LOADS = ("load", "p", "line")
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
 
 
@@ -223,7 +224,7 @@ def key_of(words: str) -> str:
         if under == "R" and over_R:
             return f"{over_R}_over_R"
         is_line = re.fullmatch(r"\(?2 ?\*? ?r ?\*? ?e\)?", match[2]) is not None
-        if key in ("load", "p", "line") and (under == "E" or is_line):
+        if key in _LOADS and (under == "E" or is_line):
             return "p_over_E"
         if under in ("R", "E"):
             return ""
@@ -233,7 +234,9 @@ def key_of(words: str) -> str:
 def _key_of(text: str) -> str:
     for key, yes, no in _PATTERNS:
         if yes.search(text) and not no.search(text):
-            is_lower = key in ("load", "p", "line") and _LOWER.search(text)
+            if key.startswith("load_s") and _key_of(yes.sub("", text).strip()) not in ("", *_LOADS):
+                return ""  # the sd of another quantity, such as E
+            is_lower = key in _LOADS and _LOWER.search(text)
             return f"{key}_lower" if is_lower else key
     return ""
 
