@@ -37,7 +37,9 @@ def test_read_deck__generate_counts_in_steps(tmp_path):
         ("*HYPERELASTIC, NEO HOOKE\n0.2, 0.\n", 1.2, 0.5),
         ("*HYPERELASTIC, NEO HOOKE\n0.2, 0.1\n", 9 * 20 * 0.4 / (60 + 0.4), 59.2 / 120.8),
         ("*ELASTIC\n3., 0.3\n*ELASTIC\n7., 0.2\n", 3.0, 0.3),
+        ("*ELASTIC\n7., 0.2\n*ELASTIC\n3., 0.3\n", 3.0, 0.3),
         ("*ELASTIC\n3., 0.3\n*HYPERELASTIC, NEO-HOOKE\n0.2, 0.\n", 1.2, 0.5),
+        ("*ELASTIC\n3., 0.3\n*HYPERELASTIC, OGDEN\n0.4, 2., 0.\n*ELASTIC\n3., 0.3\n", None, None),
         ("", None, None),
     ],
 )

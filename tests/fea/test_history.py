@@ -74,6 +74,8 @@ def test_table_of__few_nodes_and_no_circle_are_refused():
     bent = run["nodes"] * [1.0, 0.9]
     with pytest.raises(InputError, match="expected the undeformed surface of a cylinder"):
         table(run, undeformed=bent)
+    with pytest.raises(InputError, match="expected the body above the ridges"):
+        table(run, undeformed=run["nodes"] * [1.0, -1.0])
 
 
 @pytest.mark.parametrize(

@@ -345,6 +345,16 @@ def test_calculix__displacements_tell_more_than_contact(tmp_path, whole):
     np.testing.assert_array_equal(loads_of(read), loads_of(whole("calculix")))
 
 
+def test_calculix__thickness_is_the_section_s_and_an_unread_material_asks_for_E(tmp_path, whole):
+    deck = f"{writer.deck_text(RUN)}*SOLID SECTION, ELSET=EBODY, MATERIAL=RUBBER\n20.\n"
+    files = {"run.dat": writer.calculix_text(20 * FORCE, NODES, POSITION), "run.inp": deck}
+    read = imported(tmp_path, "calculix", files=files)
+    np.testing.assert_allclose(loads_of(read), loads_of(whole("calculix")), rtol=1e-6)  # printed
+    files["run.inp"] = put("NEO HOOKE", "OGDEN")(deck)
+    with pytest.raises(InputError, match="--E: missing"):
+        imported(tmp_path, "calculix", files=files, E=None)
+
+
 @pytest.mark.parametrize("total", [False, True])
 def test_abaqus__rows_and_totals_of_several_nodes_are_the_same_load(tmp_path, whole, total):
     driven = [N + 1, N + 2, N + 3]

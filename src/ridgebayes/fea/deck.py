@@ -33,7 +33,12 @@ class Deck:
     elements : dict of int to tuple of int
         Nodes of each element by element number.
     E, nu : float or None
-        From ``*HYPERELASTIC, NEO HOOKE``, or else from the first ``*ELASTIC``; None without either.
+        From ``*HYPERELASTIC, NEO HOOKE``, or else from the softest ``*ELASTIC``; None without
+        either, and for other hyperelastic materials.
+    is_hyperelastic : bool
+        Whether the deck has a hyperelastic material.
+    thickness : float or None
+        From the first ``*SOLID SECTION`` with a thickness.
     printed : dict of str to list of str
         Node sets in ``*NODE PRINT``, by the printed variable ("U", "RF").
     """
@@ -43,6 +48,8 @@ class Deck:
     elements: dict[int, tuple[int, ...]] = field(default_factory=dict)
     E: float | None = None
     nu: float | None = None
+    is_hyperelastic: bool = False
+    thickness: float | None = None
     printed: dict[str, list[str]] = field(default_factory=dict)
 
     def nodes_of(self, name: str, where: str) -> list[int]:
@@ -286,13 +293,16 @@ def _elements(block: _Block, deck: Deck) -> None:
 
 
 def _elastic(block: _Block, deck: Deck) -> None:
-    # A hyperelastic material is the body's, even if the ridges' *ELASTIC precedes it.
-    if deck.E is None and block.rows and any(block.rows[0][1]):
+    # The body is softer than the ridges, and a hyperelastic material is the body's.
+    if not deck.is_hyperelastic and block.rows and any(block.rows[0][1]):
         line, cells = block.rows[0]
-        deck.E, deck.nu = _numbers(line, cells[:2], 2)
+        E, nu = _numbers(line, cells[:2], 2)
+        if deck.E is None or E < deck.E:
+            deck.E, deck.nu = E, nu
 
 
 def _hyperelastic(block: _Block, deck: Deck) -> None:
+    deck.is_hyperelastic, deck.E, deck.nu = True, None, None
     if not block.rows or not {"NEO HOOKE", "NEO-HOOKE"} & block.options.keys():
         return
     line, cells = block.rows[0]
@@ -302,6 +312,12 @@ def _hyperelastic(block: _Block, deck: Deck) -> None:
     # mu = 2 C10 and K = 2 / D1, so that mu / K = C10 D1.
     deck.nu = (3 - 2 * c10 * d1) / (6 + 2 * c10 * d1)
     deck.E = 4 * c10 * (1 + deck.nu)
+
+
+def _section(block: _Block, deck: Deck) -> None:
+    if deck.thickness is None and block.rows and block.rows[0][1][0]:
+        line, cells = block.rows[0]
+        (deck.thickness,) = _numbers(line, cells[:1], 1)
 
 
 def _node_print(block: _Block, deck: Deck) -> None:
@@ -332,6 +348,7 @@ _READERS: dict[str, Callable[[_Block, Deck], None]] = {
     "ELEMENT": _elements,
     "HYPERELASTIC": _hyperelastic,
     "ELASTIC": _elastic,
+    "SOLID SECTION": _section,
     "INCLUDE": _include,
 }
 

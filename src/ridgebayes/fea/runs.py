@@ -74,11 +74,13 @@ def _completed(path: Path, facts: Given, name: str) -> tuple[Given, Deck, list[s
     # Decks of export-deck have E = 1 up to printed digits; the default of E is exactly 1.
     if facts.E is None and deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
         more["E"] = f"{deck.E:.10g}"
+    if deck.thickness is not None and deck.thickness != 1:
+        more["thickness"] = f"{deck.thickness:.10g}"
     sets, needed = _sets(deck) if has_deck else ({}, {})
     more |= sets
     if has_deck and file is None:
         needed["deck"] = "the run's input deck"
-    needed |= _required(path, name, facts, deck, has_file=file is not None)
+    needed |= _required(path, name, facts, deck)
     for key, what in needed.items():
         if getattr(facts, key) is None:
             value = {"texture": "?,?", "deck": "?.inp"}.get(key, "?")
@@ -89,22 +91,19 @@ def _completed(path: Path, facts: Given, name: str) -> tuple[Given, Deck, list[s
         facts = replace(facts, top=0.0)
     problems.raise_all()
     more = {key: value for key, value in more.items() if getattr(facts, key) is None}
-    if facts.E is None and deck.E is None and file is not None:
-        problems.messages.append(f"{file}: no material, so E = 1; --E gives another")
     if more:
         shown = ", ".join(f"{key} = {value}" for key, value in more.items())
         problems.messages.append(f"{file}: {shown}")
     return replace(facts, **more), deck, problems.messages
 
 
-def _required(path: Path, name: str, facts: Given, deck: Deck, *, has_file: bool) -> dict[str, str]:
+def _required(path: Path, name: str, facts: Given, deck: Deck) -> dict[str, str]:
     """Return the facts that neither the run's files nor its deck give: option and description."""
     without_deck = name in ("febio", "ansys", "nodes")
-    is_line = facts.time == "line" or (name == "abaqus-rpt" and not has_file)
     needed = {"texture": "A,B, ridge and groove width over R"}
     if deck.nu is None:
         needed["nu"] = "Poisson's ratio of the run"
-    if without_deck or is_line:
+    if deck.E is None and (name != "series" or facts.time == "line"):
         needed["E"] = "Young's modulus, in the units of the run"
     if path.suffix.lower() == ".pvd":
         needed["time"] = "line or p_over_E, what times or loads are"
