@@ -86,7 +86,7 @@ UNDERSCORES = {"a": "a_mm", "b": "b_um", "line": "line_N_per_mm", "R": "R_mm", "
             {"a_over_R": [0.03], "b_over_R": [0.01], "p_over_E": [0.001]},
         ),
         (
-            "Steg;Nut;Kanten;Kraft\n0,24 mm;80 µm;4;2,1 N/m\n0,1 mm;80 µm;4;3 N/m\n",
+            "Steg [mm];Nut;Kanten;Kraft\n0,24 mm;80 µm;4;2,1 N/m\n0,1;80 µm;4;3 N/m\n",
             {},
             BODY,
             {"a_over_R": [0.03, 0.0125], "p_over_E": P_OVER_E[::2]},
@@ -351,7 +351,8 @@ FIXED = (
             "line 3, column 'Load (N/mm)' = '-1': expected a",
         ),
         (f"\n{CONTRACT}\n0.03,0.01,8,0.002\n", {}, {}, "(line 6), p_over_E = 0.002: must"),
-        (CELLS, {}, BODY, "line 3, column 'Steg [mm]' = '100 µm'"),
+        (CELLS, {}, BODY, "line 3, column 'Steg [mm]' = '100 µm': expected a number in the unit"),
+        (CELLS.replace("100 µm", "0,1"), {}, BODY, "= '0,1': expected a number in the unit of the"),
         ("a/R,b/R,Q,Force [N]\n.03,.01,4,.042\n", {}, BODY, "--thickness '? mm'"),
         (rows("4,.002", "4,.0019", "6,.005"), {}, {}, "each Q must stand once in a curve"),
         (counts("Ridges in contact", 0, 2, 0, 2), {}, {}, f"mine.csv: Q, 4 {UNDER_4}"),

@@ -194,14 +194,17 @@ def test_read__quotes_hold_marks_and_lines(text, b, n):
     assert frame.get("n", pd.Series()).tolist() == n
 
 
-@pytest.mark.parametrize("notes", ["Exported by Foo 12\n\nTotal rows: 2\n", "#end,,\n,,\n"])
+@pytest.mark.parametrize(
+    "notes",
+    ["Exported by Foo 12\n\nTotal rows: 2\n", "#end,,\n,,\n", "\nMeasured by A. B., 12.03.2025\n"],
+)
 def test_delimited__notes_below_the_rows_are_passed_over_and_said(notes):
     cells = read("a,b,Q\n1,2,4\n1,2,6\n" + notes, ("a", "b"))
     assert len(cells.frame) == 2
     assert "passed over below the rows" in " ".join(cells.messages)
 
 
-@pytest.mark.parametrize("row", ["1", "texture7,,", "Exported by Foo,12"])
+@pytest.mark.parametrize("row", ["1", "texture7,,", "Exported by Foo,12", "My rig,.5"])
 def test_delimited__a_row_that_is_cut_off_is_no_note(row):
     assert "line 3" in refusal(f"a,b,Q\n1,2,4\n{row}\n")
 

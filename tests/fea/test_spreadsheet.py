@@ -93,6 +93,17 @@ def test_spreadsheet__text_with_decimal_commas_stands_beside_numbers(read):
     assert read(workbook(rows)).table.column("p_over_E").tolist() == [0.001234, 0.0056]
 
 
+def test_spreadsheet__shares_shown_in_per_cent_are_so_below_a_header_in_per_cent(read):
+    # 0.03 shown as 3 %, twice, and 3 typed below a header in per cent.
+    rows = [["a_over_R [%]", *HEADER[1:]], ROWS[1], [3, *ROWS[2][1:]]]
+    book = openpyxl.load_workbook(io.BytesIO(workbook(rows)))
+    book.active["A2"].number_format = book.active["B2"].number_format = "0.0%"
+    book.save(out := io.BytesIO())
+    table = read(out.getvalue()).table
+    assert table.column("a_over_R").tolist() == [0.03, 0.03]
+    assert table.column("b_over_R").tolist() == [0.01, 0.01]
+
+
 def test_spreadsheet__cells_merged_downwards_have_the_value_above(read, refusal):
     rows = [
         HEADER,

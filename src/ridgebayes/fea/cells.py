@@ -24,6 +24,7 @@ _TWO_NUMBERS = (
     "expected one number a cell, and its error in a column of its own, headed 'sd' or 'standard "
     "error'"
 )
+_ONE_UNIT = "expected a number in the unit of the header, or of the first cell"
 WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _NUMBER_START = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # start of a number within a word
 _UNDERLINE = re.compile(r"\s*[-=_]{9,}\s*")  # line below a header
@@ -130,12 +131,15 @@ def body_cells(
         problems.messages.append(f"{where}: passed over: {shown}")
         lines = {line for line, _ in comments}
         rows = [row for row in rows if row[0] not in lines]
-    rows = _without_notes(rows, problems)
-    names, units = list(headers), {}
+    rows = _without_notes(rows, width, problems)
+    names, units, repeated = list(headers), dict[str, str](), dict[str, str]()
     for i, match in enumerate(map(WITH_UNIT.fullmatch, first[:width])):
-        if match and (match[1] == "%" or is_unit(match[1])) and not split_header(names[i])[1]:
-            names[i] = f"{names[i]} [{match[1]}]"
-            units[names[i]] = match[1]
+        if match and (match[1] == "%" or is_unit(match[1])):
+            if (unit := split_header(names[i])[1]) == match[1]:
+                repeated[names[i]] = unit
+            elif not unit:
+                names[i] = f"{names[i]} [{match[1]}]"
+                units[names[i]] = match[1]
     for _, cells in rows:
         while len(cells) > width and not cells[-1].strip():
             cells.pop()
@@ -149,6 +153,8 @@ def body_cells(
         problems.wrong.append(f"{where}, {some_of(bad, 3)}: {rule}")
         rows = [row for row in rows if len(row[1]) == width]
     frame = pd.DataFrame([cells for _, cells in rows], columns=names, dtype=str)
+    for name, unit in repeated.items():
+        frame[name] = frame[name].str.strip(_BLANKS).str.removesuffix(unit)
     return units, np.array([line for line, _ in rows], dtype=np.int64), frame
 
 
@@ -157,14 +163,17 @@ def _is_comment(cells: Sequence[str], width: int) -> bool:
     return cells[0].lstrip().startswith("# " if len(cells) == width else "#")
 
 
-def _without_notes(rows: list[Row], problems: FileError) -> list[Row]:
-    """Return the rows without the notes below them, which are lines of one text each."""
+def _without_notes(rows: list[Row], width: int, problems: FileError) -> list[Row]:
+    """Return the rows without the notes below them: lines of text, without numbers."""
     n_row, notes = len(rows), list[str]()
     while n_row > 1:
-        words = [cell.strip() for cell in rows[n_row - 1][1] if cell.strip()]
-        if len(words) > 1 or (words and not _NOTE.fullmatch(words[0])):
+        cells = rows[n_row - 1][1]
+        words = [cell.strip() for cell in cells if cell.strip()]
+        numbers = [word for word in words if any(s[2].fullmatch(word) for s in _STYLES[:2])]
+        is_row = len(words) > 1 and (len(cells) >= width or numbers)
+        if is_row or (words and not _NOTE.fullmatch(words[0])):
             break
-        notes, n_row = words + notes, n_row - 1
+        notes, n_row = [", ".join(words)] * bool(words) + notes, n_row - 1
     start = f"{problems.where}: passed over below the rows:"
     problems.messages += [f"{start} {note!r}" for note in notes]
     return rows[:n_row]
@@ -223,6 +232,8 @@ def numbers_in(
     rule = FINITE.replace("point", decimal)
     rules = dict.fromkeys((cell for cell in counts if cell not in numbers), rule)
     rules |= dict.fromkeys([*filter(_WITH_ERROR.fullmatch, rules)], _TWO_NUMBERS)
+    with_unit = {cell: match[1] for cell in rules if (match := WITH_UNIT.fullmatch(cell))}
+    rules |= dict.fromkeys([cell for cell, unit in with_unit.items() if is_unit(unit)], _ONE_UNIT)
     if nothing := list(filter(NOTHING.fullmatch, rules)):
         rules |= dict.fromkeys(nothing, f"{rule}; --empty where such a cell is empty")
         problems.options["empty"] = "\n".join(dict.fromkeys(map(str.strip, nothing)))
@@ -230,6 +241,9 @@ def numbers_in(
         broken = column.map(rules)
         for rule in broken.dropna().unique():
             problems.cells((broken == rule).to_numpy(bool), name, rule)
+        if name in units:
+            is_bare = ~cells[name].str.strip(_BLANKS).str.endswith(units[name])
+            problems.cells((is_bare & column.isin(numbers)).to_numpy(bool), name, _ONE_UNIT)
     frame = pd.DataFrame({n: column.map(numbers).astype(float) for n, column in text.items()})
     return frame, f"decimal {decimal}" + (f", {thousands!r} between thousands" if thousands else "")
 

@@ -190,22 +190,30 @@ def _replace_formulas(rows: list[list[str]], values: list[list[str]]) -> None:
 def _rows(sheet: Any, where: str, typed: set[str]) -> list[list[str]]:
     sheet.reset_dimensions()  # dimensions in the file may be wrong and truncate the sheet
     rows: list[list[str]] = []
-    n_cell = 0
+    n_cell, above = 0, dict[int, str]()  # last text of each column
     for number, row in enumerate(sheet.iter_rows(), start=1):
         n_cell += len(row)
         if max(number, n_cell) > MOST_CELLS:
             rule = f"more than {MOST_CELLS} cells; save larger tables as CSV"
             raise InputError(f"{where}, sheet {sheet.title!r}: {rule}")
-        rows.append([_text(cell.value, cell.data_type) for cell in row])
-        typed.update(
-            text for cell, text in zip(row, rows[-1], strict=True) if cell.data_type == "n" and text
-        )
+        rows.append([_text(cell, above.get(i, "")) for i, cell in enumerate(row)])
+        for i, (cell, text) in enumerate(zip(row, rows[-1], strict=True)):
+            if cell.data_type == "n" and text:
+                typed.add(text)
+            elif text:
+                above[i] = text
     while rows and not any(rows[-1]):
         rows.pop()
     return rows
 
 
-def _text(value: Any, kind: str) -> str:
-    """Return the value of a cell as text on one line, with all digits of a number."""
+def _text(cell: Any, above: str) -> str:
+    """Return the value of a cell as text on one line, with all digits of a number.
+
+    Excel shows 0.03 in the format of per cent as 3 %, which a header with % above means.
+    """
+    value, kind = cell.value, cell.data_type
+    if kind == "n" and value is not None and "%" in above and "%" in cell.number_format:
+        value = f"{100 * value:.15g}"
     text = "" if value is None else " ".join(str(value).split())
     return f"={text.removeprefix('=')}" if kind == "f" else text
