@@ -354,7 +354,7 @@ FIXED = (
         (CELLS, {}, BODY, "line 3, column 'Steg [mm]' = '100 µm': expected a number in the unit"),
         (CELLS.replace("100 µm", "0,1"), {}, BODY, "= '0,1': expected a number in the unit of the"),
         ("a/R,b/R,Q,Force [N]\n.03,.01,4,.042\n", {}, BODY, "--thickness '? mm'"),
-        (rows("4,.002", "4,.0019", "6,.005"), {}, {}, "each Q must stand once in a curve"),
+        (rows("4,.002", "4,.0019", "6,.005"), {}, {}, "has it too; repeats need a label each"),
         (counts("Ridges in contact", 0, 2, 0, 2), {}, {}, f"mine.csv: Q, 4 {UNDER_4}"),
         (counts("Ridges in contact", 2, 2, 2, 2), {}, {}, f"mine.csv: Q, 4 {UNDER_4}"),
         (counts("Edges per side", 1, 1), {}, {}, "Q, 2 rows, a count of 1 at most"),

@@ -155,6 +155,10 @@ def test_spreadsheet__several_sheets_need_a_name(read, refusal):
         content, sheet="third"
     )
     assert "no sheet with cells in 'empty'" in refusal(content, sheet="empty")
+    visible, not_so = b'state="visible"', b'state="hidden"'
+    hidden = changed(content, "workbook.xml", lambda d: d.replace(visible, not_so, 1))
+    assert len(read(hidden).table) == 1  # the second
+    assert len(read(hidden, sheet="loads").table) == 2
 
 
 def test_spreadsheet__a_false_dimension_cuts_nothing_off(read):

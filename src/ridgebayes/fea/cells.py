@@ -97,7 +97,7 @@ def tabs_for_blanks(text: str, problems: FileError, most: int) -> str:
 
 def body_cells(
     rows: list[Row], headers: Sequence[str], separator: str, problems: FileError
-) -> tuple[dict[str, str], IntArray, pd.DataFrame]:
+) -> tuple[dict[str, tuple[str, bool]], IntArray, pd.DataFrame]:
     """Return the cells below a header, without comments and without notes below the rows.
 
     Parameters
@@ -113,8 +113,9 @@ def body_cells(
 
     Returns
     -------
-    units : dict of str to str
-        Unit in the cells of a column, by header. The header contains the unit, too.
+    units : dict of str to (str, bool)
+        Unit in the cells of a column, by header, and whether each cell needs it, since the header
+        of the file lacks it. The returned header contains the unit.
     lines : ndarray of int, shape (n_row,)
         Line of each row.
     cells : DataFrame, n_row rows
@@ -132,14 +133,13 @@ def body_cells(
         lines = {line for line, _ in comments}
         rows = [row for row in rows if row[0] not in lines]
     rows = _without_notes(rows, width, problems)
-    names, units, repeated = list(headers), dict[str, str](), dict[str, str]()
+    names, units = list(headers), dict[str, tuple[str, bool]]()
     for i, match in enumerate(map(WITH_UNIT.fullmatch, first[:width])):
         if match and (match[1] == "%" or is_unit(match[1])):
-            if (unit := split_header(names[i])[1]) == match[1]:
-                repeated[names[i]] = unit
-            elif not unit:
-                names[i] = f"{names[i]} [{match[1]}]"
-                units[names[i]] = match[1]
+            unit = split_header(names[i])[1]
+            names[i] = names[i] if unit else f"{names[i]} [{match[1]}]"
+            if unit in ("", match[1]):
+                units[names[i]] = match[1], not unit
     for _, cells in rows:
         while len(cells) > width and not cells[-1].strip():
             cells.pop()
@@ -153,8 +153,6 @@ def body_cells(
         problems.wrong.append(f"{where}, {some_of(bad, 3)}: {rule}")
         rows = [row for row in rows if len(row[1]) == width]
     frame = pd.DataFrame([cells for _, cells in rows], columns=names, dtype=str)
-    for name, unit in repeated.items():
-        frame[name] = frame[name].str.strip(_BLANKS).str.removesuffix(unit)
     return units, np.array([line for line, _ in rows], dtype=np.int64), frame
 
 
@@ -181,7 +179,7 @@ def _without_notes(rows: list[Row], width: int, problems: FileError) -> list[Row
 
 def numbers_in(
     cells: pd.DataFrame,
-    units: Mapping[str, str],
+    units: Mapping[str, tuple[str, bool]],
     typed: Collection[str],
     facts: Given,
     problems: FileError,
@@ -192,8 +190,8 @@ def numbers_in(
     ----------
     cells : DataFrame, n_row rows
         Text of the cells.
-    units : mapping of str to str
-        Units in the cells, by header.
+    units : mapping of str to (str, bool)
+        Units in the cells, by header, as `body_cells` returns them.
     typed : collection of str
         Texts of a worksheet's numeric cells, which have a decimal point.
     facts : Given
@@ -211,8 +209,8 @@ def numbers_in(
     text: dict[str, pd.Series[str]] = {}
     counts: Counter[Any] = Counter()
     for name in map(str, cells):
-        column = cells[name].str.strip(_BLANKS).str.removesuffix(units.get(name, ""))
-        column = column.str.strip(_BLANKS)
+        typed_unit, _ = units.get(name, ("", False))
+        column = cells[name].str.strip(_BLANKS).str.removesuffix(typed_unit).str.strip(_BLANKS)
         text[name] = column.mask(column.isin(facts.empty), "")
         counts.update(text[name].value_counts(sort=False).to_dict())
     del counts[""]
@@ -241,8 +239,9 @@ def numbers_in(
         broken = column.map(rules)
         for rule in broken.dropna().unique():
             problems.cells((broken == rule).to_numpy(bool), name, rule)
-        if name in units:
-            is_bare = ~cells[name].str.strip(_BLANKS).str.endswith(units[name])
+        typed_unit, is_needed = units.get(name, ("", False))
+        if is_needed:
+            is_bare = ~cells[name].str.strip(_BLANKS).str.endswith(typed_unit)
             problems.cells((is_bare & column.isin(numbers)).to_numpy(bool), name, _ONE_UNIT)
     frame = pd.DataFrame({n: column.map(numbers).astype(float) for n, column in text.items()})
     return frame, f"decimal {decimal}" + (f", {thousands!r} between thousands" if thousands else "")

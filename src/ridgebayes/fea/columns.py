@@ -273,6 +273,7 @@ def _validated(
         if not len(bad):
             continue
         rule = rule if other is None else rule.format(other=int(other[0]) + 1)
+        rule += "; repeats need a label each, --map 'series=HEADER'" if "once" in rule else ""
         places = [raw.place(row).removeprefix(f"{raw.where}, ") for row in bad[:SHOWN].tolist()]
         cells = [raw.shown(row, column) for row in bad[:SHOWN].tolist()]
         spots = list(zip(places, cells, strict=True))

@@ -308,7 +308,7 @@ class TextTable(TableFile):
         if n_head >= len(full):
             raise problems.error("no rows below the header")
         first = full[n_head][0]
-        self._units: dict[str, str] = {}  # unit in the cells of a column, by header
+        self._units: dict[str, tuple[str, bool]] = {}  # units in the cells of columns, by header
         self._body = self._even_body(text, first - facts.skip_rows)
         if not self._body:
             below = [row for row in chain(head, rows) if row[0] >= first]

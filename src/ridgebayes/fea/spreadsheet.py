@@ -143,7 +143,11 @@ def _grids(content: bytes, problems: FileError, sheet: str | None) -> tuple[Grid
         with _opened(openpyxl, content, data_only=False) as book:
             sheets = {page.title: page for page in book.worksheets}
             is_all = sheet == ALL and ALL not in sheets
-            names = list(sheets) if sheet is None or is_all else [_name_of(sheet, sheets, where)]
+            names = [name for name, page in sheets.items() if page.sheet_state == "visible"]
+            if sheet is not None and not is_all:
+                names = [_name_of(sheet, sheets, where)]
+            elif hidden := [name for name in sheets if name not in names]:
+                problems.messages.append(f"hidden sheets ignored: {', '.join(map(repr, hidden))}")
             grids = {name: _rows(sheets[name], where, typed) for name in names}
         if any(cell.startswith("=") for rows in grids.values() for row in rows for cell in row):
             with _opened(openpyxl, content, data_only=True) as book:
