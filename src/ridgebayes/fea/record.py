@@ -354,13 +354,11 @@ class Imported:
         first = transition.loc[transition.groupby(list(CURVE), sort=False)["Q"].idxmin()]
         texture = (frame[name] for name in ("Q", "a_over_R", "b_over_R"))
         ratio = frame["p_over_E"] / transition_load(*texture, nu=frame["nu"])
-        smooth = "that of a smooth body whose contact reaches this corner"
-        units = f"{smooth}; check the units of loads, widths, R and E"
+        is_far = ~ratio.between(1 / _MAX_LOAD_RATIO, _MAX_LOAD_RATIO)
+        factor = f"{_MAX_LOAD_RATIO:g} times, or under 1/{_MAX_LOAD_RATIO:g} of, that of a smooth"
         doubtful = {
-            f"p/E is over {_MAX_LOAD_RATIO:g} times {units}": frame[ratio > _MAX_LOAD_RATIO],
-            f"p/E is less than 1/{_MAX_LOAD_RATIO:g} of {units}": frame[
-                ratio < 1 / _MAX_LOAD_RATIO
-            ],
+            f"p/E is over {factor} body whose contact reaches this corner; check the units of "
+            "loads, widths, R and E": frame[is_far],
             f"rel_se is above {_MAX_REL_SE:g}: the load is hardly known": frame[
                 frame["rel_se"] > _MAX_REL_SE
             ],
