@@ -40,7 +40,7 @@ def refusal(text, **options):
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
-@pytest.mark.parametrize("tail", ["", "\n\n", "  \n", ",,\n,,\n"])
+@pytest.mark.parametrize("tail", ["", "\n\n", "  \n", ",,\n,,\n", f"\n{GOOD.splitlines()[0]}\n"])
 def test_read__separators_line_ends_and_blank_lines_change_nothing(separator, end, mark, tail):
     text = (GOOD + tail).replace(",", separator).replace("\n", end)
     cells = read(mark + text.encode())
@@ -111,8 +111,8 @@ def test_read__control_characters_are_no_blanks_beside_a_number(cell, control):
 
 @pytest.mark.parametrize("blank", [" ", "\xa0", "\u2009", "\u202f", "\u3000"])
 def test_read__blanks_beside_a_number_are_passed_over(blank):
-    cells = read(f"a,b,Q\n0.24,{blank}.08{blank},4\n")
-    assert cells.frame["b"].tolist() == [0.08]
+    cells = read(f"a,b,Q\n0.24,{blank}\N{MINUS SIGN}.08{blank},4\n")  # so a typeset minus is read
+    assert cells.frame["b"].tolist() == [-0.08]
 
 
 @pytest.mark.parametrize(

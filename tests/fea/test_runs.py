@@ -659,6 +659,7 @@ def test_recognise__knows_its_programs(tmp_path, kind, name, program):
         ("press.rst", "ANSYS database is not read; list PRNSOL and PRRSOL"),
         ("press.xplt", "FEBio .* is not read; ask for log data"),
         ("press.op2", "Nastran"),
+        ("loads.ods", "workbook of LibreOffice"),
     ],
 )
 def test_recognise__names_programs_whose_files_are_not_read(tmp_path, name, message):
