@@ -12,15 +12,13 @@ from tests.fea.abaqus_writer import pressed
 def levels(run, **changes):
     rigid = np.array([(s * far, run["top"]) for far in run["corners"] for s in (1, -1)])
     parts = {"load": run["force"], "undeformed": run["nodes"], "rigid": rigid, **changes}
-    position = parts.pop("position", run["position"])
-    x, height = position[..., 0], position[..., 1]
-    return ContactHistory(parts.pop("load"), "run", "o", "s", x, height, **parts)
+    return ContactHistory(parts.pop("load"), parts.pop("position", run["position"]), **parts)
 
 
 def table(run, body=None, **changes):
     half = not (run["nodes"][:, 0] < 0).any()
     body = body or RunBody(run["a"], run["b"], E=run["E"], symmetry="half" if half else "full")
-    return table_of(levels(run, **changes), body)
+    return table_of(levels(run, **changes), body, solver="s", source="o")
 
 
 def frame(run, body=None, **changes):

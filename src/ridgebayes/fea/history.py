@@ -1,6 +1,7 @@
 """Contact history of a run, and its conversion to transition loads."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from typing import Any
@@ -30,18 +31,16 @@ class ContactHistory:
     ----------
     load : ndarray of float, shape (n_step,)
         Load of either sign; `load_is` gives its meaning.
-    where, source, solver : str
-        File name for messages, and values of the table's columns.
-    x : ndarray of float, shape (n_step, n_node), length
-        Coordinates across the ridges, of surface nodes or of the centres of surface faces.
-    height : ndarray of float, shape (n_step, n_node), length, or None
-        Heights of the surface nodes; the gap is the height minus that of the ridges' tops.
+    at : ndarray of float, shape (n_step, n_node, 2) or (n_step, n_node, 1), length, or None
+        Coordinates of surface nodes across the ridges and, if they are known, heights; or
+        coordinates across the ridges of the centres of surface faces. The gap is the height minus
+        that of the ridges' tops.
     closed : ndarray of bool, shape (n_step, n_node), or None
         Whether each node or face is in contact, if heights are unknown.
     width : ndarray of float, shape (n_node,), length, or None
         Widths of the faces; None for nodes.
     Q : ndarray of int, shape (n_node,), or None
-        Q of nodes at corners, which replaces `x`.
+        Q of nodes at corners, which replaces `at`.
     undeformed : ndarray of float, shape (n_node, 2), length, or None
         Undeformed coordinates of the nodes; None if the file does not contain them.
     rigid : ndarray of float, shape (n, 2), length, or None
@@ -53,16 +52,14 @@ class ContactHistory:
         Half of the last printed digit of a height.
     load_is : {"force", "line", "p_over_E"}
         Kind of load: force on the meshed part, or line load or p/E of the whole body.
-    messages : tuple of str
+    messages : sequence of str
         Messages about values that were read and parts that were ignored.
+    files : tuple of str
+        Names of files and data that the user did not give, for the source of the rows.
     """
 
     load: FloatArray
-    where: str
-    source: str
-    solver: str
-    x: FloatArray | None = None
-    height: FloatArray | None = None
+    at: FloatArray | None = None
     closed: BoolArray | None = None
     width: FloatArray | None = None
     Q: IntArray | None = None
@@ -71,7 +68,8 @@ class ContactHistory:
     R: float | None = None
     digits: float = 0.0
     load_is: str = "force"
-    messages: tuple[str, ...] = ()
+    messages: Sequence[str] = ()
+    files: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -94,6 +92,8 @@ class RunBody:
         Thickness of the plane-strain slice on which the forces act.
     corner_over_R : float or None
         Radius of the ridges' top corners; 0 is sharp, None uses the rigid nodes.
+    where : str
+        File of the run, for messages.
     """
 
     a_over_R: float
@@ -105,6 +105,7 @@ class RunBody:
     top: float | None = None
     thickness: float = 1.0
     corner_over_R: float | None = None
+    where: str = "run"
 
     def __post_init__(self) -> None:
         rules = {
@@ -123,7 +124,9 @@ class RunBody:
             )
 
 
-def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) -> Imported:
+def table_of(
+    history: ContactHistory, body: RunBody, *, brackets: bool = False, **columns: str
+) -> Imported:
     """Return a table of the loads at which the body reaches each proximal corner after the first.
 
     Parameters
@@ -134,6 +137,8 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
         Properties of the body that the run's files do not contain.
     brackets : bool, optional
         As in `ridgebayes.fea.transitions.transitions_of`.
+    **columns : str
+        Values of further columns of the table: `solver` and `source`.
 
     Returns
     -------
@@ -145,7 +150,7 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
         If the surface is not circular, corners cannot be located, no corner is reached, or a load
         is too large.
     """
-    where, load = history.where, np.abs(history.load)
+    where, load = body.where, np.abs(history.load)
     remarks: list[str] = []
     errors: dict[str, Any] = {}
     if history.Q is None or history.closed is None:
@@ -171,7 +176,7 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
         raise InputError(f"{where}: {error}") from None
     frame.insert(0, "a_over_R", body.a_over_R)
     frame.insert(1, "b_over_R", body.b_over_R)
-    frame = frame.assign(nu=body.nu, solver=history.solver, source=history.source)
+    frame = frame.assign(nu=body.nu, **columns)
     n_bracket = int(frame["p_over_E_lower"].notna().sum())
     name = {"line": "line load", "p_over_E": "p/E"}.get(history.load_is, "force")
     messages = (
@@ -190,23 +195,23 @@ def _on_rim(
     history: ContactHistory, body: RunBody, remarks: list[str]
 ) -> tuple[RunBody, FloatArray, dict[str, Any]]:
     """Return the body with R, gaps over R, shape (n_step, n_corner), and their errors."""
-    assert history.x is not None
-    R, where, n = body.R or history.R, history.where, history.x.shape[1]
+    assert history.at is not None
+    R, where, position, n = body.R or history.R, body.where, history.at, history.at.shape[1]
     if history.undeformed is None:
-        rim = Rim.deformed(history.x[0], where, R=R, symmetry=body.symmetry)
+        rim = Rim.deformed(position[0, :, 0], where, R=R, symmetry=body.symmetry)
     else:
         rim = Rim.of(history.undeformed, where, R=R, symmetry=body.symmetry)
     body = replace(body, R=rim.R)
     remarks.append(f"surface: {n} nodes on a circle of R = {rim.R:.6g}")
-    if history.height is None:
-        return body, _closed_gaps(history, body, rim), {}
+    away = np.abs(position[..., 0] - rim.centre[0])
+    if position.shape[-1] == 1:
+        return body, _closed_gaps(history, away, body, rim), {}
     digits = history.digits
-    position = np.stack([history.x, history.height], axis=-1)
     if body.top is None and history.rigid is None:
-        position, body = _relative_to_tops(position, body, rim, where), replace(body, top=0.0)
+        position, body = _relative_to_tops(position, away, body, rim), replace(body, top=0.0)
         digits = math.hypot(digits, _REST_ERROR * rim.R)
         remarks.append("tops: where the body rests on the first ridge, step by step")
-    corners, radius, how = _corners(history, body, rim)
+    corners, radius, how = _corners(history.rigid, float(away.max()), body, rim)
     if body.symmetry == "half" and (beyond := n - len(rim.sides[0][0])):
         # Rim ignores a side with few nodes, such as nodes just beyond the axis of a half mesh.
         remarks.append(f"{beyond} surface nodes ignored: beyond the axis of a half mesh")
@@ -220,19 +225,19 @@ def _on_rim(
     return body, gaps, {"gap_error": error, "digits": 2 * history.digits / rim.R}
 
 
-def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArray, float, str]:
+def _corners(
+    rigid: FloatArray | None, farthest: float, body: RunBody, rim: Rim
+) -> tuple[FloatArray, float, str]:
     """Return the proximal corners (distance from the axis, height), their radius and a message."""
-    assert history.x is not None
-    where, R, b = history.where, rim.R, body.b_over_R * rim.R
+    R, b = rim.R, body.b_over_R * rim.R
     pitch = body.a_over_R * R + b
-    farthest = np.abs(history.x - rim.centre[0]).max()
-    rim.check_reach("surface node", farthest, where)
+    rim.check_reach("surface node", farthest, body.where)
     n = max(math.ceil((farthest - b / 2) / pitch), 2)
     far = b / 2 + pitch * np.arange(n)
     if body.top is not None:
         corners = np.column_stack([far, np.full(n, body.top)])
         return corners, (body.corner_over_R or 0.0) * R, f"tops at y = {body.top:g}"
-    rigid = np.zeros((0, 2)) if history.rigid is None else history.rigid
+    assert rigid is not None
     away = np.abs(rigid[:, 0] - rim.centre[0])
     radius = body.corner_over_R
     if radius is None:
@@ -242,7 +247,7 @@ def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArr
     heights = [float(y.max()) for y in takewhile(len, at_ends)]
     if len(heights) < 2:
         raise InputError(
-            f"{where}: no rigid nodes at the corners, {far[0] + radius * R:.6g} and "
+            f"{body.where}: no rigid nodes at the corners, {far[0] + radius * R:.6g} and "
             f"{far[1] + radius * R:.6g} from the axis; expected a deck with the ridges and "
             "their --texture, or --top, their height, and --corner where corners are round"
         )
@@ -263,17 +268,18 @@ def _corner_radius(away: FloatArray, y: FloatArray, near: float, a: float, R: fl
     return round(radius / R, 9) if radius > NEAR * R and start.any() else 0.0
 
 
-def _relative_to_tops(position: FloatArray, body: RunBody, rim: Rim, where: str) -> FloatArray:
+def _relative_to_tops(
+    position: FloatArray, away: FloatArray, body: RunBody, rim: Rim
+) -> FloatArray:
     """Return positions with y = 0 at the height at which the body rests on the first ridge."""
     parts = np.array([_CORNER_MARGIN, 1 - _CORNER_MARGIN])
     near, far = rim.R * (body.b_over_R / 2 + parts * body.a_over_R)
-    away = np.abs(position[..., 0] - rim.centre[0])
     position = position.copy()
     for k, x in enumerate(away):
         over = (near <= x) & (x <= far)
         if not over.any():
             raise InputError(
-                f"{where}, state {k + 1}: no rim node over the first ridge, {near:.4g} to "
+                f"{body.where}, state {k + 1}: no rim node over the first ridge, {near:.4g} to "
                 f"{far:.4g} from the axis; expected its texture and a mesh as fine, or --top"
             )
         # Heights of resting nodes scatter about the top by the mesh error; their median is robust.
@@ -285,19 +291,17 @@ def _relative_to_tops(position: FloatArray, body: RunBody, rim: Rim, where: str)
     return position
 
 
-def _closed_gaps(history: ContactHistory, body: RunBody, rim: Rim) -> FloatArray:
+def _closed_gaps(history: ContactHistory, away: FloatArray, body: RunBody, rim: Rim) -> FloatArray:
     """Return gaps of -inf (ridge in contact), inf (not in contact) or NaN (ambiguous).
 
     The shape is (n_step, n_ridge), from the second ridge on. A ridge is ambiguous if it is only
     covered by closed faces that also cover another ridge.
     """
-    assert history.x is not None
     assert history.closed is not None
     a, b = body.a_over_R * rim.R, body.b_over_R * rim.R
-    away = np.abs(history.x - rim.centre[0])
     reach = 0.0 if history.width is None else history.width / 2
     farthest = float(np.max((away + reach)[history.closed], initial=0.0))
-    rim.check_reach("face", farthest, history.where)
+    rim.check_reach("face", farthest, body.where)
     n = max(math.ceil((farthest - b / 2) / (a + b)), 1) + 1
     near = b / 2 + (a + b) * np.arange(n)
     gap = np.full((len(away), n), math.inf)
