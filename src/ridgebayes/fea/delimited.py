@@ -1,4 +1,4 @@
-"""Text tables: encoding, separator, header, row of units, and cells."""
+"""Table files, and text tables: encoding, separator, header, row of units, and cells."""
 
 import codecs
 import csv
@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from functools import cached_property
 from itertools import chain, islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,13 @@ import pandas as pd
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import SEPARATORS, WITH_UNIT, body_cells, numbers_in, tabs_for_blanks
 from ridgebayes.fea.record import MOST, FileError, Given, Row, TableFile
-from ridgebayes.fea.words import corners_of, is_unit, key_of, split_header
-from ridgebayes.runtime.reading import decoded
+from ridgebayes.fea.words import DISGUISES, corners_of, is_unit, key_of, split_header
+from ridgebayes.runtime.reading import decoded, read_bytes
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import NAMES
 from ridgebayes.table.files import even_lines, lossless, records
 
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 LOOKED_AT = 60  # first records, and first cells of each, that are searched for the header
 _NUMBER = re.compile(r"\s*[+-]?(?:\d[\d.,'\u2019 \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*%?\s*")
 _MAX_HEADER_LENGTH = 500  # characters
@@ -33,18 +35,37 @@ _IS_OLD = np.lib.NumpyVersion(pd.__version__) < "3.1.0"
 _EXACT_FLOATS: dict[str, Any] = {"float_precision": "round_trip"} if _IS_OLD else {}
 
 
+def open_table(path: Path, facts: Given, problems: FileError) -> TableFile:
+    """Open a table file by its suffix; macros and formulas are not executed."""
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(
+            f"{path}: ends in {path.suffix or 'no suffix'!r}; expected one of {', '.join(SUFFIXES)}"
+        )
+    if facts.sheet is not None and suffix != ".xlsx":
+        raise InputError(f"{path}: sheet {facts.sheet!r}: expected --sheet for .xlsx files only")
+    content = read_bytes(path)
+    if not content:
+        raise InputError(f"{path}: the file is empty")
+    for beginning, what in DISGUISES.items():
+        if content.startswith(bytes.fromhex(beginning)) and what != suffix:
+            raise InputError(f"{path}: the content is {what}; expected a {suffix} file")
+    if suffix == ".parquet":
+        from ridgebayes.fea.parquet import ParquetTable  # imports this module
+
+        return ParquetTable(path, content)
+    if suffix == ".xlsx":
+        from ridgebayes.fea.spreadsheet import read_workbook  # imports this module
+
+        return read_workbook(path, content, facts, problems)
+    return read_delimited(content, facts, problems)
+
+
 def read_delimited(content: bytes, facts: Given, problems: FileError) -> "TextTable":
     """Read a delimited text file.
 
-    Parameters
-    ----------
-    content : bytes
-        Content of the file: UTF-8, UTF-16 with a byte order mark, or Windows-1252, with any line
-        ends, and tabs, semicolons, bars, commas or blanks between cells.
-    facts : Given
-        The user's options.
-    problems : FileError
-        Collects messages and errors.
+    The content is UTF-8, UTF-16 with a byte order mark, or Windows-1252, with any line ends, and
+    tabs, semicolons, bars, commas or blanks between cells.
 
     Raises
     ------
@@ -111,8 +132,6 @@ def find_header(
         Line and cells of each record.
     header_row : int or None
         Line of the header; 0 for a file without header, None to search for it.
-    problems : FileError
-        Collects messages about the lines above the rows.
 
     Returns
     -------
@@ -160,9 +179,7 @@ def find_header(
 
 
 def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
-    r"""Return unique headers on one line each, with a placeholder for an empty header.
-
-    A duplicate header gets the number of its column.
+    r"""Return unique headers on one line; an empty or duplicate header gets its column's number.
 
     Raises
     ------

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from ridgebayes.fea.columns import open_table
 from ridgebayes.fea.deck import Run
+from ridgebayes.fea.delimited import open_table
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.record import FileError, parse_map
 from ridgebayes.fea.transitions import last_digit
@@ -25,7 +25,7 @@ def read_node_table(run: Run) -> ContactHistory:
     Parameters
     ----------
     run : Run
-        One file of a format of `ridgebayes.fea.columns.read_columns`, in a consistent system of
+        One file of a format of `ridgebayes.fea.read.read_columns`, in a consistent system of
         units. Columns are ``load``, ``x`` (across the ridges), one of ``gap`` (to the ridges'
         tops), ``pressure`` and ``status``, and ``step`` and ``node`` if loads and coordinates do
         not distinguish steps and nodes. Used facts are the format of the file, headers by key
