@@ -69,8 +69,8 @@ def test_run__on_round_corners_has_no_way_into_the_flats(tmp_path):
     texture = Texture(a_over_R=A, b_over_R=B, corner_radius_over_R=r)
     solve(Scene(textures=(texture,), p_over_E=0.013, nu=NU), slice(6, 8), tmp_path)
     facts = Given(deck=tmp_path / "run.inp", surface=SURFACE, reaction=REACTION)
-    run = Run([tmp_path / "run.dat"], facts, read_deck(tmp_path / "run.inp"))
-    x, y = read_calculix(run).at[-1].T
+    paths, deck = [tmp_path / "run.dat"], read_deck(tmp_path / "run.inp")
+    x, y = read_calculix(Run(A, B, paths=paths, facts=facts, deck=deck)).at[-1].T
     top = first_height(Profile(A, B, corner=r))
     on = (x > B / 2 + r) & (x < B / 2 + A - r) & (y < top + 1e-6)
     assert on.sum() > 3

@@ -132,24 +132,65 @@ class Deck:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """The files of a run, and all that is known besides.
+    """The files of a run and what they do not contain: properties of the body, in its units.
 
     Parameters
     ----------
+    a_over_R, b_over_R, nu : float
+        Texture and Poisson's ratio.
+    R : float or None
+        Radius; None fits a circle to the undeformed surface nodes.
+    E : float
+        Young's modulus.
+    symmetry : {"half", "full"}
+        "half" if the mesh is one half of the body, whose force is half of the load.
+    top : float or None
+        Height of the ridges' tops; None uses the rigid nodes at the corners.
+    thickness : float
+        Thickness of the plane-strain slice on which the forces act.
+    corner_over_R : float or None
+        Radius of the ridges' top corners; 0 is sharp, None uses the rigid nodes.
     paths : sequence of Path
         Result files.
     facts : Given
         The user's facts, completed by those of the deck.
     deck : Deck
         The run's deck; without content if there is none.
-    R : float or None
-        Radius that the user gives, in the units of the run.
     """
 
-    paths: Sequence[Path]
-    facts: Given
-    deck: Deck = field(default_factory=Deck)
+    a_over_R: float
+    b_over_R: float
+    nu: float = 0.5
     R: float | None = None
+    E: float = 1.0
+    symmetry: str = "half"
+    top: float | None = None
+    thickness: float = 1.0
+    corner_over_R: float | None = None
+    paths: Sequence[Path] = (Path("run"),)
+    facts: Given = field(default_factory=Given)
+    deck: Deck = field(default_factory=Deck)
+
+    def __post_init__(self) -> None:
+        rules = {
+            "texture": self.a_over_R > 0 and self.b_over_R > 0,
+            "nu": 0 <= self.nu <= 0.5,
+            "R": self.R is None or 0 < self.R < math.inf,
+            "E": 0 < self.E < math.inf,
+            "symmetry": self.symmetry in ("half", "full"),
+            "thickness": 0 < self.thickness < math.inf,
+            "corner radius": 0 <= (self.corner_over_R or 0.0) <= self.a_over_R / 2,
+        }
+        if bad := [name for name, holds in rules.items() if not holds]:
+            raise InputError(
+                f"{', '.join(bad)}: expected --texture, --R, --E and --thickness above 0, --nu "
+                "from 0 to 0.5, --symmetry half or full, --corner from 0 to half a ridge"
+            )
+
+    @property
+    def where(self) -> str:
+        """First file, for messages."""
+        return str(self.path)
 
     @property
     def path(self) -> Path:

@@ -290,8 +290,8 @@ class TextTable(TableFile):
         The user's options.
     problems : FileError
         Collects messages, rows of wrong length, and formulas.
-    cell : callable, optional
-        Function that names a worksheet's cell by line and column, both from 1.
+    place : callable, optional
+        Function that names a cell by line and column, both from 1.
     typed : collection of str, optional
         Texts of a worksheet's numeric cells, which have a decimal point.
     separator, text : str, optional
@@ -311,13 +311,13 @@ class TextTable(TableFile):
         facts: Given,
         problems: FileError,
         *,
-        cell: Callable[[int, int], str] | None = None,
+        place: Callable[[int, int], str] = lambda line, column: f"line {line}",
         typed: Collection[str] = (),
         separator: str = "\t",
         text: str = "",
     ) -> None:
         self.where, self._kind, self._facts = problems.where, kind, facts
-        self._cell, self._is_typed, self._separator = cell, typed, separator
+        self._place, self._is_typed, self._separator = place, typed, separator
         head = [*islice(rows := iter(rows), LOOKED_AT)]
         full = [row for row in head if any(map(str.strip, row[1]))]
         headers, n_head = find_header(full or [(1, [""])], facts.header_row, problems)
@@ -334,7 +334,7 @@ class TextTable(TableFile):
             )
             self.headers = tuple(map(str, self._typed))
             advice = "; no value is stored: open the file in Excel or LibreOffice, and save it once"
-            rule = f"expected values, not formulas{advice if cell else ''}"
+            rule = f"expected values, not formulas{advice if kind == 'Excel' else ''}"
             for name, cells in self._typed.items():
                 is_formula = cells.str.lstrip().str.startswith("=").to_numpy(bool)
                 problems.cells(is_formula, str(name), rule)
@@ -366,14 +366,10 @@ class TextTable(TableFile):
         problems.messages.insert(0, f"{self.where}: {self._kind}, {style}, {len(frame)} rows")
         return filled(frame, problems)
 
-    def spot(self, row: int, name: str) -> str:
-        """Return the place of a cell, for messages."""
-        line = int(self.lines[row])
-        return self._cell(line, self.headers.index(name) + 1) if self._cell else f"line {line}"
-
-    def typed(self, row: int, name: str) -> str:
-        """Return the text of a cell."""
-        return str(self._typed[name].iloc[row])
+    def cell(self, row: int, name: str) -> tuple[str, str]:
+        """Return the place and the text of a cell."""
+        place = self._place(int(self.lines[row]), self.headers.index(name) + 1)
+        return place, str(self._typed[name].iloc[row])
 
     @cached_property
     def _typed(self) -> pd.DataFrame:

@@ -9,12 +9,13 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import (
     DIMENSIONS,
+    N_MEAN,
     corner_key,
     corners_of,
     count_term,
-    is_number_of_repeats,
     key_of,
     load_kind,
+    plain,
     repeats_of,
     split_header,
     unit_factor,
@@ -257,7 +258,7 @@ class _Columns:
         is_wide = any(use.Q is not None for use in self.uses)
         of_mean = sum(key_of(words) in ("load_sd", "load_sem", "Q") for _, words, _ in free) > 2
         for header, words, unit in free:
-            key = "n_mean" if of_mean and is_number_of_repeats(words) else key_of(words)
+            key = "n_mean" if of_mean and plain(words) in N_MEAN else key_of(words)
             of_each_Q = is_wide and (key == "Q" or (key in PER_Q and key != "rel_se"))
             if not key or _alternatives(key) & keys or of_each_Q:
                 continue

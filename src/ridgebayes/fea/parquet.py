@@ -55,13 +55,10 @@ class ParquetTable(TableFile):
             columns[name] = np.where(np.isinf(columns[name]), np.nan, columns[name])
         return filled(pd.DataFrame(columns), problems)
 
-    def spot(self, row: int, name: str) -> str:
-        """Return the place of a cell, for messages."""
-        return f"row {row + 1}"
-
-    def typed(self, row: int, name: str) -> str:
-        """Return the text of a cell."""
-        return str(self._table.column(self.headers.index(name))[row].as_py())
+    def cell(self, row: int, name: str) -> tuple[str, str]:
+        """Return the place and the text of a cell."""
+        column = self._table.column(self.headers.index(name))
+        return f"row {row + 1}", str(column[row].as_py())
 
     def _values(self, name: str, column: Any, is_number: bool) -> Any:
         types: Any = import_module("pyarrow.types")

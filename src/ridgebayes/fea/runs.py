@@ -13,7 +13,7 @@ from ridgebayes.fea.ansys import read_ansys
 from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.deck import Deck, Run, read_deck
 from ridgebayes.fea.febio import read_febio
-from ridgebayes.fea.history import ContactHistory, RunBody, table_of
+from ridgebayes.fea.history import ContactHistory, table_of
 from ridgebayes.fea.mesh_series import read_series
 from ridgebayes.fea.node_table import read_node_table
 from ridgebayes.fea.record import FileError, Given, Imported, provenance
@@ -54,17 +54,16 @@ def read_run(name: str, paths: Sequence[Path], facts: Given) -> Imported:
         file = beside
     deck = Deck() if file is None else read_deck(file)
     facts = _completed(name, facts, file, deck, problems)
-    body = _body(facts, path)
+    run = _run(paths, facts, deck)
     if file is not None:
-        deck.check_material(body.E, body.nu)
-    history = _READERS[name](Run(paths, facts, deck, body.R))
+        deck.check_material(run.E, run.nu)
+    history = _READERS[name](run)
     named = {"deck": file and file.name, "surface": facts.surface, "reaction": facts.reaction}
     details = [f"{key}={text}" for key, text in named.items() if text]
     files = history.files or [other.name for other in paths[1:]]
     source = provenance(path, name, *details, *files)
     history = replace(history, messages=(*problems.messages, *history.messages))
-    solver = name.partition("-")[0]
-    return table_of(history, body, brackets=facts.brackets, solver=solver, source=source)
+    return table_of(history, run, solver=name.partition("-")[0], source=source)
 
 
 def _completed(
@@ -116,7 +115,7 @@ def _needed(name: str, facts: Given, where: str) -> dict[str, str]:
     return {key: what for key, (is_needed, what) in needed.items() if is_needed}
 
 
-def _body(facts: Given, path: Path) -> RunBody:
+def _run(paths: Sequence[Path], facts: Given, deck: Deck) -> Run:
     assert facts.texture is not None
     numbers = {}
     for key, text in facts.numbers().items():
@@ -126,11 +125,13 @@ def _body(facts: Given, path: Path) -> RunBody:
             raise InputError(
                 f"--{key} {text!r}: expected a plain number, in the units of the run"
             ) from None
-    return RunBody(
+    return Run(
         *facts.texture,
         **numbers,
         symmetry=facts.symmetry or "half",
         top=facts.top,
         corner_over_R=facts.corner,
-        where=str(path),
+        paths=paths,
+        facts=facts,
+        deck=deck,
     )

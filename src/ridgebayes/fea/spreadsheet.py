@@ -68,7 +68,7 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
 
     width = max(map(len, rows))
     padded = [(i, [*row, *[""] * (width - len(row))]) for i, row in enumerate(rows, start=1)]
-    return TextTable(padded[facts.skip_rows :], "Excel", facts, problems, cell=spot, typed=typed)
+    return TextTable(padded[facts.skip_rows :], "Excel", facts, problems, place=spot, typed=typed)
 
 
 def _joined(
