@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.fea.calculix_frd import COLUMNS, Frd
-from ridgebayes.fea.calculix_sta import ignore_unconverged
+from ridgebayes.fea.calculix_files import COLUMNS, Frd, ignore_unconverged
 from ridgebayes.fea.deck import Deck, Run
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line, numbers_of

@@ -50,15 +50,14 @@ def open_table(path: Path, facts: Given, problems: FileError) -> TableFile:
     for beginning, what in DISGUISES.items():
         if content.startswith(bytes.fromhex(beginning)) and what != suffix:
             raise InputError(f"{path}: the content is {what}; expected a {suffix} file")
-    if suffix == ".parquet":
-        from ridgebayes.fea.parquet import ParquetTable  # imports this module
+    if suffix not in (".parquet", ".xlsx"):
+        return read_delimited(content, facts, problems)
+    from ridgebayes.fea.binary_tables import ParquetTable, read_workbook  # imports this module
 
-        return ParquetTable(path, content)
-    if suffix == ".xlsx":
-        from ridgebayes.fea.spreadsheet import read_workbook  # imports this module
-
-        return read_workbook(path, content, facts, problems)
-    return read_delimited(content, facts, problems)
+    is_parquet = suffix == ".parquet"
+    return (
+        ParquetTable(path, content) if is_parquet else read_workbook(path, content, facts, problems)
+    )
 
 
 def read_delimited(content: bytes, facts: Given, problems: FileError) -> "TextTable":
