@@ -13,9 +13,9 @@ from ridgebayes.fea.record import FileError, Given
 from ridgebayes.fea.words import (
     COUNTS,
     DIMENSIONS,
+    ERRORS,
     column_unit,
     divided,
-    is_error,
     load_kind,
     number_and_unit,
     split_header,
@@ -100,7 +100,7 @@ class Converter:
             frame = frame.assign(rel_se=np.hypot(rel_se, load_se / frame["p_over_E"]))
         extra = [name for name in self.left() if name not in NAMES]
         ignored = [name for name in self.left() if name in NAMES]
-        errors = [*filter(is_error, extra)]
+        errors = [name for name in extra if ERRORS.search(name.lower())]
         has_sd = any(use.key in SDS for use in self.used)
         has_repeats = has_sd and frame.duplicated(["a_over_R", "b_over_R", "Q"]).any()
         frame = frame.assign(**{name: self.cells[name] for name in extra})

@@ -1,4 +1,4 @@
-"""Text tables: encoding, separator, header, row of units, and cells."""
+"""Table files, and text tables: encoding, separator, header, row of units, and cells."""
 
 import codecs
 import csv
@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from functools import cached_property
 from itertools import chain, islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,13 @@ import pandas as pd
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import SEPARATORS, WITH_UNIT, body_cells, numbers_in, tabs_for_blanks
 from ridgebayes.fea.record import MOST, FileError, Given, Row, TableFile
-from ridgebayes.fea.words import corners_of, is_unit, key_of, split_header
-from ridgebayes.runtime.reading import decoded
+from ridgebayes.fea.words import DISGUISES, corners_of, is_unit, key_of, split_header
+from ridgebayes.runtime.reading import decoded, read_bytes
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import NAMES
 from ridgebayes.table.files import even_lines, lossless, records
 
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 LOOKED_AT = 60  # first records, and first cells of each, that are searched for the header
 _NUMBER = re.compile(r"\s*[+-]?(?:\d[\d.,'\u2019 \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*%?\s*")
 _MAX_HEADER_LENGTH = 500  # characters
@@ -33,18 +35,36 @@ _IS_OLD = np.lib.NumpyVersion(pd.__version__) < "3.1.0"
 _EXACT_FLOATS: dict[str, Any] = {"float_precision": "round_trip"} if _IS_OLD else {}
 
 
+def open_table(path: Path, facts: Given, problems: FileError) -> TableFile:
+    """Open a table file by its suffix; macros and formulas are not executed."""
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(
+            f"{path}: ends in {path.suffix or 'no suffix'!r}; expected one of {', '.join(SUFFIXES)}"
+        )
+    if facts.sheet is not None and suffix != ".xlsx":
+        raise InputError(f"{path}: sheet {facts.sheet!r}: expected --sheet for .xlsx files only")
+    content = read_bytes(path)
+    if not content:
+        raise InputError(f"{path}: the file is empty")
+    for beginning, what in DISGUISES.items():
+        if content.startswith(bytes.fromhex(beginning)) and what != suffix:
+            raise InputError(f"{path}: the content is {what}; expected a {suffix} file")
+    if suffix not in (".parquet", ".xlsx"):
+        return read_delimited(content, facts, problems)
+    from ridgebayes.fea.binary_tables import ParquetTable, read_workbook  # imports this module
+
+    is_parquet = suffix == ".parquet"
+    return (
+        ParquetTable(path, content) if is_parquet else read_workbook(path, content, facts, problems)
+    )
+
+
 def read_delimited(content: bytes, facts: Given, problems: FileError) -> "TextTable":
     """Read a delimited text file.
 
-    Parameters
-    ----------
-    content : bytes
-        Content of the file: UTF-8, UTF-16 with a byte order mark, or Windows-1252, with any line
-        ends, and tabs, semicolons, bars, commas or blanks between cells.
-    facts : Given
-        The user's options.
-    problems : FileError
-        Collects messages and errors.
+    The content is UTF-8, UTF-16 with a byte order mark, or Windows-1252, with any line ends, and
+    tabs, semicolons, bars, commas or blanks between cells.
 
     Raises
     ------
@@ -111,8 +131,6 @@ def find_header(
         Line and cells of each record.
     header_row : int or None
         Line of the header; 0 for a file without header, None to search for it.
-    problems : FileError
-        Collects messages about the lines above the rows.
 
     Returns
     -------
@@ -160,9 +178,7 @@ def find_header(
 
 
 def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
-    r"""Return unique headers on one line each, with a placeholder for an empty header.
-
-    A duplicate header gets the number of its column.
+    r"""Return unique headers on one line; an empty or duplicate header gets its column's number.
 
     Raises
     ------
@@ -273,8 +289,8 @@ class TextTable(TableFile):
         The user's options.
     problems : FileError
         Collects messages, rows of wrong length, and formulas.
-    cell : callable, optional
-        Function that names a worksheet's cell by line and column, both from 1.
+    place : callable, optional
+        Function that names a cell by line and column, both from 1.
     typed : collection of str, optional
         Texts of a worksheet's numeric cells, which have a decimal point.
     separator, text : str, optional
@@ -294,13 +310,13 @@ class TextTable(TableFile):
         facts: Given,
         problems: FileError,
         *,
-        cell: Callable[[int, int], str] | None = None,
+        place: Callable[[int, int], str] = lambda line, column: f"line {line}",
         typed: Collection[str] = (),
         separator: str = "\t",
         text: str = "",
     ) -> None:
         self.where, self._kind, self._facts = problems.where, kind, facts
-        self._cell, self._is_typed, self._separator = cell, typed, separator
+        self._place, self._is_typed, self._separator = place, typed, separator
         head = [*islice(rows := iter(rows), LOOKED_AT)]
         full = [row for row in head if any(map(str.strip, row[1]))]
         headers, n_head = find_header(full or [(1, [""])], facts.header_row, problems)
@@ -317,7 +333,7 @@ class TextTable(TableFile):
             )
             self.headers = tuple(map(str, self._typed))
             advice = "; no value is stored: open the file in Excel or LibreOffice, and save it once"
-            rule = f"expected values, not formulas{advice if cell else ''}"
+            rule = f"expected values, not formulas{advice if kind == 'Excel' else ''}"
             for name, cells in self._typed.items():
                 is_formula = cells.str.lstrip().str.startswith("=").to_numpy(bool)
                 problems.cells(is_formula, str(name), rule)
@@ -350,14 +366,10 @@ class TextTable(TableFile):
         problems.messages.insert(0, f"{self.where}: {self._kind}, {style}, {len(frame)} rows")
         return filled(frame, problems)
 
-    def spot(self, row: int, name: str) -> str:
-        """Return the place of a cell, for messages."""
-        line = int(self.lines[row])
-        return self._cell(line, self.headers.index(name) + 1) if self._cell else f"line {line}"
-
-    def typed(self, row: int, name: str) -> str:
-        """Return the text of a cell."""
-        return str(self._typed[name].iloc[row])
+    def cell(self, row: int, name: str) -> tuple[str, str]:
+        """Return the place and the text of a cell."""
+        place = self._place(int(self.lines[row]), self.headers.index(name) + 1)
+        return place, str(self._typed[name].iloc[row])
 
     @cached_property
     def _typed(self) -> pd.DataFrame:

@@ -9,12 +9,13 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import (
     DIMENSIONS,
+    N_MEAN,
     corner_key,
     corners_of,
     count_term,
-    is_number_of_repeats,
     key_of,
     load_kind,
+    plain,
     repeats_of,
     split_header,
     unit_factor,
@@ -26,7 +27,9 @@ LOADS = ("p_over_E", "p", "line", "force")
 LOWERS = tuple(f"{key}_lower" for key in LOADS)
 SDS, _SEMS = (tuple(f"{key}{end}" for key in LOADS) for end in ("_sd", "_sem"))
 CORNERS = ("gap", "gap_over_R", "pressure", "status")
-ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
+BODY_KEYS = ("R", "D", "E")
+NEVER_EMPTY = ("a", "b", "pitch", *BODY_KEYS)  # columns that must not have empty cells
+ABOVE_0 = (*NEVER_EMPTY, "thickness", *LOADS[1:])
 _MEAN_KEYS = ("load", "load_lower", "load_sd", "load_sem", "n_mean")
 _UNLISTED_KEYS = ("gap", "thickness", *SDS, *_SEMS)
 KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _UNLISTED_KEYS), *_MEAN_KEYS)
@@ -255,7 +258,7 @@ class _Columns:
         is_wide = any(use.Q is not None for use in self.uses)
         of_mean = sum(key_of(words) in ("load_sd", "load_sem", "Q") for _, words, _ in free) > 2
         for header, words, unit in free:
-            key = "n_mean" if of_mean and is_number_of_repeats(words) else key_of(words)
+            key = "n_mean" if of_mean and plain(words) in N_MEAN else key_of(words)
             of_each_Q = is_wide and (key == "Q" or (key in PER_Q and key != "rel_se"))
             if not key or _alternatives(key) & keys or of_each_Q:
                 continue

@@ -6,7 +6,7 @@ import pandas as pd
 
 from ridgebayes.fea.mapping import Use, as_load
 from ridgebayes.fea.record import FileError
-from ridgebayes.fea.words import DIMENSIONS, is_counter, split_header, unit_factor
+from ridgebayes.fea.words import COUNTER, DIMENSIONS, split_header, unit_factor
 
 _KEY_NAMES = {
     "a": "a_over_R (or a, pitch)",
@@ -42,7 +42,9 @@ def ask_columns(
         Collects the questions.
     """
     taken = {use.header for use in uses}
-    names = [name for name in map(str, cells) if not (name in taken or is_counter(name))]
+    names = [
+        name for name in map(str, cells) if not (name in taken or COUNTER.search(name.lower()))
+    ]
     texts = {name: cells[name].astype(str).str.replace(",", ".") for name in names}
     numbers = {name: pd.to_numeric(text, errors="coerce") for name, text in texts.items()}
     is_text = {name: cells[name].dtype.kind not in "if" for name in names}

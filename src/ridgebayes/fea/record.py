@@ -196,11 +196,8 @@ class TableFile(Protocol):
     def read(self, numeric: Collection[str], problems: "FileError") -> pd.DataFrame:
         """Read all rows, `numeric` columns as numbers; report cells that are not numbers."""
 
-    def spot(self, row: int, name: str) -> str:
-        """Return the place of a cell, such as ``line 4``, for messages."""
-
-    def typed(self, row: int, name: str) -> str:
-        """Return the text of a cell."""
+    def cell(self, row: int, name: str) -> tuple[str, str]:
+        """Return the place of a cell, such as ``line 4``, and its text."""
 
 
 @dataclass(eq=False, repr=False)
@@ -291,8 +288,8 @@ class FileError(InputError):
         texts = []
         for (header, rule), rows in self._cells.items():
             first = heapq.nsmallest(SHOWN, rows)
-            cells = [clipped(source.typed(row, header)) for row in first]
-            spots = list(zip([source.spot(row, header) for row in first], cells, strict=True))
+            cells = [source.cell(row, header) for row in first]
+            spots = [(place, clipped(text)) for place, text in cells]
             text = broken_rule(source.where, f"column {header!r}", rule, spots, len(rows))
             texts.append((first[0], text))
         return [text for _, text in sorted(texts, key=lambda item: item[0])]

@@ -1,10 +1,10 @@
-"""Reader for Excel workbooks: values only; macros, formulas and links are not evaluated."""
+"""Readers for tables in binary files: Parquet, and Excel without macros, formulas and links."""
 
 import io
 import re
 import warnings
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from contextlib import closing
 from dataclasses import replace
 from importlib import import_module
@@ -12,11 +12,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import LOOKED_AT, TextTable, find_header, n_known
-from ridgebayes.fea.record import FileError, Given
+from ridgebayes.fea.cells import FINITE
+from ridgebayes.fea.delimited import (
+    LOOKED_AT,
+    TextTable,
+    clean_headers,
+    filled,
+    find_header,
+    n_known,
+)
+from ridgebayes.fea.record import FileError, Given, TableFile
 from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
+from ridgebayes.table.files import read_arrow
 
 MOST_CELLS = 250_000  # largest number of cells or rows of a worksheet; openpyxl takes seconds
 _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
@@ -68,7 +78,7 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
 
     width = max(map(len, rows))
     padded = [(i, [*row, *[""] * (width - len(row))]) for i, row in enumerate(rows, start=1)]
-    return TextTable(padded[facts.skip_rows :], "Excel", facts, problems, cell=spot, typed=typed)
+    return TextTable(padded[facts.skip_rows :], "Excel", facts, problems, place=spot, typed=typed)
 
 
 def _joined(
@@ -221,3 +231,67 @@ def _text(cell: Any, above: str) -> str:
         value = f"{100 * value:.15g}"
     text = "" if value is None else " ".join(str(value).split())
     return f"={text.removeprefix('=')}" if kind == "f" else text
+
+
+class ParquetTable(TableFile):
+    """A Parquet file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Path of the file, for messages.
+    content : bytes
+        Content of the file.
+
+    Raises
+    ------
+    InputError
+        If pyarrow is missing or refuses the file, or the file has no rows or too many rows.
+    """
+
+    def __init__(self, path: Path, content: bytes) -> None:
+        self.where, self.lines = str(path), None
+        self._table = read_arrow(content, self.where)
+        self.headers = clean_headers(self._table.column_names, self.where)
+        if not self._table.num_rows:
+            raise InputError(f"{self.where}: no rows")
+
+    def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
+        """Read all rows, `numeric` columns as numbers; report cells that are not finite."""
+        problems.messages.append(f"{self.where}: Parquet, {self._table.num_rows} rows")
+        columns: dict[str, Any] = {}
+        for name, column in zip(self.headers, self._table.columns, strict=True):
+            with refusing(f"{self.where}, column {name!r}", most=200):
+                values = self._values(name, column, name in numeric)
+            if values is None:
+                problems.messages.append(f"column {name!r} ignored: its type is {column.type}")
+            else:
+                columns[name] = values
+        for name in set(numeric) & columns.keys():
+            problems.cells(np.isinf(columns[name]), name, FINITE)
+            columns[name] = np.where(np.isinf(columns[name]), np.nan, columns[name])
+        return filled(pd.DataFrame(columns), problems)
+
+    def cell(self, row: int, name: str) -> tuple[str, str]:
+        """Return the place and the text of a cell."""
+        column = self._table.column(self.headers.index(name))
+        return f"row {row + 1}", str(column[row].as_py())
+
+    def _values(self, name: str, column: Any, is_number: bool) -> Any:
+        types: Any = import_module("pyarrow.types")
+        if types.is_dictionary(column.type):
+            column = column.cast(column.type.value_type)
+        kind = column.type
+        if types.is_integer(kind) and not column.null_count and not is_number:
+            return column.to_numpy()
+        if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
+            return column.cast("float64", safe=False).to_numpy()
+        if is_number and not types.is_null(kind):
+            raise InputError(f"{self.where}, column {name!r}: holds {kind}: expected numbers")
+        if types.is_null(kind):
+            return np.full(len(column), np.nan) if is_number else [""] * len(column)
+        if types.is_string(kind) or types.is_large_string(kind):
+            return column.to_pandas().fillna("").astype(str)
+        if types.is_boolean(kind) or types.is_temporal(kind):
+            return pd.Series(["" if value is None else str(value) for value in column.to_pylist()])
+        return None
