@@ -22,8 +22,8 @@ class Read(NamedTuple):
 
 def read(text, numeric=("a", "b", "Q"), path="mine.csv", **how):
     content = text if isinstance(text, bytes) else text.encode()
-    problems = FileError(path)
-    source = read_delimited(content, Given(**how), problems)
+    problems = FileError(path, Given(**how))
+    source = read_delimited(content, problems)
     cells = source.read(set(numeric), problems)
     problems.raise_all(source)
     rows = cells.index.to_numpy()

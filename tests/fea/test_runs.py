@@ -494,6 +494,7 @@ REFUSED = [
     ("contact", put("         5 (         3  1.0)", r"    900000 \1"), "an element 900000"),
     ("contact", put("  5 (         3  1.0)", r"5.5 \1"), "expected a side of a plane"),
     ("contact", put(r"  1\.000000E-01", "  1,000000E-01"), "expected a finite number"),
+    ("contact", put(r"  1\.000000E-01", "  0.000000E+00", count=0), "no corner is reached"),
     ("contact", put(r" 3  1\.000000E-01", "  1.000000E-01"), "expected element, face, press"),
     ("contact", put(r" 0\.$", ""), "expected fx, fy, fz"),
     ("contact", put(r"^( 0\. \S+ 0\.)$", r"\1\n\1"), "expected one total force an increment"),

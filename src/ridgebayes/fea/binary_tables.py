@@ -24,7 +24,7 @@ from ridgebayes.fea.delimited import (
     find_header,
     n_known,
 )
-from ridgebayes.fea.record import FileError, Given, TableFile
+from ridgebayes.fea.record import FileError, TableFile
 from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
 from ridgebayes.table.files import read_arrow
 
@@ -39,7 +39,7 @@ ALL = "all"  # option value for all sheets
 Grids = dict[str, list[list[str]]]  # text of cells by sheet, row and column
 
 
-def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError) -> TextTable:
+def read_workbook(path: Path, content: bytes, problems: FileError) -> TextTable:
     """Read one worksheet of an Excel workbook, or all worksheets, as a table of text.
 
     Parameters
@@ -48,11 +48,9 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
         Path of the file, for messages.
     content : bytes
         Content of the file.
-    facts : Given
-        The user's options. `sheet` is a name, a number or "all"; None uses the sheet with the most
-        recognised headers.
     problems : FileError
-        Collects messages, errors and questions.
+        The import; collects messages, errors and questions. The fact `sheet` is a name, a number
+        or "all"; None uses the sheet with the most recognised headers.
 
     Raises
     ------
@@ -61,15 +59,15 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
         sheet of that name.
     """
     _check_archive(content, str(path))
-    grids, typed = _grids(content, problems, facts.sheet)
+    grids, typed = _grids(content, problems)
     name, rows = next(iter(grids.items()))
-    if len(rows) <= facts.skip_rows:
+    if len(rows) <= problems.facts.skip_rows:
         raise InputError(f"{path}, sheet {name!r}: the file is empty")
     problems.where = f"{path}, sheet {name!r}"
     places: list[tuple[str, int]] = []
     if len(grids) > 1:
-        rows, places = _joined(path, grids, facts, problems)
-        facts = replace(facts, header_row=None, skip_rows=0)
+        rows, places = _joined(path, grids, problems)
+        problems.facts = replace(problems.facts, header_row=None, skip_rows=0)
     letter = import_module("openpyxl.utils").get_column_letter
 
     def spot(line: int, column: int) -> str:
@@ -78,23 +76,21 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
 
     width = max(map(len, rows))
     padded = [(i, [*row, *[""] * (width - len(row))]) for i, row in enumerate(rows, start=1)]
-    return TextTable(padded[facts.skip_rows :], "Excel", facts, problems, place=spot, typed=typed)
+    below = padded[problems.facts.skip_rows :]
+    return TextTable(below, "Excel", problems, place=spot, typed=typed)
 
 
 def _joined(
-    path: Path, grids: Grids, facts: Given, problems: FileError
+    path: Path, grids: Grids, problems: FileError
 ) -> tuple[list[list[str]], list[tuple[str, int]]]:
     """Join the sheets with the same header as the first; return rows with their sheet and line."""
     rows: list[list[str]] = []
-    places: list[tuple[str, int]] = []
+    places, facts = list[tuple[str, int]](), problems.facts
     names: dict[bool, list[str]] = {True: [], False: []}  # sheets that are read, and ignored
     for name, cells in grids.items():
-        full = [
-            row for row in enumerate(cells, start=1) if any(row[1]) and row[0] > facts.skip_rows
-        ]
-        headers, n_head = find_header(
-            full[:LOOKED_AT], facts.header_row, FileError(f"{path}, sheet {name!r}")
-        )
+        filled_rows = (row for row in enumerate(cells, start=1) if any(row[1]))
+        full = [row for row in filled_rows if row[0] > facts.skip_rows]
+        headers, n_head = find_header(full[:LOOKED_AT], FileError(f"{path}, sheet {name!r}", facts))
         if not rows:
             rows, places = [[*headers, "Sheet"]], [(name, full[max(n_head - 1, 0)][0])]
         names[is_read := rows[0] == [*headers, "Sheet"]].append(name)
@@ -142,9 +138,9 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
             raise InputError(f"{where}: {name}: value {cell!r}: expected a number")
 
 
-def _grids(content: bytes, problems: FileError, sheet: str | None) -> tuple[Grids, set[str]]:
+def _grids(content: bytes, problems: FileError) -> tuple[Grids, set[str]]:
     """Return the cells of the requested sheets, and the texts of numeric cells."""
-    where = problems.where
+    where, sheet = problems.where, problems.facts.sheet
     openpyxl = extra("openpyxl", "excel", f"{where}: Excel files need openpyxl")
     typed: set[str] = set()
     # openpyxl raises exceptions of many types for a damaged workbook.

@@ -86,7 +86,7 @@ def _pressed(stress: Sequence[FloatArray], deck: Deck) -> dict[str, Any]:
     faces = sorted(set().union(*pressed))
     ends = np.array([deck.ends(element, side - N_PLANE_FACES) for element, side in faces])
     ends = ends.reshape(-1, 2)
-    closed = np.array([[face in closed_faces for face in faces] for closed_faces in pressed])
+    closed = np.array([[face in some for face in faces] for some in pressed], dtype=bool)
     at = np.broadcast_to(ends.mean(axis=1), closed.shape)[..., None]
     return {"at": at, "closed": closed, "width": np.abs(np.diff(ends)[:, 0])}
 

@@ -13,7 +13,7 @@ import pandas as pd
 from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import parse_number
-from ridgebayes.fea.record import FileError, Given, Row
+from ridgebayes.fea.record import FileError, Row
 from ridgebayes.fea.words import FORTRAN, NOTHING, NUMBER, is_unit, split_header
 from ridgebayes.runtime.text import clipped, count, some_of
 
@@ -185,7 +185,6 @@ def numbers_in(
     cells: pd.DataFrame,
     units: Mapping[str, tuple[str, bool]],
     typed: Collection[str],
-    facts: Given,
     problems: FileError,
 ) -> tuple[pd.DataFrame, str]:
     """Parse text as numbers in the style that fits most cells, and report the other cells.
@@ -198,10 +197,9 @@ def numbers_in(
         Units in the cells, by header, as `body_cells` returns them.
     typed : collection of str
         Texts of a worksheet's numeric cells, which have a decimal point.
-    facts : Given
-        The user's options: decimal mark, and texts that mean an empty cell.
     problems : FileError
-        Collects messages and cells that are not numbers.
+        The import, with the decimal mark and texts that mean an empty cell; collects messages and
+        cells that are not numbers.
 
     Returns
     -------
@@ -216,7 +214,7 @@ def numbers_in(
         typed_unit, _ = units.get(name, ("", False))
         column = cells[name].str.strip(_BLANKS).str.removesuffix(typed_unit).str.strip(_BLANKS)
         column = column.str.replace("\N{MINUS SIGN}", "-")
-        text[name] = column.mask(column.isin(facts.empty), "")
+        text[name] = column.mask(column.isin(problems.facts.empty), "")
         counts.update(text[name].value_counts(sort=False).to_dict())
     del counts[""]
     numbers = {cell: float(cell) for cell in counts if cell in typed and NUMBER.fullmatch(cell)}
@@ -228,7 +226,7 @@ def numbers_in(
             f"{fortran[0].strip()!r} = {numbers[fortran[0]]:g}"
         )
     rest = {cell: n for cell, n in counts.items() if cell not in numbers}
-    decimal, thousands, pattern = _style_of(rest, facts.decimal, problems)
+    decimal, thousands, pattern = _style_of(rest, problems)
     for cell in filter(pattern.fullmatch, rest):
         numbers[cell] = float(cell.replace(thousands, "").replace(_DECIMALS[decimal], "."))
     numbers = {cell: number for cell, number in numbers.items() if math.isfinite(number)}
@@ -252,12 +250,13 @@ def numbers_in(
     return frame, f"decimal {decimal}" + (f", {thousands!r} between thousands" if thousands else "")
 
 
-def _style_of(counts: Mapping[str, int], decimal: str | None, problems: FileError) -> Style:
+def _style_of(counts: Mapping[str, int], problems: FileError) -> Style:
     """Return the first style that fits most cells; ask the user if a comma is ambiguous."""
 
     def n_off(style: Style) -> int:
         return sum(n for cell, n in counts.items() if not style[2].fullmatch(cell))
 
+    decimal = problems.facts.decimal
     styles = [style for style in _STYLES if decimal in (None, style[0])]
     style = next((s for s in styles if not n_off(s)), None) or min(styles, key=n_off)
     if not decimal and style[:2] == ("comma", ""):

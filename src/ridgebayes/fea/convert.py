@@ -9,7 +9,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.fea.mapping import ABOVE_0, LOADS, SDS, Use
-from ridgebayes.fea.record import FileError, Given
+from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import (
     COUNTS,
     DIMENSIONS,
@@ -46,27 +46,16 @@ class Converter:
         Numbers and texts by header.
     uses : list of Use
         Recognised columns.
-    values : mapping of str to str or float
-        Constants by key.
-    facts : Given
-        The user's options.
     problems : FileError
-        Collects messages, errors and missing facts.
+        The import, with facts and constants; collects messages, errors and missing facts.
     """
 
-    def __init__(
-        self,
-        cells: pd.DataFrame,
-        uses: Sequence[Use],
-        values: Mapping[str, str | float],
-        facts: Given,
-        problems: FileError,
-    ) -> None:
-        self.cells, self.facts, self.problems = cells, facts, problems
-        self.messages = problems.messages
+    def __init__(self, cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> None:
+        self.cells, self.problems = cells, problems
+        self.facts, self.messages = problems.facts, problems.messages
         self.uses = {(use.key, use.Q): use for use in uses}
         self.used: dict[Use, str] = {}  # how each column is read, for messages
-        self._values = {key: str(value).strip() for key, value in values.items()}
+        self._values = problems.values
         self._used_values: dict[str, None] = {}
         self._units: dict[str, tuple[str, str]] = {}  # key and unit of each column and constant
 

@@ -17,7 +17,7 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import SEPARATORS, WITH_UNIT, body_cells, numbers_in, tabs_for_blanks
-from ridgebayes.fea.record import MOST, FileError, Given, Row, TableFile
+from ridgebayes.fea.record import MOST, FileError, Row, TableFile
 from ridgebayes.fea.words import DISGUISES, corners_of, is_unit, key_of, split_header
 from ridgebayes.runtime.reading import decoded, read_bytes
 from ridgebayes.runtime.text import some_of
@@ -35,15 +35,16 @@ _IS_OLD = np.lib.NumpyVersion(pd.__version__) < "3.1.0"
 _EXACT_FLOATS: dict[str, Any] = {"float_precision": "round_trip"} if _IS_OLD else {}
 
 
-def open_table(path: Path, facts: Given, problems: FileError) -> TableFile:
+def open_table(path: Path, problems: FileError) -> TableFile:
     """Open a table file by its suffix; macros and formulas are not executed."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(
             f"{path}: ends in {path.suffix or 'no suffix'!r}; expected one of {', '.join(SUFFIXES)}"
         )
-    if facts.sheet is not None and suffix != ".xlsx":
-        raise InputError(f"{path}: sheet {facts.sheet!r}: expected --sheet for .xlsx files only")
+    sheet = problems.facts.sheet
+    if sheet is not None and suffix != ".xlsx":
+        raise InputError(f"{path}: sheet {sheet!r}: expected --sheet for .xlsx files only")
     content = read_bytes(path)
     if not content:
         raise InputError(f"{path}: the file is empty")
@@ -51,16 +52,14 @@ def open_table(path: Path, facts: Given, problems: FileError) -> TableFile:
         if content.startswith(bytes.fromhex(beginning)) and what != suffix:
             raise InputError(f"{path}: the content is {what}; expected a {suffix} file")
     if suffix not in (".parquet", ".xlsx"):
-        return read_delimited(content, facts, problems)
+        return read_delimited(content, problems)
     from ridgebayes.fea.binary_tables import ParquetTable, read_workbook  # imports this module
 
     is_parquet = suffix == ".parquet"
-    return (
-        ParquetTable(path, content) if is_parquet else read_workbook(path, content, facts, problems)
-    )
+    return ParquetTable(path, content) if is_parquet else read_workbook(path, content, problems)
 
 
-def read_delimited(content: bytes, facts: Given, problems: FileError) -> "TextTable":
+def read_delimited(content: bytes, problems: FileError) -> "TextTable":
     """Read a delimited text file.
 
     The content is UTF-8, UTF-16 with a byte order mark, or Windows-1252, with any line ends, and
@@ -71,15 +70,16 @@ def read_delimited(content: bytes, facts: Given, problems: FileError) -> "TextTa
     InputError
         If the content is not text, is empty, has only one column, or has a quote without end.
     """
-    lines = _as_text(content, problems).lstrip("\ufeff").split("\n", facts.skip_rows)
-    text = lines[-1] if len(lines) > facts.skip_rows else ""
+    skipped = problems.facts.skip_rows
+    lines = _as_text(content, problems).lstrip("\ufeff").split("\n", skipped)
+    text = lines[-1] if len(lines) > skipped else ""
     if not text.strip():
         raise problems.error("the file is empty")
     text, separator = _separated(text, problems)
     numbered = records(text, problems.where, separator)
-    rows = ((line + facts.skip_rows, cells) for line, cells in numbered)
+    rows = ((line + skipped, cells) for line, cells in numbered)
     kind = f"CSV, separator {SEPARATORS[separator]}"
-    return TextTable(rows, kind, facts, problems, separator=separator, text=text)
+    return TextTable(rows, kind, problems, separator=separator, text=text)
 
 
 def _as_text(content: bytes, problems: FileError) -> str:
@@ -120,17 +120,13 @@ def _separated(text: str, problems: FileError) -> tuple[str, str]:
     return text, best[1]
 
 
-def find_header(
-    rows: Sequence[Row], header_row: int | None, problems: FileError
-) -> tuple[list[str], int]:
+def find_header(rows: Sequence[Row], problems: FileError) -> tuple[list[str], int]:
     """Find the header among the first records of a file.
 
     Parameters
     ----------
     rows : sequence of (int, list of str)
         Line and cells of each record.
-    header_row : int or None
-        Line of the header; 0 for a file without header, None to search for it.
 
     Returns
     -------
@@ -147,10 +143,10 @@ def find_header(
     Examples
     --------
     >>> rows = [(1, ["Test 7"]), (3, ["Steg", "Q"]), (4, ["mm", ""]), (5, ["0,2", "4"])]
-    >>> find_header(rows, None, FileError("mine.csv"))
+    >>> find_header(rows, FileError("mine.csv"))
     (['Steg [mm]', 'Q'], 3)
     """
-    lines = [line for line, _ in rows]
+    header_row, lines = problems.facts.header_row, [line for line, _ in rows]
     if header_row and header_row not in lines:
         raise problems.error(f"--header-row {header_row}: expected a line with cells near the top")
     i = lines.index(header_row) if header_row else None if header_row == 0 else _guess_header(rows)
@@ -285,8 +281,6 @@ class TextTable(TableFile):
         Line number, from 1, and cells of each record.
     kind : str
         Format of the file, for messages.
-    facts : Given
-        The user's options.
     problems : FileError
         Collects messages, rows of wrong length, and formulas.
     place : callable, optional
@@ -307,7 +301,6 @@ class TextTable(TableFile):
         self,
         rows: Iterable[Row],
         kind: str,
-        facts: Given,
         problems: FileError,
         *,
         place: Callable[[int, int], str] = lambda line, column: f"line {line}",
@@ -315,17 +308,17 @@ class TextTable(TableFile):
         separator: str = "\t",
         text: str = "",
     ) -> None:
-        self.where, self._kind, self._facts = problems.where, kind, facts
+        self.where, self._kind, self._facts = problems.where, kind, problems.facts
         self._place, self._is_typed, self._separator = place, typed, separator
         head = [*islice(rows := iter(rows), LOOKED_AT)]
         full = [row for row in head if any(map(str.strip, row[1]))]
-        headers, n_head = find_header(full or [(1, [""])], facts.header_row, problems)
+        headers, n_head = find_header(full or [(1, [""])], problems)
         self.headers = clean_headers(headers, self.where)
         if n_head >= len(full):
             raise problems.error("no rows below the header")
         first = full[n_head][0]
         self._units: dict[str, tuple[str, bool]] = {}  # units in the cells of columns, by header
-        self._body = self._even_body(text, first - facts.skip_rows)
+        self._body = self._even_body(text, first - self._facts.skip_rows)
         if not self._body:
             below = [row for row in chain(head, rows) if row[0] >= first]
             self._units, self.lines, self._typed = body_cells(
@@ -358,9 +351,7 @@ class TextTable(TableFile):
         columns = [name for name in self.headers if name in numeric]
         frame, style = self._plain(columns), "decimal point"
         if frame is None:
-            numbers, style = numbers_in(
-                self._typed[columns], self._units, self._is_typed, self._facts, problems
-            )
+            numbers, style = numbers_in(self._typed[columns], self._units, self._is_typed, problems)
             frame = self._typed.assign(**numbers)
         frame = frame.assign(**{n: lossless(frame[n]) for n in self.headers if n not in columns})
         problems.messages.insert(0, f"{self.where}: {self._kind}, {style}, {len(frame)} rows")

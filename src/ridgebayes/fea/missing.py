@@ -1,6 +1,6 @@
 """Proposals for required columns that were not recognised; the user has to confirm them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import pandas as pd
 
@@ -20,7 +20,6 @@ def ask_columns(
     lacking: Sequence[str],
     cells: pd.DataFrame,
     uses: list[Use],
-    values: Mapping[str, object],
     problems: FileError,
 ) -> list[Use]:
     """Ask the user for missing columns, and return the uses with the proposed columns added.
@@ -36,8 +35,6 @@ def ask_columns(
         The table; proposed columns are converted to numbers in place.
     uses : list of Use
         Recognised columns.
-    values : mapping of str to object
-        Constants by key.
     problems : FileError
         Collects the questions.
     """
@@ -67,7 +64,7 @@ def ask_columns(
             problems.need(text, {key: header or "?"})
         if header is not None:
             cells[header] = free.pop(header).astype(float)
-            uses.append(as_load(Use(key, header), uses, values, problems))
+            uses.append(as_load(Use(key, header), uses, problems))
     return uses
 
 

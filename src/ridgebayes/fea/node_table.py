@@ -40,8 +40,8 @@ def read_node_table(run: Run) -> ContactHistory:
     InputError
         If a column is missing or ambiguous, a cell is invalid, or nodes differ between steps.
     """
-    facts, problems = run.facts, FileError(str(run.path))
-    source = open_table(run.path, facts, problems)
+    facts, problems = run.facts, FileError(run.where, run.facts)
+    source = open_table(run.path, problems)
     columns = _columns(source.headers, parse_map(facts.map), problems)
     kind = next((key for key in _CONTACT if key in columns), "")
     if not kind:

@@ -33,7 +33,6 @@ from ridgebayes.fea.mapping import (
     NEVER_EMPTY,
     Use,
     assign,
-    check_constants,
     lacking,
 )
 from ridgebayes.fea.missing import ask_columns
@@ -234,10 +233,9 @@ def read_columns(path: Path, facts: Given) -> Imported:
     ((0.03, 0.01),)
     """
     mapping, values = facts.columns_and_values()
-    check_constants(values, str(path))
-    problems = FileError(str(path))
-    source = open_table(path, facts, problems)
-    uses, term = assign(source.headers, mapping, values, problems)
+    problems = FileError(str(path), facts, values)
+    source = open_table(path, problems)
+    uses, term = assign(source.headers, mapping, problems)
     problems.known = {use.name: use.typed for use in uses if use.repeat is None}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
     if cells.select_dtypes("number").isna().any(axis=None):
@@ -248,13 +246,13 @@ def read_columns(path: Path, facts: Given) -> Imported:
             raise problems.error(f"column {use.header!r}, {use.name}: {rule}")
         _check_cells(cells, use, problems)
     if needed := lacking(uses, values):
-        uses = ask_columns(needed, cells, uses, values, problems)
+        uses = ask_columns(needed, cells, uses, problems)
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
     if not corners and any(use.label is not None for use in uses):
         cells, uses = melted(cells, uses, problems)
     if any(use.key == "series" for use in uses):
         cells, uses = one_series(cells, uses, problems)
-    converter = Converter(cells, uses, values, facts, problems)
+    converter = Converter(cells, uses, problems)
     rows: pd.Index[int] | None = None  # row in the file; None if rows are increments
     frame = of_corners(converter, corners) if corners else converter.rows(term)
     if not corners and len(frame):

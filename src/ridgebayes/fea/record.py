@@ -106,10 +106,10 @@ class Given:
     time: str | None = None
     loads: tuple[float, ...] = ()
 
-    def columns_and_values(self) -> tuple[dict[str, str], dict[str, str | float]]:
+    def columns_and_values(self) -> tuple[dict[str, str], dict[str, str]]:
         """Return headers by key and constants by key, from mapping files and options."""
         mapping: dict[str, str] = {}
-        values: dict[str, str | float] = {}
+        values: dict[str, str] = {}
         files = [text for text in self.map if text.endswith(".toml") and "=" not in text]
         for file in files:
             columns, constants = read_mapping(Path(file))
@@ -120,8 +120,8 @@ class Given:
         if self.load_se is not None:
             values["load_se"] = self.load_se
         if self.texture is not None:
-            values["a_over_R"], values["b_over_R"] = self.texture
-        return mapping, values
+            values["a_over_R"], values["b_over_R"] = map(str, self.texture)
+        return mapping, {key: text.strip() for key, text in values.items()}
 
     def numbers(self) -> dict[str, str]:
         """Return the given values of nu, R, E and thickness by key, as typed."""
@@ -202,12 +202,16 @@ class TableFile(Protocol):
 
 @dataclass(eq=False, repr=False)
 class FileError(InputError):
-    """Collector of all errors and questions of an import, raised as one error at the end.
+    """An import: the user's facts, and all messages, errors and questions, raised as one error.
 
     Parameters
     ----------
     where : str
         File, for messages.
+    facts : Given
+        The user's options.
+    values : dict of str to str
+        Constants by key.
     wrong, needs : list of str
         Broken rules, and facts that the user has to give.
     options : dict of str to str
@@ -225,6 +229,8 @@ class FileError(InputError):
     """
 
     where: str
+    facts: Given = field(default_factory=Given)
+    values: dict[str, str] = field(default_factory=dict)
     wrong: list[str] = field(default_factory=list)
     needs: list[str] = field(default_factory=list)
     options: dict[str, str] = field(default_factory=dict)
