@@ -39,13 +39,11 @@ ALL = "all"  # option value for all sheets
 Grids = dict[str, list[list[str]]]  # text of cells by sheet, row and column
 
 
-def read_workbook(path: Path, content: bytes, problems: FileError) -> TextTable:
+def read_workbook(content: bytes, problems: FileError) -> TextTable:
     """Read one worksheet of an Excel workbook, or all worksheets, as a table of text.
 
     Parameters
     ----------
-    path : pathlib.Path
-        Path of the file, for messages.
     content : bytes
         Content of the file.
     problems : FileError
@@ -58,16 +56,18 @@ def read_workbook(path: Path, content: bytes, problems: FileError) -> TextTable:
         If the content is not a workbook, is too large when unpacked, has a document type, or has no
         sheet of that name.
     """
-    _check_archive(content, str(path))
+    path = problems.where
+    _check_archive(content, path)
     grids, typed = _grids(content, problems)
     name, rows = next(iter(grids.items()))
     if len(rows) <= problems.facts.skip_rows:
         raise InputError(f"{path}, sheet {name!r}: the file is empty")
-    problems.where = f"{path}, sheet {name!r}"
     places: list[tuple[str, int]] = []
     if len(grids) > 1:
-        rows, places = _joined(path, grids, problems)
+        rows, places = _joined(grids, problems)
         problems.facts = replace(problems.facts, header_row=None, skip_rows=0)
+    else:
+        problems.where = f"{path}, sheet {name!r}"
     letter = import_module("openpyxl.utils").get_column_letter
 
     def spot(line: int, column: int) -> str:
@@ -80,12 +80,10 @@ def read_workbook(path: Path, content: bytes, problems: FileError) -> TextTable:
     return TextTable(below, "Excel", problems, place=spot, typed=typed)
 
 
-def _joined(
-    path: Path, grids: Grids, problems: FileError
-) -> tuple[list[list[str]], list[tuple[str, int]]]:
+def _joined(grids: Grids, problems: FileError) -> tuple[list[list[str]], list[tuple[str, int]]]:
     """Join the sheets with the same header as the first; return rows with their sheet and line."""
     rows: list[list[str]] = []
-    places, facts = list[tuple[str, int]](), problems.facts
+    places, path, facts = list[tuple[str, int]](), problems.where, problems.facts
     names: dict[bool, list[str]] = {True: [], False: []}  # sheets that are read, and ignored
     for name, cells in grids.items():
         filled_rows = (row for row in enumerate(cells, start=1) if any(row[1]))
@@ -277,17 +275,15 @@ class ParquetTable(TableFile):
         types: Any = import_module("pyarrow.types")
         if types.is_dictionary(column.type):
             column = column.cast(column.type.value_type)
-        kind = column.type
+        kind, is_null = column.type, types.is_null(column.type)
         if types.is_integer(kind) and not column.null_count and not is_number:
             return column.to_numpy()
-        if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
+        numeric = (types.is_integer, types.is_floating, types.is_decimal)
+        if any(test(kind) for test in numeric) or (is_null and is_number):
             return column.cast("float64", safe=False).to_numpy()
-        if is_number and not types.is_null(kind):
+        if is_number:
             raise InputError(f"{self.where}, column {name!r}: holds {kind}: expected numbers")
-        if types.is_null(kind):
-            return np.full(len(column), np.nan) if is_number else [""] * len(column)
-        if types.is_string(kind) or types.is_large_string(kind):
-            return column.to_pandas().fillna("").astype(str)
-        if types.is_boolean(kind) or types.is_temporal(kind):
-            return pd.Series(["" if value is None else str(value) for value in column.to_pylist()])
-        return None
+        textual = (types.is_string, types.is_large_string, types.is_boolean, types.is_temporal)
+        if not is_null and not any(test(kind) for test in textual):
+            return None
+        return pd.Series(["" if value is None else str(value) for value in column.to_pylist()])

@@ -76,7 +76,6 @@ class Converter:
         load = columns["p_over_E"] = self.load()
         columns |= {"p_over_E_lower": self.load("_lower"), "rel_se": self._rel_se(load)}
         columns |= self.texts("kind", "role", "status")
-        self.load_se()  # its unit belongs to the summary
         self.summarize()
         if any(columns[key] is None for key in ("a_over_R", "b_over_R", "Q", "p_over_E")):
             return pd.DataFrame()
@@ -171,6 +170,7 @@ class Converter:
 
     def summarize(self) -> None:
         """Report the columns and constants that are used, and ask for missing units."""
+        self.load_se()  # its unit belongs to the summary
         plain = [use.name for use, how in self.used.items() if use.name == use.header and not how]
         if plain:
             self.messages.append(f"recognised by name: {', '.join(plain)}")
@@ -210,9 +210,7 @@ class Converter:
             )
         elif has_dimension:
             self._units[f"{key} ({use.header!r})"] = key, unit
-        self.used.setdefault(use, "")
-        if not self.used[use]:
-            self.tell(use, f" in {unit}" if unit else ", no unit" if has_dimension else "")
+        self.tell(use, f" in {unit}" if unit else ", no unit" if has_dimension else "")
         numbers = self.cells[use.header].to_numpy(dtype=float)
         return numbers if factor == 1 else divided(numbers * float(factor))
 

@@ -27,8 +27,8 @@ class Deck:
 
     Parameters
     ----------
-    path : Path
-        File, for messages.
+    path : Path or None
+        File; None without a deck.
     nodes : dict of int to (float, float)
         Coordinates x and y by node number.
     nsets : dict of str to list of int
@@ -46,7 +46,7 @@ class Deck:
         Node sets in ``*NODE PRINT``, by the printed variable ("U", "RF").
     """
 
-    path: Path = field(default=Path(), compare=False)
+    path: Path | None = field(default=None, compare=False)
     nodes: dict[int, tuple[float, float]] = field(default_factory=dict)
     nsets: dict[str, list[int]] = field(default_factory=dict)
     elements: dict[int, tuple[int, ...]] = field(default_factory=dict)

@@ -56,7 +56,7 @@ def open_table(path: Path, problems: FileError) -> TableFile:
     from ridgebayes.fea.binary_tables import ParquetTable, read_workbook  # imports this module
 
     is_parquet = suffix == ".parquet"
-    return ParquetTable(path, content) if is_parquet else read_workbook(path, content, problems)
+    return ParquetTable(path, content) if is_parquet else read_workbook(content, problems)
 
 
 def read_delimited(content: bytes, problems: FileError) -> "TextTable":

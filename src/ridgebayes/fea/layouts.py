@@ -170,7 +170,6 @@ def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
             )
     curve = converter.curve() | converter.texts("role")
     load = converter.load()
-    converter.load_se()
     corners = sorted(corners, key=lambda use: use.Q or 0)
     gaps = np.column_stack([_gap(converter, use) for use in corners])
     digits = last_digit(gaps) / 2  # rounding error of a printed gap

@@ -43,18 +43,17 @@ def read_series(run: Run) -> ContactHistory:
         If a file cannot be parsed, has a document type, entities or an encoding other than UTF-8,
         refers to data outside of its folder, or has more than 2 GiB of data.
     """
-    paths, time, loads = run.paths, run.facts.time, run.facts.loads
+    paths, where, time, loads = run.paths, run.where, run.facts.time, run.facts.loads
     field = run.facts.field or "displacement"
     if time not in (None, "p_over_E", "line"):
         raise InputError(f"--time {time}: expected p_over_E or line")
-    where, first = str(paths[0]), paths[0]
     kinds = {path.suffix.lower() for path in paths}
     words: Sequence[object] = loads
     if kinds == {".pvd"} and len(paths) == 1:
-        paths, times = _read_pvd(first)
+        paths, times = _read_pvd(run.path)
         words = words or times
     elif kinds <= {".xdmf", ".xmf"} and len(paths) == 1 and not loads:
-        points, moved, words = read_xdmf(first, field)
+        points, moved, words = read_xdmf(run.path, field)
         places = [f"{where}, state {k}" for k in range(1, len(moved) + 1)]
     elif kinds != {".vtu"}:
         raise InputError(f"{where}: expected one .xdmf with its times, one .pvd, or several .vtu")
@@ -80,7 +79,7 @@ def read_series(run: Run) -> ContactHistory:
         digits=float(np.finfo(np.result_type(*moved)).eps * most.max()),
         load_is=time or "p_over_E",
         messages=[f"{where}: {len(moved)} states, {rim}"],
-        files=(f"field={field}", *[path.name for path in paths if path != first][:SHOWN]),
+        files=(f"field={field}", *[path.name for path in paths if path != run.path][:SHOWN]),
     )
 
 

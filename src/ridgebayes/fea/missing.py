@@ -17,12 +17,9 @@ _KEY_NAMES = {
 
 
 def ask_columns(
-    lacking: Sequence[str],
-    cells: pd.DataFrame,
-    uses: list[Use],
-    problems: FileError,
-) -> list[Use]:
-    """Ask the user for missing columns, and return the uses with the proposed columns added.
+    lacking: Sequence[str], cells: pd.DataFrame, uses: list[Use], problems: FileError
+) -> None:
+    """Ask the user for missing columns, and add the proposed columns to the uses.
 
     The proposed columns let the import go on, so that further errors are found; `problems` holds an
     error for each missing quantity.
@@ -49,7 +46,6 @@ def ask_columns(
     kinds = {name: _kind(name, column) for name, column in free.items()}
     if any(use.key == "Q" for use in uses):  # the table already has a column of counts
         kinds = {name: kind.replace("Q", "") for name, kind in kinds.items()}
-    uses = [*uses]
     for key in lacking:
         problems.columns = ", ".join(map(repr, list(cells)[:50]))
         text = f"no column {_KEY_NAMES[key]}; name it with --map '{key}=HEADER'"
@@ -65,7 +61,6 @@ def ask_columns(
         if header is not None:
             cells[header] = free.pop(header).astype(float)
             uses.append(as_load(Use(key, header), uses, problems))
-    return uses
 
 
 def _kind(name: str, numbers: "pd.Series[float]") -> str:

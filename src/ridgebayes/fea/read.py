@@ -246,7 +246,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
             raise problems.error(f"column {use.header!r}, {use.name}: {rule}")
         _check_cells(cells, use, problems)
     if needed := lacking(uses, values):
-        uses = ask_columns(needed, cells, uses, problems)
+        ask_columns(needed, cells, uses, problems)
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
     if not corners and any(use.label is not None for use in uses):
         cells, uses = melted(cells, uses, problems)

@@ -117,15 +117,13 @@ class Given:
             values |= constants
         mapping |= parse_map(text for text in self.map if text not in files)
         values |= self.numbers()
-        if self.load_se is not None:
-            values["load_se"] = self.load_se
         if self.texture is not None:
             values["a_over_R"], values["b_over_R"] = map(str, self.texture)
         return mapping, {key: text.strip() for key, text in values.items()}
 
     def numbers(self) -> dict[str, str]:
-        """Return the given values of nu, R, E and thickness by key, as typed."""
-        typed = {key: getattr(self, key) for key in ("nu", "R", "E", "thickness")}
+        """Return the given values of nu, R, E, thickness and load_se by key, as typed."""
+        typed = {key: getattr(self, key) for key in ("nu", "R", "E", "thickness", "load_se")}
         return {key: text for key, text in typed.items() if text is not None}
 
 

@@ -48,15 +48,14 @@ def read_run(name: str, paths: Sequence[Path], facts: Given) -> Imported:
     InputError
         If a file cannot be parsed, or a fact is missing.
     """
-    path, problems = paths[0], FileError(str(paths[0]))
+    path, problems = paths[0], FileError(str(paths[0]), facts)
     file, beside = facts.deck, path.with_suffix(".inp")
     if name in _WITH_DECK and file is None and beside.is_file():
         file = beside
     deck = Deck() if file is None else read_deck(file)
-    facts = _completed(name, facts, file, deck, problems)
+    facts = _completed(name, deck, problems)
     run = _run(paths, facts, deck)
-    if file is not None:
-        deck.check_material(run.E, run.nu)
+    deck.check_material(run.E, run.nu)
     history = _READERS[name](run)
     named = {"deck": file and file.name, "surface": facts.surface, "reaction": facts.reaction}
     details = [f"{key}={text}" for key, text in named.items() if text]
@@ -66,10 +65,9 @@ def read_run(name: str, paths: Sequence[Path], facts: Given) -> Imported:
     return table_of(history, run, solver=name.partition("-")[0], source=source)
 
 
-def _completed(
-    name: str, facts: Given, file: Path | None, deck: Deck, problems: FileError
-) -> Given:
+def _completed(name: str, deck: Deck, problems: FileError) -> Given:
     """Complete the facts with those of the deck, and ask for all missing facts in one error."""
+    facts, file = problems.facts, deck.path
     more: dict[str, Any] = {"deck": file}
     if deck.nu is not None:
         more["nu"] = f"{deck.nu:.6g}"
