@@ -200,14 +200,11 @@ def test_spreadsheet__sheets_that_a_parser_would_misread_are_refused(refusal, ch
     assert said in refusal(changed(workbook(), "sheet1", change))
 
 
-def test_spreadsheet__macros_within_are_refused(refusal):
+def test_spreadsheet__macros_and_broken_archives_are_refused(refusal):
     out = io.BytesIO(workbook())
     with zipfile.ZipFile(out, "a") as archive:
         archive.writestr("xl/vbaProject.bin", b"x")
     assert "macros" in refusal(out.getvalue())
-
-
-def test_spreadsheet__a_broken_archive_is_refused(refusal):
     assert "not a readable Excel file" in refusal(workbook()[:-200])
 
 
