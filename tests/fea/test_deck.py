@@ -18,16 +18,13 @@ def test_read_deck__nodes_sets_and_elements_are_those_written(tmp_path):
         tmp_path,
         "** a comment\n*Node, nset=All\n1, 0., -1., 0.\n 2 , 1.D0, 0\n3, 0., 1.\n"
         "*ELEMENT, TYPE=CPE8R, ELSET=E\n7, 1, 2, 3, 1,\n2, 3, 1, 2\n8, 1, 2, 3\n"
-        "*NSET, NSET=rim\n1, 3,\n*NSET, NSET=both\nRIM, 2\n",
+        "*NSET, NSET=rim\n1, 3,\n*NSET, NSET=both\nRIM, 2\n"
+        "*NSET, NSET=steps, GENERATE\n1, 7, 3\n*NSET,NSET=run,GENERATE\n2,4\n",
     )
     assert deck.nodes == {1: (0.0, -1.0), 2: (1.0, 0.0), 3: (0.0, 1.0)}
-    assert deck.nsets == {"ALL": [1, 2, 3], "RIM": [1, 3], "BOTH": [1, 3, 2]}
+    listed = {"ALL": [1, 2, 3], "RIM": [1, 3], "BOTH": [1, 3, 2]}
+    assert deck.nsets == listed | {"STEPS": [1, 4, 7], "RUN": [2, 3, 4]}
     assert deck.elements == {7: (1, 2, 3, 1, 2, 3, 1, 2), 8: (1, 2, 3)}  # over two lines, then one
-
-
-def test_read_deck__generate_counts_in_steps(tmp_path):
-    deck = read(tmp_path, NODES + "*NSET, NSET=A, GENERATE\n1, 7, 3\n*NSET,NSET=B,GENERATE\n2,4\n")
-    assert deck.nsets == {"A": [1, 4, 7], "B": [2, 3, 4]}
 
 
 @pytest.mark.parametrize(
