@@ -46,11 +46,10 @@ def test_read_deck__the_material_is_the_rubber(tmp_path, material, E, nu):
 
 
 def test_read_deck__line_ends_and_a_byte_order_mark_change_nothing(tmp_path):
-    plain = read(tmp_path, NODES + "*NSET, NSET=A\n1, 2\n")
+    text = f"{NODES}*NSET, NSET=A\n1, 2\n"
+    plain = read(tmp_path, text)
     for ending in ("\r\n", "\r"):
-        (tmp_path / "b.inp").write_bytes(
-            b"\xef\xbb\xbf" + (NODES + "*NSET, NSET=A\n1, 2\n").replace("\n", ending).encode()
-        )
+        (tmp_path / "b.inp").write_bytes(b"\xef\xbb\xbf" + text.replace("\n", ending).encode())
         assert read_deck(tmp_path / "b.inp") == plain
 
 

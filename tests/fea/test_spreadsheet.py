@@ -147,13 +147,9 @@ def test_spreadsheet__rules_of_the_contract_name_rows_of_the_sheet(refusal):
 
 def test_spreadsheet__several_sheets_need_a_name(read, refusal):
     content = workbook(other=[*ROWS[:2]], empty=[])
-    assert "2 sheets have cells: 'loads', 'other'; use --sheet (--sheet all reads" in refusal(
-        content
-    )
+    assert "2 sheets have cells: 'loads', 'other'; use --sheet (" in refusal(content)
     assert len(read(content, sheet="other").table) == 1
-    assert "no sheet 'third'; the sheets are 'loads', 'other', 'empty'" in refusal(
-        content, sheet="third"
-    )
+    assert "the sheets are 'loads', 'other', 'empty'" in refusal(content, sheet="third")
     assert "no sheet with cells in 'empty'" in refusal(content, sheet="empty")
     visible, not_so = b'state="visible"', b'state="hidden"'
     hidden = changed(content, "workbook.xml", lambda d: d.replace(visible, not_so, 1))
