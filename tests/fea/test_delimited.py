@@ -194,9 +194,7 @@ def test_read__quotes_hold_marks_and_lines(text, b, n):
     assert frame.get("n", pd.Series()).tolist() == n
 
 
-@pytest.mark.parametrize(
-    "notes", ["By Foo 12\n\nRows: 2\n", "#end,,\n,,\n", "\nBy me, 3.12.25\n"]
-)
+@pytest.mark.parametrize("notes", ["By Foo 12\n\nRows: 2\n", "#end,,\n,,\n", "\nBy me, 3.12.25\n"])
 def test_delimited__notes_below_the_rows_are_passed_over_and_said(notes):
     cells = read("a,b,Q\n1,2,4\n1,2,6\n" + notes, ("a", "b"))
     assert len(cells.frame) == 2
