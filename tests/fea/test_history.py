@@ -69,19 +69,11 @@ def test_table_of__a_full_run_called_half_is_refused():
     ("name", "change", "message"),
     [
         ("undeformed", lambda nodes: nodes[:4], "4 surface nodes; expected at least 5"),
-        (
-            "undeformed",
-            lambda nodes: nodes * [1.0, 0.9],
-            "expected the undeformed surface",
-        ),
+        ("undeformed", lambda nodes: nodes * [1.0, 0.9], "expected the undeformed surface"),
         ("undeformed", lambda nodes: nodes * [1.0, -1.0], "expected the body above the ridges"),
         ("undeformed", lambda nodes: 1e200 * nodes, r"coordinates within 1e\+100"),
         ("load", lambda load: 1e308 * load, r"run: force .*; expected p/E at most"),
-        (
-            "rigid",
-            lambda at: at + np.array([0.01, 0.0]),
-            "no rigid nodes at .* --corner",
-        ),
+        ("rigid", lambda at: at + np.array([0.01, 0.0]), "no rigid nodes at .* --corner"),
     ],
 )
 def test_table_of__what_no_run_has_is_refused(name, change, message):
