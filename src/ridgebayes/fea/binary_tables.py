@@ -4,11 +4,10 @@ import io
 import re
 import warnings
 import zipfile
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import closing
 from dataclasses import replace
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,11 +17,13 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import FINITE
 from ridgebayes.fea.delimited import (
     LOOKED_AT,
+    SUFFIXES,
     TextTable,
     clean_headers,
     filled,
     find_header,
     n_known,
+    read_delimited,
 )
 from ridgebayes.fea.record import FileError, TableFile
 from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
@@ -232,10 +233,10 @@ class ParquetTable(TableFile):
 
     Parameters
     ----------
-    path : pathlib.Path
-        Path of the file, for messages.
     content : bytes
         Content of the file.
+    problems : FileError
+        The import.
 
     Raises
     ------
@@ -243,8 +244,8 @@ class ParquetTable(TableFile):
         If pyarrow is missing or refuses the file, or the file has no rows or too many rows.
     """
 
-    def __init__(self, path: Path, content: bytes) -> None:
-        self.where, self.lines = str(path), None
+    def __init__(self, content: bytes, problems: FileError) -> None:
+        self.where, self.lines = problems.where, None
         self._table = read_arrow(content, self.where)
         self.headers = clean_headers(self._table.column_names, self.where)
         if not self._table.num_rows:
@@ -287,3 +288,11 @@ class ParquetTable(TableFile):
         if not is_null and not any(test(kind) for test in textual):
             return None
         return pd.Series(["" if value is None else str(value) for value in column.to_pylist()])
+
+
+# Readers of tables by suffix.
+TABLES: dict[str, Callable[[bytes, FileError], TableFile]] = {
+    **dict.fromkeys(SUFFIXES, read_delimited),
+    ".xlsx": read_workbook,
+    ".parquet": ParquetTable,
+}

@@ -35,8 +35,8 @@ _IS_OLD = np.lib.NumpyVersion(pd.__version__) < "3.1.0"
 _EXACT_FLOATS: dict[str, Any] = {"float_precision": "round_trip"} if _IS_OLD else {}
 
 
-def open_table(path: Path, problems: FileError) -> TableFile:
-    """Open a table file by its suffix; macros and formulas are not executed."""
+def table_content(path: Path, problems: FileError) -> bytes:
+    """Return the content of a table file; refuse an unknown suffix and content of another kind."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(
@@ -51,12 +51,7 @@ def open_table(path: Path, problems: FileError) -> TableFile:
     for beginning, what in DISGUISES.items():
         if content.startswith(bytes.fromhex(beginning)) and what != suffix:
             raise InputError(f"{path}: the content is {what}; expected a {suffix} file")
-    if suffix not in (".parquet", ".xlsx"):
-        return read_delimited(content, problems)
-    from ridgebayes.fea.binary_tables import ParquetTable, read_workbook  # imports this module
-
-    is_parquet = suffix == ".parquet"
-    return ParquetTable(path, content) if is_parquet else read_workbook(content, problems)
+    return content
 
 
 def read_delimited(content: bytes, problems: FileError) -> "TextTable":

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from ridgebayes.fea.binary_tables import TABLES
 from ridgebayes.fea.deck import Run
-from ridgebayes.fea.delimited import open_table
+from ridgebayes.fea.delimited import table_content
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.record import FileError, parse_map
 from ridgebayes.fea.transitions import last_digit
@@ -41,7 +42,8 @@ def read_node_table(run: Run) -> ContactHistory:
         If a column is missing or ambiguous, a cell is invalid, or nodes differ between steps.
     """
     facts, problems = run.facts, FileError(run.where, run.facts)
-    source = open_table(run.path, problems)
+    content = table_content(run.path, problems)
+    source = TABLES[run.path.suffix.lower()](content, problems)
     columns = _columns(source.headers, parse_map(facts.map), problems)
     kind = next((key for key in _CONTACT if key in columns), "")
     if not kind:

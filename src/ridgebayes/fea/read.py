@@ -14,8 +14,9 @@ import pandas as pd
 
 from ridgebayes.errors import CautionWarning, InputError
 from ridgebayes.fea import ansys, febio
+from ridgebayes.fea.binary_tables import TABLES
 from ridgebayes.fea.convert import Converter, listed
-from ridgebayes.fea.delimited import SUFFIXES, open_table
+from ridgebayes.fea.delimited import SUFFIXES, table_content
 from ridgebayes.fea.layouts import (
     counts_repeat,
     fill_down,
@@ -234,7 +235,8 @@ def read_columns(path: Path, facts: Given) -> Imported:
     """
     mapping, values = facts.columns_and_values()
     problems = FileError(str(path), facts, values)
-    source = open_table(path, problems)
+    content = table_content(path, problems)
+    source = TABLES[path.suffix.lower()](content, problems)
     uses, term = assign(source.headers, mapping, problems)
     problems.known = {use.name: use.typed for use in uses if use.repeat is None}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
