@@ -71,14 +71,15 @@ def _completed(name: str, deck: Deck, problems: FileError) -> Given:
     more: dict[str, Any] = {"deck": file}
     if deck.nu is not None:
         more["nu"] = f"{deck.nu:.6g}"
-    if deck.E is not None:  # decks of export-deck have E = 1 up to printed digits
-        more["E"] = "1" if math.isclose(deck.E, 1, rel_tol=1e-3) else f"{deck.E:.10g}"
+    # Decks of export-deck have E = 1 up to printed digits; the default of E is exactly 1.
+    if deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
+        more["E"] = f"{deck.E:.10g}"
     if deck.thickness is not None and deck.thickness != 1:
         more["thickness"] = f"{deck.thickness:.10g}"
     sets = deck.result_sets if name in _WITH_DECK else {}
     more |= {key: names[0] for key, names in sets.items() if len(names) == 1}
     more = {key: value for key, value in more.items() if value and getattr(facts, key) is None}
-    for key, what in _needed(name, facts, problems.where).items():
+    for key, what in _needed(name, facts, deck, problems.where).items():
         if getattr(facts, key) is None and key not in more:
             if key in sets:
                 what += f": {', '.join(sets[key] or deck.nsets) or 'in the deck'}"
@@ -93,17 +94,18 @@ def _completed(name: str, deck: Deck, problems: FileError) -> Given:
     return replace(facts, **more)
 
 
-def _needed(name: str, facts: Given, where: str) -> dict[str, str]:
+def _needed(name: str, facts: Given, deck: Deck, where: str) -> dict[str, str]:
     """Return the facts that a run needs, from the user or its deck: option and description."""
     is_placed, has_deck = name not in _WITHOUT_PLACES, name in _WITH_DECK
     is_load = name != "series" or facts.time == "line"  # and not p/E
+    has_E = deck.E is not None or (has_deck and deck.path is None)  # which is asked for
     needed = {
         "surface": (has_deck, "the node set of the body's surface"),
         "reaction": (has_deck, "the node set of the driven nodes"),
         "deck": (has_deck, "the run's input deck"),
         "texture": (True, "A,B, ridge and groove width over R"),
         "nu": (True, "Poisson's ratio of the run"),
-        "E": (is_load, "Young's modulus, in the units of the run"),
+        "E": (is_load and not has_E, "Young's modulus, in the units of the run"),
         "time": (where.lower().endswith(".pvd"), "line or p_over_E, what times or loads are"),
         "R": (not is_placed, "the body's radius, in the units of the run"),
         # Nodes at corners have no x that tells it.
