@@ -14,6 +14,7 @@ import pandas as pd
 from ridgebayes.commands.fields import generate_fields
 from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.deck import RunDeck
+from ridgebayes.fea.record import Given
 from ridgebayes.scene.scene import Scene
 from ridgebayes.table.table import read_table
 
@@ -26,9 +27,11 @@ def abaqus() -> None:
     """Write the run's rim and force as Abaqus prints and reports them."""
     writer, folder = runpy.run_path(str(WRITER)), FEA / "abaqus"
     folder.mkdir(exist_ok=True)
-    run = RunDeck.read(FEA / "calculix" / "ridges.inp", "NARC", "NTOP", E=1.0, nu=0.49)
+    calculix = FEA / "calculix"
+    facts = Given(deck=calculix / "ridges.inp", surface="NARC", reaction="NTOP")
+    run = RunDeck.read(facts)
     deck, nodes = run.deck, run.undeformed
-    history = read_calculix(FEA / "calculix" / "ridges.dat", deck=run)
+    history = read_calculix([calculix / "ridges.dat"], facts)
     force, moved = history.load, np.stack([history.x, history.height], axis=-1) - nodes
     text = writer["dat_text"](force, nodes, nodes + moved, surface="RIM", reaction="TOP")
     (folder / "ridges.dat").write_text(text, encoding="ascii")
@@ -36,8 +39,10 @@ def abaqus() -> None:
     driven = len(nodes) + 1
     rigid = [deck.nodes[n] for n in deck.nsets["NRID"]]
     ridges = [f"{driven + 1 + i}, {x:.13g}, {y:.13g}" for i, (x, y) in enumerate(rigid)]
-    lines = ["** not from Abaqus: nodes and sets of fea/calculix/ridges.inp", "*NODE, NSET=RIM"]
-    lines += [*rim, "*NODE, NSET=TOP", f"{driven}, 0., 0.", "*NODE, NSET=RIDGES", *ridges]
+    lines = ["** not from Abaqus: nodes, sets and body of fea/calculix/ridges.inp"]
+    lines += ["*NODE, NSET=RIM", *rim, "*NODE, NSET=TOP", f"{driven}, 0., 0."]
+    lines += ["*NODE, NSET=RIDGES", *ridges, "*MATERIAL, NAME=BODY"]
+    lines += [f"*ELASTIC\n{deck.E:.9g}, {deck.nu:.9g}"]
     (folder / "ridges.inp").write_text("\n".join(lines) + "\n", encoding="ascii")
     some = slice(None, None, EACH)
     text = writer["rpt_text"](force[some], nodes, (nodes + moved)[some])

@@ -23,7 +23,7 @@ BUDGETS = {
     "table": 642,  # with the check for plain CSV that import uses too: pandas reads it faster
     "scene": 1_300,  # with loads as they are typed, which were in commands and texture_design
     "simulate": 497,
-    "fea": 4_103,
+    "fea": 4_040,
     "model": 1_553,
     "inference": 2_472,
     "predict": 1_065,  # loads over a/pitch, which designs share; names of DataArrays

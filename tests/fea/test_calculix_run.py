@@ -12,6 +12,7 @@ from ridgebayes import Scene, generate
 from ridgebayes.contact.cylinder.faces import first_height
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.fea.calculix import read_calculix
+from ridgebayes.fea.deck import Run, read_deck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
 from ridgebayes.fea.read import import_files
 from ridgebayes.fea.record import Given
@@ -68,8 +69,8 @@ def test_run__on_round_corners_has_no_way_into_the_flats(tmp_path):
     texture = Texture(a_over_R=A, b_over_R=B, corner_radius_over_R=r)
     solve(Scene(textures=(texture,), p_over_E=0.013, nu=NU), slice(6, 8), tmp_path)
     facts = Given(deck=tmp_path / "run.inp", surface=SURFACE, reaction=REACTION)
-    history = read_calculix([tmp_path / "run.dat"], facts)
-    x, y = history.x[-1], history.height[-1]
+    paths, deck = [tmp_path / "run.dat"], read_deck(tmp_path / "run.inp")
+    x, y = read_calculix(Run(A, B, paths=paths, facts=facts, deck=deck)).at[-1].T
     top = first_height(Profile(A, B, corner=r))
     on = (x > B / 2 + r) & (x < B / 2 + A - r) & (y < top + 1e-6)
     assert on.sum() > 3

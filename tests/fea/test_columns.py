@@ -55,71 +55,66 @@ def without_units(text):
     return text.replace(" [mm]", "").replace(" (um)", "").replace(" (N/mm)", "")
 
 
-UNITS = {"a": "Ridge width;mm", "b": "Groove width;um", "line": "Load;N/mm"}
+UNITS = {"mapping": {"a": "Ridge width;mm", "b": "Groove width;um", "line": "Load;N/mm"}}
 UNDERSCORES = {"a": "a_mm", "b": "b_um", "line": "line_N_per_mm", "R": "R_mm", "E": "E_kPa"}
 
 
 # Equality: quotients of decimals are exact, 0.24 mm / 8 mm is the number 0.03.
 @pytest.mark.parametrize(
-    ("text", "mapping", "facts", "columns"),
+    ("text", "columns", "given"),
     [
-        (LONG, MAP, BODY, {"p_over_E": P_OVER_E, "a_over_R": [0.03, 0.03, 0.0125]}),
-        (without_units(LONG), UNITS, BODY, {"p_over_E": P_OVER_E, "b_over_R": [0.01] * 3}),
-        (without_units(LONG), MAP, {"R": "8", "E": "60"}, {"b_over_R": [10.0] * 3}),
+        (LONG, {"p_over_E": P_OVER_E, "a_over_R": [0.03, 0.03, 0.0125]}, BODY | {"mapping": MAP}),
+        (without_units(LONG), {"p_over_E": P_OVER_E, "b_over_R": [0.01] * 3}, BODY | UNITS),
+        (without_units(LONG), {"b_over_R": [10.0] * 3}, {"mapping": MAP, "R": "8", "E": "60"}),
+        (LONG, {"Note": ["x", "y", "z"], "nu": [0.49] * 3}, BODY | {"mapping": MAP}),
         (
             "a_over_R,b_over_R,Q,Pressure [Pa],E [kPa]\n.03,.01,4,90,60\n.03,.01,6,360,60\n",
-            {"p": "Pressure", "E": "E"},
-            {},
             {"p_over_E": [0.0015, 0.006]},
+            {"mapping": {"p": "Pressure", "E": "E"}},
         ),
         (
             "a,b,offset,R,Q,p,p_lower,E\n3,1,0.5,100,4,90,80,60000\n",
-            {},
-            {},
             {"p_over_E_lower": [80 / 60000], "offset_over_R": [0.005]},
+            {},
         ),
-        (RATIOS.replace("E", "E [%]") + ".03,.01,4,0.25\n", {}, {}, {"p_over_E": [0.0025]}),
+        (RATIOS.replace("E", "E [%]") + ".03,.01,4,0.25\n", {"p_over_E": [0.0025]}, {}),
         (
             "a_mm,b_um,Q,line_N_per_mm,R_mm,E_kPa\n0.24,80,4,0.00096,8,60\n",
-            UNDERSCORES,
-            {},
             {"a_over_R": [0.03], "b_over_R": [0.01], "p_over_E": [0.001]},
+            {"mapping": UNDERSCORES},
         ),
         (
-            "Steg;Nut;Kanten;Kraft\n0,24 mm;80 µm;4;2,1 N/m\n0,1 mm;80 µm;4;3 N/m\n",
-            {},
-            BODY,
+            "Steg [mm];Nut;Kanten;Kraft\n0,24 mm;80 µm;4;2,1 N/m\n0,1;80 µm;4;3 N/m\n",
             {"a_over_R": [0.03, 0.0125], "p_over_E": P_OVER_E[::2]},
+            BODY,
         ),
         (
             "Ridge [mm],Groove [mm],Q,Force [N/mm]\n0.24,0.08,4,-0.0021\n0.24,0.08,6,-0.0087\n",
-            {},
-            BODY,
             {"p_over_E": P_OVER_E[:2]},
+            BODY,
         ),
         (
             "Ridge [mm],Groove [mm],Q,Force [N]\n0.24,0.08,4,0.042\n",
-            {},
-            SLICE,
             {"p_over_E": P_OVER_E[:1]},
+            SLICE,
         ),
-        (
-            "Land [mm],Pitch [mm],Diameter [mm],Q,p/E\n0.24,0.32,16,4,0.002\n",
-            {},
-            {},
-            {"a_over_R": [0.03], "b_over_R": [0.01]},
+        *(
+            (
+                f"{width} [mm],Pitch [mm],Diameter [mm],Q,p/E\n{mm},0.32,16,4,0.002\n",
+                {"a_over_R": [0.03], "b_over_R": [0.01]},
+                {},
+            )
+            for width, mm in (("Land", 0.24), ("Groove", 0.08))
         ),
         (
             CONTRACT.replace("E\n", "E,p\n").replace("1\n", "1,60\n").replace("4\n", "4,90\n"),
-            {"p": "p"},
-            {"E": "6000"},
             {"p_over_E": [0.01, 0.015]},
+            {"mapping": {"p": "p"}, "E": "6000"},
         ),
-        (LONG, MAP, BODY, {"Note": ["x", "y", "z"], "nu": [0.49] * 3}),
     ],
 )
-def test_import__units_convert_exactly(read, text, mapping, facts, columns):
-    table = read(text, mapping, **facts)
+def test_import__units_convert_exactly(read, text, columns, given):
+    table = read(text, **given)
     for name, values in columns.items():
         assert column(table, name) == values
 
@@ -152,37 +147,33 @@ FORCES = "a/R,b/R,Q,Force 1 (N),Force 2 (N)\n.03,.01,4,.024,.036\n.03,.01,6,.096
 
 
 @pytest.mark.parametrize(
-    ("text", "mapping", "series", "said"),
+    ("args", "series", "said"),
     [
         (
-            "specimen,a/R,b/R,Q,p/E\n1,.03,.01,4,.001\n2,.03,.01,6,.004\n2,.05,.01,4,.002\n",
-            {},
+            ["specimen,a/R,b/R,Q,p/E\n1,.03,.01,4,.001\n2,.03,.01,6,.004\n2,.05,.01,4,.002\n"],
             ["1", "2", "2"],
             "series: column 'specimen', guessed",
         ),
         (
-            "Specimen,Repeat," + RATIOS + "".join(REPEATS),
-            {},
+            ["Specimen,Repeat," + RATIOS + "".join(REPEATS)],
             [f"S{s}, {n}" for s in (1, 2) for n in (1, 2) for _ in "46"],
             "series: Specimen, Repeat, joined",
         ),
         (
-            "lab,a/R,b/R,Q,p/E\nA,.03,.01,4,.001\nA,.03,.01,6,.004\nB,.03,.01,4,.002\n",
-            {},
+            ["lab,a/R,b/R,Q,p/E\nA,.03,.01,4,.001\nA,.03,.01,6,.004\nB,.03,.01,4,.002\n"],
             list("AAB"),
             "column 'lab'",
         ),
-        (NUMBERED, {}, ["", ""], "'Test no' is not taken as series: it numbers the rows"),
-        (NUMBERED, {"series": "Test no"}, ["1", "2"], "series: column 'Test no'"),
-        (FORCES, {}, ["1", "2", "1"], "1 empty cells: not measured"),
+        ([NUMBERED], ["", ""], "'Test no' is not taken as series: it numbers the rows"),
+        ([NUMBERED, {"series": "Test no"}], ["1", "2"], "series: column 'Test no'"),
+        ([FORCES], ["1", "2", "1"], "1 empty cells: not measured"),
     ],
 )
-def test_import__specimens_and_repeats_are_series(read, text, mapping, series, said):
-    facts = SLICE if "Force" in text else {}
-    table = read(text, mapping, **facts)
+def test_import__specimens_and_repeats_are_series(read, args, series, said):
+    table = read(*args, **(SLICE if "Force" in args[0] else {}))
     assert column(table, "series") == series
     assert any(said in line for line in table.messages)
-    if "Force" in text:  # F / (L 2 R E) = F / 19.2 N
+    if "Force" in args[0]:  # F / (L 2 R E) = F / 19.2 N
         np.testing.assert_allclose(column(table, "p_over_E"), [0.00125, 0.001875, 0.005])
 
 
@@ -345,9 +336,10 @@ FIXED = (
             "line 3, column 'Load (N/mm)' = '-1': expected a",
         ),
         (f"\n{CONTRACT}\n0.03,0.01,8,0.002\n", {}, {}, "(line 6), p_over_E = 0.002: must"),
-        (CELLS, {}, BODY, "line 3, column 'Steg [mm]' = '100 µm'"),
+        (CELLS, {}, BODY, "line 3, column 'Steg [mm]' = '100 µm': expected a number in the unit"),
+        (CELLS.replace("100 µm", "0,1"), {}, BODY, "= '0,1': expected a number in the unit of the"),
         ("a/R,b/R,Q,Force [N]\n.03,.01,4,.042\n", {}, BODY, "--thickness '? mm'"),
-        (rows("4,.002", "4,.0019", "6,.005"), {}, {}, "each Q must stand once in a curve"),
+        (rows("4,.002", "4,.0019", "6,.005"), {}, {}, "has it too; repeats need a label each"),
         (counts("Ridges in contact", 0, 2, 0, 2), {}, {}, f"mine.csv: Q, 4 {UNDER_4}"),
         (counts("Ridges in contact", 2, 2, 2, 2), {}, {}, f"mine.csv: Q, 4 {UNDER_4}"),
         (counts("Edges per side", 1, 1), {}, {}, "Q, 2 rows, a count of 1 at most"),

@@ -42,7 +42,7 @@ def test_deck__has_the_mesh_and_its_sets(deck, program):
     rim = one.rim[number[one.rim] > 0]
     assert found.nsets[SURFACE] == number[rim].tolist()
     np.testing.assert_allclose(
-        found.coordinates(found.nsets[SURFACE], "deck"), one.mesh.points[rim], rtol=1e-12
+        found.coordinates(found.nsets[SURFACE]), one.mesh.points[rim], rtol=1e-12
     )
     # Rounding of the mesh's sines.
     assert max(abs(found.nodes[n][1]) for n in found.nsets[REACTION]) < 1e-15

@@ -5,22 +5,21 @@ import pandas as pd
 import pytest
 
 from ridgebayes import InputError
-from ridgebayes.fea.history import ContactHistory, RunBody, table_of
+from ridgebayes.fea.deck import Run
+from ridgebayes.fea.history import ContactHistory, table_of
 from tests.fea.abaqus_writer import pressed
 
 
 def levels(run, **changes):
     rigid = np.array([(s * far, run["top"]) for far in run["corners"] for s in (1, -1)])
     parts = {"load": run["force"], "undeformed": run["nodes"], "rigid": rigid, **changes}
-    position = parts.pop("position", run["position"])
-    x, height = position[..., 0], position[..., 1]
-    return ContactHistory(parts.pop("load"), "run", "o", "s", x, height, **parts)
+    return ContactHistory(parts.pop("load"), parts.pop("position", run["position"]), **parts)
 
 
 def table(run, body=None, **changes):
     half = not (run["nodes"][:, 0] < 0).any()
-    body = body or RunBody(run["a"], run["b"], E=run["E"], symmetry="half" if half else "full")
-    return table_of(levels(run, **changes), body)
+    body = body or Run(run["a"], run["b"], E=run["E"], symmetry="half" if half else "full")
+    return table_of(levels(run, **changes), body, solver="s", source="o")
 
 
 def frame(run, body=None, **changes):
@@ -38,14 +37,14 @@ def test_table_of__the_side_that_touches_first_counts():
 def test_table_of__reversed_forces_and_thickness_are_the_same_load():
     run = pressed()
     expected = frame(run)["p_over_E"]
-    body = RunBody(run["a"], run["b"], thickness=2.5)
+    body = Run(run["a"], run["b"], thickness=2.5)
     np.testing.assert_allclose(frame(run, body, load=-2.5 * run["force"])["p_over_E"], expected)
 
 
 def test_table_of__a_rim_that_hangs_over_round_corners_is_no_overlap():
     run = pressed()
     r = 0.2 * run["a"]
-    body = RunBody(run["a"], run["b"], corner_over_R=r)
+    body = Run(run["a"], run["b"], corner_over_R=r)
     rigid = levels(run).rigid + np.array([r, 0.0])
 
     def loads(lower):
@@ -63,17 +62,24 @@ def test_table_of__a_rim_that_hangs_over_round_corners_is_no_overlap():
 def test_table_of__a_full_run_called_half_is_refused():
     run = pressed(full=True)
     with pytest.raises(InputError, match="both sides of the axis; use --symmetry full"):
-        table(run, RunBody(run["a"], run["b"]))
+        table(run, Run(run["a"], run["b"]))
 
 
-def test_table_of__few_nodes_and_no_circle_are_refused():
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("undeformed", lambda nodes: nodes[:4], "4 surface nodes; expected at least 5"),
+        ("undeformed", lambda nodes: nodes * [1.0, 0.9], "expected the undeformed surface"),
+        ("undeformed", lambda nodes: nodes * [1.0, -1.0], "expected the body above the ridges"),
+        ("undeformed", lambda nodes: 1e200 * nodes, r"coordinates within 1e\+100"),
+        ("load", lambda load: 1e308 * load, r"run: force .*; expected p/E at most"),
+        ("rigid", lambda at: at + np.array([0.01, 0.0]), "no rigid nodes at .* --corner"),
+    ],
+)
+def test_table_of__what_no_run_has_is_refused(name, change, message):
     run = pressed()
-    short = {"undeformed": run["nodes"][:4], "position": run["position"][:, :4]}
-    with pytest.raises(InputError, match="4 surface nodes; expected at least 5"):
-        table(run, **short)
-    bent = run["nodes"] * [1.0, 0.9]
-    with pytest.raises(InputError, match="expected the undeformed surface of a cylinder"):
-        table(run, undeformed=bent)
+    with pytest.raises(InputError, match=message):
+        table(run, **{name: change(getattr(levels(run), name))})
 
 
 @pytest.mark.parametrize(
@@ -90,7 +96,7 @@ def test_table_of__few_nodes_and_no_circle_are_refused():
 )
 def test_body__values_out_of_range_are_named(changes, named):
     with pytest.raises(InputError, match=rf"^{named}: expected --texture"):
-        RunBody(**{"a_over_R": 0.05, "b_over_R": 0.03, **changes})
+        Run(**{"a_over_R": 0.05, "b_over_R": 0.03, **changes})
 
 
 def test_table_of__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be_left_out():
@@ -101,24 +107,11 @@ def test_table_of__nodes_beyond_the_axis_of_a_half_mesh_are_said_to_be_left_out(
         "nodes": np.vstack([run["nodes"], mirror * run["nodes"][1:4]]),
         "position": np.hstack([run["position"], mirror * run["position"][:, 1:4]]),
     }
-    done = table({**run, **more}, RunBody(run["a"], run["b"]))
+    done = table({**run, **more}, Run(run["a"], run["b"]))
     assert "3 surface nodes ignored: beyond the axis of a half mesh" in done.messages
     np.testing.assert_allclose(
         done.table.column("p_over_E"), table(run).table.column("p_over_E"), rtol=1e-12
     )
-
-
-@pytest.mark.parametrize(
-    ("name", "scale", "message"),
-    [
-        ("undeformed", 1e200, r"coordinates within 1e\+100"),
-        ("load", 1e308, r"run: force .*; expected p/E at most"),
-    ],
-)
-def test_table_of__numbers_that_overflow_are_refused(name, scale, message):
-    run = pressed()
-    with pytest.raises(InputError, match=message):
-        table(run, **{name: scale * getattr(levels(run), name)})
 
 
 def test_table_of__a_rim_that_rests_within_its_printed_digits_is_in_contact():
@@ -140,17 +133,10 @@ def test_table_of__the_corner_radius_is_that_of_the_deck_s_nodes():
     ends = np.array([[run["a"] - r, 0.0], [run["a"], -r]])
     ridge = np.vstack([arc, ends])
     rigid = np.vstack([np.array([far, run["top"]]) + ridge for far in run["corners"]])
-    given = RunBody(run["a"], run["b"], corner_over_R=r)
+    given = Run(run["a"], run["b"], corner_over_R=r)
     found, expected = table(run, rigid=rigid), table(run, given, rigid=rigid)
     pd.testing.assert_frame_equal(found.table.frame, expected.table.frame)
     assert any(f"corners of radius {r:.6g} R, by the deck's nodes" in m for m in found.messages)
     # Bodies reach round corners a little further out, and so later.
     loads = found.table.frame["p_over_E"]
     assert (loads > frame(run)["p_over_E"].iloc[: len(loads)]).all()
-
-
-def test_table_of__corners_that_are_no_circle_ask_for_their_radius():
-    run = pressed()
-    rigid = np.array([(far + 0.2 * run["a"], run["top"]) for far in run["corners"]])
-    with pytest.raises(InputError, match=r"no rigid nodes at the corners.* --corner"):
-        table(run, rigid=rigid)

@@ -345,6 +345,16 @@ def test_calculix__displacements_tell_more_than_contact(tmp_path, whole):
     np.testing.assert_array_equal(loads_of(read), loads_of(whole("calculix")))
 
 
+def test_calculix__thickness_is_the_section_s_and_an_unread_material_asks_for_E(tmp_path, whole):
+    deck = f"{writer.deck_text(RUN)}*SOLID SECTION, ELSET=EBODY, MATERIAL=RUBBER\n20.\n"
+    files = {"run.dat": writer.calculix_text(20 * FORCE, NODES, POSITION), "run.inp": deck}
+    read = imported(tmp_path, "calculix", files=files)
+    np.testing.assert_allclose(loads_of(read), loads_of(whole("calculix")), rtol=1e-6)  # printed
+    files["run.inp"] = put("NEO HOOKE", "OGDEN")(deck)
+    with pytest.raises(InputError, match="--E: missing"):
+        imported(tmp_path, "calculix", files=files, E=None)
+
+
 @pytest.mark.parametrize("total", [False, True])
 def test_abaqus__rows_and_totals_of_several_nodes_are_the_same_load(tmp_path, whole, total):
     driven = [N + 1, N + 2, N + 3]
@@ -484,6 +494,7 @@ REFUSED = [
     ("contact", put("         5 (         3  1.0)", r"    900000 \1"), "an element 900000"),
     ("contact", put("  5 (         3  1.0)", r"5.5 \1"), "expected a side of a plane"),
     ("contact", put(r"  1\.000000E-01", "  1,000000E-01"), "expected a finite number"),
+    ("contact", put(r"  1\.000000E-01", "  0.000000E+00", count=0), "no corner is reached"),
     ("contact", put(r" 3  1\.000000E-01", "  1.000000E-01"), "expected element, face, press"),
     ("contact", put(r" 0\.$", ""), "expected fx, fy, fz"),
     ("contact", put(r"^( 0\. \S+ 0\.)$", r"\1\n\1"), "expected one total force an increment"),
@@ -649,6 +660,7 @@ def test_recognise__knows_its_programs(tmp_path, kind, name, program):
         ("press.rst", "ANSYS database is not read; list PRNSOL and PRRSOL"),
         ("press.xplt", "FEBio .* is not read; ask for log data"),
         ("press.op2", "Nastran"),
+        ("loads.ods", "workbook of LibreOffice"),
     ],
 )
 def test_recognise__names_programs_whose_files_are_not_read(tmp_path, name, message):

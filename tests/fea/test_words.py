@@ -10,16 +10,19 @@ from ridgebayes.fea.words import column_unit, corners_of, divided, key_of
 KEYS = {
     "a": "Ridge width,ridge_width,Stegbreite,Steg,Land width,ridge edge width,land",
     "b": "GrooveWidth,Rillenbreite,Nut,Nutweite,gap width",
-    "R": "Radius,Halbmesser,Krümmungsradius,R",
+    "R": "Radius,Halbmesser,Krümmungsradius,R,Fingertip radius",
     "E": "Young's modulus,E-Modul,Elastizitätsmodul,modulus",
     "Q": "contacts,Kontakte,Anzahl Stege,ridges in contact,cnt,Kontaktkanten,Stegkanten,"
     "berührte Kanten,Kontaktrippen [-],ridge edges,arêtes en contact,Anzahl Kontaktstege",
-    "p": "Pressure,Flächenpressung,Kontaktdruck,mean pressure",
+    "p": "Pressure,Flächenpressung,Nenndruck,mean pressure",
     "load": "Force,Normalkraft,Last,F,Belastung",
     "line": "line load,Linienlast,force per unit length",
     "p_over_E": "p/E,P/(2RE),p over E,load / E",
     "": "Note,ridge height,corner radius,load step,max pressure,shear modulus,reduced modulus,"
-    "groove depth,friction force,q_lin",
+    "groove depth,friction force,q_lin,ridge spacing,Stegabstand,groove distance,ridge length,"
+    "ridge angle,ridge type,groove radius,root radius,loss modulus,substrate modulus,E sd,"
+    "ridge width sd,mean contact pressure,Kontaktdruck,pull-off force,Adhesionskraft",
+    "load_sd": "Force sd,SD,standard deviation of the pressure",
     "load_lower": "untere Last",
     "a_over_R": "a/R",
     "b_over_R": "Groove width over radius",

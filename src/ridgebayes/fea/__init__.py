@@ -3,12 +3,12 @@ r"""Import of measured tables and finite element output, and export of input dec
 `read.import_files` recognises the format of a file and calls the reader of tables or of runs.
 `record` defines the user's facts (`Given`), the collected errors and the result (`Imported`).
 
-Tables: `columns` reads a table with any columns and units. `delimited` finds the header of a text
-file and reads plain cells; `cells` reads other cells, with comments, notes and styles of numbers.
-`spreadsheet` and `parquet` read binary files. `mapping` matches headers with contract columns by
-the vocabulary of `words` and `words.toml`, `missing` proposes columns for unmatched quantities,
-`wide` converts wide tables to long tables, `convert` converts to SI units, and `increments` finds
-transitions in load-stepped runs.
+Tables: `read.read_columns` reads a table with any columns and units. `delimited` finds the header
+of a text file and reads plain cells; `cells` reads other cells, with comments, notes and styles of
+numbers. `binary_tables` reads Excel and Parquet. `mapping` matches headers with contract
+columns by the vocabulary of `words` and `words.toml`, `missing` proposes columns for unmatched
+quantities, and `convert` converts to SI units. `layouts` reads tables without a row for each load:
+merged cells, wide tables, and increments of load-stepped runs.
 
 Runs: `calculix`, `abaqus_dat`, `abaqus_rpt`, `febio`, `ansys`, `node_table` and `mesh_series` (with
 `mesh_files`) each read one format into a `history.ContactHistory`. `runs` collects the facts that

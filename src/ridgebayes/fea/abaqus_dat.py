@@ -1,33 +1,30 @@
 """Reader for Abaqus ``.dat`` files: displacements and reaction forces of a run with its deck."""
 
 import re
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.fea.deck import RunDeck
+from ridgebayes.fea.deck import Run
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import NUMBER, Line, last_digit_of
 from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
-from ridgebayes.fea.record import SHOWN, Given
+from ridgebayes.fea.record import SHOWN
 from ridgebayes.runtime.text import some_of
 
 _ALL_NODES = "ALL NODES"
 _ALL_ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
 
 
-def read_abaqus_dat(paths: Sequence[Path], facts: Given) -> ContactHistory:
+def read_abaqus_dat(run: Run) -> ContactHistory:
     """Read the ``.dat`` file of an Abaqus/Standard run.
 
     Parameters
     ----------
-    paths : sequence of pathlib.Path
+    run : Run
         One ``.dat`` file: ``*NODE PRINT`` of ``U`` on the surface's set, and of ``RF`` on the
-        driven set (summed, or its total with ``TOTALS=YES``), at each increment.
-    facts : Given
-        Facts with the run's deck, which gives coordinates, node sets and the ridges' nodes.
+        driven set (summed, or its total with ``TOTALS=YES``), at each increment. The deck gives
+        coordinates, node sets and the ridges' nodes.
 
     Returns
     -------
@@ -43,25 +40,27 @@ def read_abaqus_dat(paths: Sequence[Path], facts: Given) -> ContactHistory:
     Abaqus does not print rows of zeros. A missing node has zero values if its table ends with a
     summary (``MAXIMUM``, ``TOTAL``); without the summary, the increment is ignored.
     """
-    path, deck = paths[0], RunDeck.read(facts)
-    printed = _Tables("in global directions (no footnotes)").read(path, unfinished=True)
-    surface, reaction = deck.surface, deck.reaction
+    surface, reaction = run.sets
+    nodes, driven = map(run.deck.nodes_of, run.sets)
+    printed = _Tables("in global directions (no footnotes)").read(run.path, unfinished=True)
     digits = [0.0]
 
     def state(increment: Increment) -> tuple[float, FloatArray]:
         rim = increment.table(("U1", "U2"), surface, _ALL_NODES)
         digits.append(_last_digit(rim))
-        driven = increment.table(("RF2",), reaction, _ALL_NODES)
-        for table, nodes in ((rim, deck.nodes), (driven, deck.driven)):
-            _fill(table, list(deck.deck.nodes) if table.nodes == _ALL_NODES else nodes)
-        if driven.nodes == _ALL_NODES:
-            driven.below.pop("TOTAL", None)
-        return driven.force(deck.driven, "RF2"), rim.of(deck.nodes, "U1", "U2")
+        forces = increment.table(("RF2",), reaction, _ALL_NODES)
+        for table, numbers in ((rim, nodes), (forces, driven)):
+            _fill(table, list(run.deck.nodes) if table.nodes == _ALL_NODES else numbers)
+        if forces.nodes == _ALL_NODES:
+            forces.below.pop("TOTAL", None)
+        return forces.force(driven, "RF2"), rim.of(nodes, "U1", "U2")
 
     rule = f"expected *NODE PRINT of both; the tables are {printed.shown}"
-    load, moved = printed.states(state, path, f"U1 and U2 of {surface}, RF2 of {reaction}; {rule}")
-    at, source = deck.undeformed + np.array(moved), deck.provenance(path, "abaqus-dat")
-    return printed.history(load, source, "abaqus", at=at, digits=max(digits) / 2, **deck.places)
+    required = f"U1 and U2 of {surface}, RF2 of {reaction}; {rule}"
+    load, moved = printed.states(state, run.path, required)
+    places = run.places(nodes)
+    at = places["undeformed"] + np.array(moved)
+    return ContactHistory(load, at, digits=max(digits) / 2, messages=printed.messages, **places)
 
 
 def _fill(table: NodeTable, nodes: list[int]) -> None:

@@ -1,18 +1,16 @@
 """Reader for Abaqus/Viewer reports (``.rpt``) with nodal values of each frame."""
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.deck import Deck, read_deck
+from ridgebayes.fea.deck import Run
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line
 from ridgebayes.fea.printed import Increment, NodeTable, Printed, on
-from ridgebayes.fea.record import Given, provenance
 
 _DASHES = re.compile(r"\s*-{9,}\s*$")
 _COLUMN_GAP = re.compile(r"\s{2,}")  # column names contain single blanks
@@ -22,18 +20,17 @@ _PRINTED_RTOL = 1e-4
 _U, _COORD, _RF = ("U.U1", "U.U2"), ("COORD.COOR1", "COORD.COOR2"), "RF.RF2"
 
 
-def read_abaqus_rpt(paths: Sequence[Path], facts: Given) -> ContactHistory:
+def read_abaqus_rpt(run: Run) -> ContactHistory:
     """Read a file of Abaqus/Viewer field output reports.
 
     Parameters
     ----------
-    paths : sequence of pathlib.Path
+    run : Run
         One ``.rpt`` file with, in each frame, nodal ``U.U1`` and ``U.U2`` of the rim and ``RF.RF2``
         of the driven nodes. Without a deck, also ``COORD.COOR1`` and ``COORD.COOR2`` of the rim.
-    facts : Given
-        `surface` and `reaction` are regions of the report (``PART-1-1.RIM`` or ``RIM``) or node
-        sets of the deck; None uses the only region with the columns. Without a deck, the height of
-        the ridges' tops is unknown.
+        The facts `surface` and `reaction` are regions of the report (``PART-1-1.RIM`` or ``RIM``)
+        or node sets of the deck; without them, the only region with the columns is used. Without a
+        deck, the height of the ridges' tops is unknown.
 
     Returns
     -------
@@ -49,37 +46,33 @@ def read_abaqus_rpt(paths: Sequence[Path], facts: Given) -> ContactHistory:
     ``COORD`` holds deformed or undeformed coordinates, depending on the step's ``NLGEOM``. The
     reader uses the interpretation for which undeformed coordinates agree in all frames.
     """
-    path, surface, reaction, deck = paths[0], facts.surface, facts.reaction, facts.deck
-    sheet = Deck() if deck is None else read_deck(deck)
-    printed = _Report("averaged where elements meet").read(path)
-    columns = _U if deck else _COORD + _U
-    sets = [sheet.nsets.get((name or "").upper(), []) for name in (surface, reaction)]
+    (surface, reaction), has_deck = run.sets, bool(run.deck.nodes)
+    printed = _Report("averaged where elements meet").read(run.path)
+    columns = _U if has_deck else _COORD + _U
+    sets = [run.deck.nsets.get(name.upper(), []) for name in run.sets]
     nodes, driven = (list(dict.fromkeys(numbers)) for numbers in sets)
     digits = []
 
     def state(increment: Increment) -> tuple[float, FloatArray]:
         # A set of the deck may be part of a larger region.
-        rim = increment.table(columns, surface or "", *[""] * bool(nodes))
-        forces = increment.table((_RF,), reaction or "", *[""] * bool(driven))
+        rim = increment.table(columns, surface, *[""] * bool(nodes))
+        forces = increment.table((_RF,), reaction, *[""] * bool(driven))
         nodes[:] = nodes or rim.rows.index.tolist()
         digits.append(_digits(rim))
         return _force(forces, driven), rim.of(nodes, *columns)
 
     required = f"{', '.join(columns)} and {_RF}; expected nodal output of both in a field report"
-    load, states = printed.states(state, path, required)
+    load, states = printed.states(state, run.path, required)
     moved = np.array(states)[..., -2:]
-    if deck is None:
-        undeformed, how = _undeformed(path, np.array(states)[..., :2], moved)
-        printed.messages.append(how)
+    if has_deck:
+        places = run.places(nodes)
     else:
-        undeformed = sheet.coordinates(nodes, str(deck))
-    rigid = sheet.coordinates(sheet.rigid_nodes(nodes), str(deck))
+        undeformed, how = _undeformed(run.path, np.array(states)[..., :2], moved)
+        places = {"undeformed": undeformed, "rigid": np.zeros((0, 2))}
+        printed.messages.append(how)
     rounding = 0.5 * 10.0 ** (1 - max(digits)) * float(np.abs(moved).max())
-    options = {"deck": deck and deck.name, "surface": surface, "reaction": reaction}
-    named = (f"{key}={name}" for key, name in options.items() if name)
-    source = provenance(path, "abaqus-rpt", *named)
-    places = {"at": undeformed + moved, "undeformed": undeformed, "rigid": rigid}
-    return printed.history(load, source, "abaqus", digits=rounding, **places)
+    at = places["undeformed"] + moved
+    return ContactHistory(load, at, digits=rounding, messages=printed.messages, **places)
 
 
 class _Report(Printed):

@@ -1,9 +1,9 @@
 """Reader for ANSYS listings of results (``PRNSOL``), reactions (``PRRSOL``), nodes (``NLIST``)."""
 
-import functools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +11,11 @@ import pandas as pd
 
 from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
+from ridgebayes.fea.deck import Run
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line
 from ridgebayes.fea.printed import Increment, NodeTable, Printed, on
-from ridgebayes.fea.record import FileError, Given, parse_map, provenance
+from ridgebayes.fea.record import FileError, Given, parse_map
 from ridgebayes.fea.transitions import last_digit
 from ridgebayes.fea.words import ANSYS_CLOSED
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
@@ -28,18 +29,17 @@ _CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
 _COORDINATES = ("X", "Y")
 
 
-def read_ansys(paths: Sequence[Path], facts: Given) -> ContactHistory:
+def read_ansys(run: Run) -> ContactHistory:
     """Read the ANSYS listings of one run.
 
     Parameters
     ----------
-    paths : sequence of pathlib.Path
+    run : Run
         Listings of ``PRRSOL`` (``FY`` of the driven nodes), of ``PRNSOL`` (``UX`` and ``UY`` of the
         surface, or the contact result ``STAT`` or ``PRES``), and of ``NLIST`` (coordinates ``X``
-        and ``Y``). Page headers are allowed anywhere.
-    facts : Given
-        `closed_is` lists the codes of ``STAT`` that mean contact, by default 2 (sliding) and 3
-        (sticking). `map` gives the node at the corner of each Q if there is no ``NLIST``.
+        and ``Y``). Page headers are allowed anywhere. The fact `closed_is` lists the codes of
+        ``STAT`` that mean contact, by default 2 (sliding) and 3 (sticking). `map` gives the node
+        at the corner of each Q if there is no ``NLIST``.
 
     Returns
     -------
@@ -50,8 +50,8 @@ def read_ansys(paths: Sequence[Path], facts: Given) -> ContactHistory:
     InputError
         If a line cannot be parsed (the message names file and line), or results are missing.
     """
-    corners, listing = _corner_nodes(facts), _Listing()
-    for path in paths:
+    corners, listing, facts = _corner_nodes(run.facts), _Listing(), run.facts
+    for path in run.paths:
         listing.read(path, unfinished=True)
     columns = {name for table in listing.tables for name in table.columns}
     kinds = [name for name in ("UY", "STAT", "PRES") if name in columns]
@@ -62,26 +62,26 @@ def read_ansys(paths: Sequence[Path], facts: Given) -> ContactHistory:
         return force, pd.DataFrame({name: listing.column(increment, name) for name in names})
 
     tables = "FY and UY, STAT or PRES; expected listings: ridgebayes import PRNSOL.lis PRRSOL.lis"
-    load, states = listing.states(state, paths[0], tables)
+    load, states = listing.states(state, run.path, tables)
     nodes = states[0].index.tolist()
     values, *ux = np.moveaxis(np.array(states), -1, 0)
-    source = provenance(paths[0], "ansys", *(path.name for path in paths[1:]))
-    history = functools.partial(listing.history, load, source, "ansys")
     closed = values > 0
     if kinds[:1] == ["STAT"]:
         codes = sorted(facts.closed_is or ANSYS_CLOSED)
         listing.messages.append(f"STAT {', '.join(map(str, codes))}: contact")
         closed = np.isin(values, codes)
+    history = ContactHistory(load, messages=listing.messages)
     if corners or not (listing.places.lines or ux):
-        Q, at = _at_corners(str(paths[0]), nodes, corners)
-        return history(closed=closed[:, at], Q=Q)
+        Q, corner = _at_corners(str(run.path), nodes, corners)
+        return replace(history, closed=closed[:, corner], Q=Q)
     place = listing.places.rows.reindex(nodes).to_numpy()
     if lost := np.flatnonzero(np.isnan(place[:, 0])).tolist():
-        raise InputError(f"{paths[0]}: node {nodes[lost[0]]} has no X and Y; expected NLIST beside")
+        raise InputError(f"{run.path}: node {nodes[lost[0]]} has no X and Y; expected NLIST beside")
     if ux:
         at = place + np.stack([ux[0], values], axis=-1)
-        return history(at=at, undeformed=place, digits=last_digit(values) / 2)
-    return history(x=np.broadcast_to(place[:, 0], closed.shape), closed=closed, undeformed=place)
+        return replace(history, at=at, undeformed=place, digits=last_digit(values) / 2)
+    at = np.broadcast_to(place[:, :1], (*closed.shape, 1))
+    return replace(history, at=at, closed=closed, undeformed=place)
 
 
 def _corner_nodes(facts: Given) -> dict[int, int]:

@@ -2,18 +2,16 @@
 
 import re
 from collections.abc import Collection, Sequence
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
-from ridgebayes.fea.calculix_frd import COLUMNS, Frd
-from ridgebayes.fea.calculix_sta import ignore_unconverged
-from ridgebayes.fea.deck import RunDeck
+from ridgebayes.fea.calculix_files import COLUMNS, Frd, ignore_unconverged
+from ridgebayes.fea.deck import Deck, Run
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line, numbers_of
 from ridgebayes.fea.printed import Increment, NodeTable, Printed, on
-from ridgebayes.fea.record import Given
 from ridgebayes.fea.words import N_PLANE_FACES, PRINTED_ROUNDING
 from ridgebayes.runtime.text import clipped
 
@@ -30,21 +28,18 @@ _COLUMNS = {
 # the front and back of the plane; face i + 2 is side i of the plane element.
 
 
-def read_calculix(paths: Sequence[Path], facts: Given) -> ContactHistory:
+def read_calculix(run: Run) -> ContactHistory:
     """Read the results of a CalculiX run.
 
     Parameters
     ----------
-    paths : sequence of pathlib.Path
+    run : Run
         One file. A ``.dat`` file needs, at each increment, ``*NODE PRINT`` of ``U`` on the
         surface's set and of ``RF`` on the driven set (of each node, or ``TOTALS=ONLY`` or
         ``YES``). ``*CONTACT PRINT`` of ``CSTR`` can replace displacements if the contact pair has
         ``TYPE=SURFACE TO SURFACE``. A ``.frd`` file needs ``*NODE FILE, OUTPUT=2D`` of ``U`` and
-        ``RF``.
-    facts : Given
-        Facts with the run's deck, which gives coordinates, node sets and the ridges' nodes. If a
-        ``.sta`` file lies beside the result file, increments that it does not list as converged
-        are ignored.
+        ``RF``. The deck gives coordinates, node sets and the ridges' nodes. If a ``.sta`` file
+        lies beside the result file, increments that it does not list as converged are ignored.
 
     Returns
     -------
@@ -56,44 +51,44 @@ def read_calculix(paths: Sequence[Path], facts: Given) -> ContactHistory:
     InputError
         If a line cannot be parsed (the message names file and line), or a set is missing.
     """
-    path, deck = paths[0], RunDeck.read(facts)
-    is_frd = path.suffix.lower() == ".frd"
-    printed = (Frd() if is_frd else _Blocks({deck.surface, deck.reaction})).read(path)
-    surface, reaction = ("", "") if is_frd else (deck.surface, deck.reaction)
-    ignore_unconverged(printed, path.with_suffix(".sta"))
+    nodes, driven = map(run.deck.nodes_of, run.sets)
+    is_frd = run.path.suffix.lower() == ".frd"
+    printed = (Frd() if is_frd else _Blocks(run.sets)).read(run.path)
+    surface, reaction = ("", "") if is_frd else run.sets
+    ignore_unconverged(printed, run.path.with_suffix(".sta"))
     # Displacements give gaps; contact stress only shows which faces carry load.
     is_moved = any(table.has(*_MOVED) for table in printed.tables)
 
     def state(increment: Increment) -> tuple[float, FloatArray]:
-        force = increment.table(_FORCES, reaction).force(deck.driven, "fy")
+        force = increment.table(_FORCES, reaction).force(driven, "fy")
         if not is_moved:
             return force, _faces(increment.table(_STRESS))
-        return force, increment.table(_MOVED, surface).of(deck.nodes, "vx", "vy")
+        return force, increment.table(_MOVED, surface).of(nodes, "vx", "vy")
 
-    required = f"displacements of {deck.surface} or contact stress, and forces of {deck.reaction}; "
+    required = f"displacements of {run.sets[0]} or contact stress, forces of {run.sets[1]}; "
     required += "expected *NODE PRINT of U and of RF, TOTALS=ONLY; or *NODE FILE, OUTPUT=2D of both"
-    load, states = printed.states(state, path, required)
-    source = deck.provenance(path, "calculix")
+    load, states = printed.states(state, run.path, required)
+    places = run.places(nodes)
     if is_moved:
         rounding = PRINTED_ROUNDING["frd" if is_frd else "dat"]
         digits = float(rounding * np.abs(states).max())
-        at = deck.undeformed + np.array(states)
-        return printed.history(load, source, "calculix", at=at, digits=digits, **deck.places)
-    pressed = _pressed(states, deck)
-    n = pressed["closed"].sum(axis=1).max()
-    printed.messages.append(f"pressed faces: {n} at most, where they were")
-    return printed.history(load, source, "calculix", **deck.places, **pressed)
+        contact: dict[str, Any] = {"at": places["undeformed"] + np.array(states), "digits": digits}
+    else:
+        contact = _pressed(states, run.deck)
+        n = contact["closed"].sum(axis=1).max()
+        printed.messages.append(f"pressed faces: {n} at most, where they were")
+    return ContactHistory(load, messages=printed.messages, **places, **contact)
 
 
-def _pressed(stress: Sequence[FloatArray], run: RunDeck) -> dict[str, np.ndarray]:
+def _pressed(stress: Sequence[FloatArray], deck: Deck) -> dict[str, Any]:
     """Return the pressed faces in each increment, and their undeformed positions."""
     pressed = [{(int(row[0]), int(row[1])) for row in rows if row[2] > 0} for rows in stress]
     faces = sorted(set().union(*pressed))
-    ends = np.array([run.ends(element, side - N_PLANE_FACES) for element, side in faces])
+    ends = np.array([deck.ends(element, side - N_PLANE_FACES) for element, side in faces])
     ends = ends.reshape(-1, 2)
-    closed = np.array([[face in closed_faces for face in faces] for closed_faces in pressed])
-    x = np.broadcast_to(ends.mean(axis=1), closed.shape)
-    return {"x": x, "closed": closed, "width": np.abs(np.diff(ends)[:, 0])}
+    closed = np.array([[face in some for face in faces] for some in pressed], dtype=bool)
+    at = np.broadcast_to(ends.mean(axis=1), closed.shape)[..., None]
+    return {"at": at, "closed": closed, "width": np.abs(np.diff(ends)[:, 0])}
 
 
 class _Blocks(Printed):

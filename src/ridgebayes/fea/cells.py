@@ -13,7 +13,7 @@ import pandas as pd
 from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import parse_number
-from ridgebayes.fea.record import FileError, Given, Row
+from ridgebayes.fea.record import FileError, Row
 from ridgebayes.fea.words import FORTRAN, NOTHING, NUMBER, is_unit, split_header
 from ridgebayes.runtime.text import clipped, count, some_of
 
@@ -24,6 +24,7 @@ _TWO_NUMBERS = (
     "expected one number a cell, and its error in a column of its own, headed 'sd' or 'standard "
     "error'"
 )
+_ONE_UNIT = "expected a number in the unit of the header, or of the first cell"
 WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _NUMBER_START = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # start of a number within a word
 _UNDERLINE = re.compile(r"\s*[-=_]{9,}\s*")  # line below a header
@@ -96,7 +97,7 @@ def tabs_for_blanks(text: str, problems: FileError, most: int) -> str:
 
 def body_cells(
     rows: list[Row], headers: Sequence[str], separator: str, problems: FileError
-) -> tuple[dict[str, str], IntArray, pd.DataFrame]:
+) -> tuple[dict[str, tuple[str, bool]], IntArray, pd.DataFrame]:
     """Return the cells below a header, without comments and without notes below the rows.
 
     Parameters
@@ -112,8 +113,9 @@ def body_cells(
 
     Returns
     -------
-    units : dict of str to str
-        Unit in the cells of a column, by header. The header contains the unit, too.
+    units : dict of str to (str, bool)
+        Unit in the cells of a column, by header, and whether each cell needs it, since the header
+        of the file lacks it. The returned header contains the unit.
     lines : ndarray of int, shape (n_row,)
         Line of each row.
     cells : DataFrame, n_row rows
@@ -130,12 +132,18 @@ def body_cells(
         problems.messages.append(f"{where}: passed over: {shown}")
         lines = {line for line, _ in comments}
         rows = [row for row in rows if row[0] not in lines]
-    rows = _without_notes(rows, problems)
-    names, units = list(headers), {}
+    rows = _without_notes(rows, width, problems)
+    names, units = list(headers), dict[str, tuple[str, bool]]()
+    again = [line for line, cells in rows if [*map(str.strip, cells)] == names]
+    if again:
+        problems.messages.append(f"{where}: header again in {some_of(map(str, again), 3)}")
+        rows = [row for row in rows if row[0] not in again]
     for i, match in enumerate(map(WITH_UNIT.fullmatch, first[:width])):
-        if match and (match[1] == "%" or is_unit(match[1])) and not split_header(names[i])[1]:
-            names[i] = f"{names[i]} [{match[1]}]"
-            units[names[i]] = match[1]
+        if match and (match[1] == "%" or is_unit(match[1])):
+            unit = split_header(names[i])[1]
+            names[i] = names[i] if unit else f"{names[i]} [{match[1]}]"
+            if unit in ("", match[1]):
+                units[names[i]] = match[1], not unit
     for _, cells in rows:
         while len(cells) > width and not cells[-1].strip():
             cells.pop()
@@ -157,14 +165,17 @@ def _is_comment(cells: Sequence[str], width: int) -> bool:
     return cells[0].lstrip().startswith("# " if len(cells) == width else "#")
 
 
-def _without_notes(rows: list[Row], problems: FileError) -> list[Row]:
-    """Return the rows without the notes below them, which are lines of one text each."""
+def _without_notes(rows: list[Row], width: int, problems: FileError) -> list[Row]:
+    """Return the rows without the notes below them: lines of text, without numbers."""
     n_row, notes = len(rows), list[str]()
     while n_row > 1:
-        words = [cell.strip() for cell in rows[n_row - 1][1] if cell.strip()]
-        if len(words) > 1 or (words and not _NOTE.fullmatch(words[0])):
+        cells = rows[n_row - 1][1]
+        words = [cell.strip() for cell in cells if cell.strip()]
+        numbers = [word for word in words if any(s[2].fullmatch(word) for s in _STYLES[:2])]
+        is_row = len(words) > 1 and (len(cells) >= width or numbers)
+        if is_row or (words and not _NOTE.fullmatch(words[0])):
             break
-        notes, n_row = words + notes, n_row - 1
+        notes, n_row = [", ".join(words)] * bool(words) + notes, n_row - 1
     start = f"{problems.where}: passed over below the rows:"
     problems.messages += [f"{start} {note!r}" for note in notes]
     return rows[:n_row]
@@ -172,9 +183,8 @@ def _without_notes(rows: list[Row], problems: FileError) -> list[Row]:
 
 def numbers_in(
     cells: pd.DataFrame,
-    units: Mapping[str, str],
+    units: Mapping[str, tuple[str, bool]],
     typed: Collection[str],
-    facts: Given,
     problems: FileError,
 ) -> tuple[pd.DataFrame, str]:
     """Parse text as numbers in the style that fits most cells, and report the other cells.
@@ -183,14 +193,13 @@ def numbers_in(
     ----------
     cells : DataFrame, n_row rows
         Text of the cells.
-    units : mapping of str to str
-        Units in the cells, by header.
+    units : mapping of str to (str, bool)
+        Units in the cells, by header, as `body_cells` returns them.
     typed : collection of str
         Texts of a worksheet's numeric cells, which have a decimal point.
-    facts : Given
-        The user's options: decimal mark, and texts that mean an empty cell.
     problems : FileError
-        Collects messages and cells that are not numbers.
+        The import, with the decimal mark and texts that mean an empty cell; collects messages and
+        cells that are not numbers.
 
     Returns
     -------
@@ -202,9 +211,10 @@ def numbers_in(
     text: dict[str, pd.Series[str]] = {}
     counts: Counter[Any] = Counter()
     for name in map(str, cells):
-        column = cells[name].str.strip(_BLANKS).str.removesuffix(units.get(name, ""))
-        column = column.str.strip(_BLANKS)
-        text[name] = column.mask(column.isin(facts.empty), "")
+        typed_unit, _ = units.get(name, ("", False))
+        column = cells[name].str.strip(_BLANKS).str.removesuffix(typed_unit).str.strip(_BLANKS)
+        column = column.str.replace("\N{MINUS SIGN}", "-")
+        text[name] = column.mask(column.isin(problems.facts.empty), "")
         counts.update(text[name].value_counts(sort=False).to_dict())
     del counts[""]
     numbers = {cell: float(cell) for cell in counts if cell in typed and NUMBER.fullmatch(cell)}
@@ -216,13 +226,15 @@ def numbers_in(
             f"{fortran[0].strip()!r} = {numbers[fortran[0]]:g}"
         )
     rest = {cell: n for cell, n in counts.items() if cell not in numbers}
-    decimal, thousands, pattern = _style_of(rest, facts.decimal, problems)
+    decimal, thousands, pattern = _style_of(rest, problems)
     for cell in filter(pattern.fullmatch, rest):
         numbers[cell] = float(cell.replace(thousands, "").replace(_DECIMALS[decimal], "."))
     numbers = {cell: number for cell, number in numbers.items() if math.isfinite(number)}
     rule = FINITE.replace("point", decimal)
     rules = dict.fromkeys((cell for cell in counts if cell not in numbers), rule)
     rules |= dict.fromkeys([*filter(_WITH_ERROR.fullmatch, rules)], _TWO_NUMBERS)
+    with_unit = {cell: match[1] for cell in rules if (match := WITH_UNIT.fullmatch(cell))}
+    rules |= dict.fromkeys([cell for cell, unit in with_unit.items() if is_unit(unit)], _ONE_UNIT)
     if nothing := list(filter(NOTHING.fullmatch, rules)):
         rules |= dict.fromkeys(nothing, f"{rule}; --empty where such a cell is empty")
         problems.options["empty"] = "\n".join(dict.fromkeys(map(str.strip, nothing)))
@@ -230,16 +242,21 @@ def numbers_in(
         broken = column.map(rules)
         for rule in broken.dropna().unique():
             problems.cells((broken == rule).to_numpy(bool), name, rule)
+        typed_unit, is_needed = units.get(name, ("", False))
+        if is_needed:
+            is_bare = ~cells[name].str.strip(_BLANKS).str.endswith(typed_unit)
+            problems.cells((is_bare & column.isin(numbers)).to_numpy(bool), name, _ONE_UNIT)
     frame = pd.DataFrame({n: column.map(numbers).astype(float) for n, column in text.items()})
     return frame, f"decimal {decimal}" + (f", {thousands!r} between thousands" if thousands else "")
 
 
-def _style_of(counts: Mapping[str, int], decimal: str | None, problems: FileError) -> Style:
+def _style_of(counts: Mapping[str, int], problems: FileError) -> Style:
     """Return the first style that fits most cells; ask the user if a comma is ambiguous."""
 
     def n_off(style: Style) -> int:
         return sum(n for cell, n in counts.items() if not style[2].fullmatch(cell))
 
+    decimal = problems.facts.decimal
     styles = [style for style in _STYLES if decimal in (None, style[0])]
     style = next((s for s in styles if not n_off(s)), None) or min(styles, key=n_off)
     if not decimal and style[:2] == ("comma", ""):

@@ -9,13 +9,13 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.fea.mapping import ABOVE_0, LOADS, SDS, Use
-from ridgebayes.fea.record import FileError, Given
+from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import (
     COUNTS,
     DIMENSIONS,
+    ERRORS,
     column_unit,
     divided,
-    is_error,
     load_kind,
     number_and_unit,
     split_header,
@@ -46,27 +46,16 @@ class Converter:
         Numbers and texts by header.
     uses : list of Use
         Recognised columns.
-    values : mapping of str to str or float
-        Constants by key.
-    facts : Given
-        The user's options.
     problems : FileError
-        Collects messages, errors and missing facts.
+        The import, with facts and constants; collects messages, errors and missing facts.
     """
 
-    def __init__(
-        self,
-        cells: pd.DataFrame,
-        uses: Sequence[Use],
-        values: Mapping[str, str | float],
-        facts: Given,
-        problems: FileError,
-    ) -> None:
-        self.cells, self.facts, self.problems = cells, facts, problems
-        self.messages = problems.messages
+    def __init__(self, cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> None:
+        self.cells, self.problems = cells, problems
+        self.facts, self.messages = problems.facts, problems.messages
         self.uses = {(use.key, use.Q): use for use in uses}
         self.used: dict[Use, str] = {}  # how each column is read, for messages
-        self._values = {key: str(value).strip() for key, value in values.items()}
+        self._values = problems.values
         self._used_values: dict[str, None] = {}
         self._units: dict[str, tuple[str, str]] = {}  # key and unit of each column and constant
 
@@ -87,7 +76,6 @@ class Converter:
         load = columns["p_over_E"] = self.load()
         columns |= {"p_over_E_lower": self.load("_lower"), "rel_se": self._rel_se(load)}
         columns |= self.texts("kind", "role", "status")
-        self.load_se()  # its unit belongs to the summary
         self.summarize()
         if any(columns[key] is None for key in ("a_over_R", "b_over_R", "Q", "p_over_E")):
             return pd.DataFrame()
@@ -100,7 +88,7 @@ class Converter:
             frame = frame.assign(rel_se=np.hypot(rel_se, load_se / frame["p_over_E"]))
         extra = [name for name in self.left() if name not in NAMES]
         ignored = [name for name in self.left() if name in NAMES]
-        errors = [*filter(is_error, extra)]
+        errors = [name for name in extra if ERRORS.search(name.lower())]
         has_sd = any(use.key in SDS for use in self.used)
         has_repeats = has_sd and frame.duplicated(["a_over_R", "b_over_R", "Q"]).any()
         frame = frame.assign(**{name: self.cells[name] for name in extra})
@@ -120,9 +108,13 @@ class Converter:
     def curve(self) -> dict[str, Any]:
         """Return the columns that are constant along a curve."""
         a, b = self._over_R("a"), self._over_R("b")
-        if b is None and a is not None and (pitch := self._over_R("pitch")) is not None:
+        pitch = self._over_R("pitch") if (a is None) != (b is None) else None
+        if pitch is not None and a is not None:
             b = np.round(pitch - a, 12)  # removes rounding errors of a difference of decimals
             self.messages.append("b: pitch minus ridge width")
+        elif pitch is not None and b is not None:
+            a = np.round(pitch - b, 12)
+            self.messages.append("a: pitch minus groove width")
         columns = {"a_over_R": a, "b_over_R": b, "offset_over_R": self._over_R("offset")}
         columns["nu"] = self.number("nu")
         return columns | self.texts("texture", "series", "solver", "source")
@@ -178,6 +170,7 @@ class Converter:
 
     def summarize(self) -> None:
         """Report the columns and constants that are used, and ask for missing units."""
+        self.load_se()  # its unit belongs to the summary
         plain = [use.name for use, how in self.used.items() if use.name == use.header and not how]
         if plain:
             self.messages.append(f"recognised by name: {', '.join(plain)}")
@@ -217,9 +210,7 @@ class Converter:
             )
         elif has_dimension:
             self._units[f"{key} ({use.header!r})"] = key, unit
-        self.used.setdefault(use, "")
-        if not self.used[use]:
-            self.tell(use, f" in {unit}" if unit else ", no unit" if has_dimension else "")
+        self.tell(use, f" in {unit}" if unit else ", no unit" if has_dimension else "")
         numbers = self.cells[use.header].to_numpy(dtype=float)
         return numbers if factor == 1 else divided(numbers * float(factor))
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
@@ -12,7 +13,7 @@ from scipy.cluster.hierarchy import DisjointSet
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import Line, read_lines
-from ridgebayes.fea.record import Given, provenance
+from ridgebayes.fea.record import Given
 from ridgebayes.fea.words import PLANE_CORNERS
 from ridgebayes.table.columns import LARGEST_Q
 
@@ -26,6 +27,8 @@ class Deck:
 
     Parameters
     ----------
+    path : Path or None
+        File; None without a deck.
     nodes : dict of int to (float, float)
         Coordinates x and y by node number.
     nsets : dict of str to list of int
@@ -33,19 +36,34 @@ class Deck:
     elements : dict of int to tuple of int
         Nodes of each element by element number.
     E, nu : float or None
-        From ``*HYPERELASTIC, NEO HOOKE``, or else from the first ``*ELASTIC``; None without either.
+        From ``*HYPERELASTIC, NEO HOOKE``, or else from the softest ``*ELASTIC``; None without
+        either, and for other hyperelastic materials.
+    is_hyperelastic : bool
+        Whether the deck has a hyperelastic material.
+    thickness : float or None
+        From the first ``*SOLID SECTION`` with a thickness.
     printed : dict of str to list of str
         Node sets in ``*NODE PRINT``, by the printed variable ("U", "RF").
     """
 
+    path: Path | None = field(default=None, compare=False)
     nodes: dict[int, tuple[float, float]] = field(default_factory=dict)
     nsets: dict[str, list[int]] = field(default_factory=dict)
     elements: dict[int, tuple[int, ...]] = field(default_factory=dict)
     E: float | None = None
     nu: float | None = None
+    is_hyperelastic: bool = False
+    thickness: float | None = None
     printed: dict[str, list[str]] = field(default_factory=dict)
 
-    def nodes_of(self, name: str, where: str) -> list[int]:
+    @property
+    def result_sets(self) -> dict[str, list[str]]:
+        """Node sets with printed results that may be the surface, and the driven nodes."""
+        moved, driven = self.printed.get("U", []), self.printed.get("RF", [])
+        others = [name for name in moved if name not in driven]
+        return {"surface": others if len(others) == 1 else moved, "reaction": driven}
+
+    def nodes_of(self, name: str) -> list[int]:
         """Return the nodes of a set without duplicates.
 
         Raises
@@ -55,10 +73,10 @@ class Deck:
         """
         if name.upper() not in self.nsets:
             names = ", ".join(self.nsets) or "none"
-            raise InputError(f"{where}: no node set {name!r}; the node sets are {names}")
+            raise InputError(f"{self.path}: no node set {name!r}; the node sets are {names}")
         return list(dict.fromkeys(self.nsets[name.upper()]))
 
-    def coordinates(self, numbers: Sequence[int], where: str) -> FloatArray:
+    def coordinates(self, numbers: Sequence[int]) -> FloatArray:
         """Return coordinates of nodes, shape (n, 2).
 
         Raises
@@ -68,18 +86,16 @@ class Deck:
         """
         for number in numbers:
             if number not in self.nodes:
-                raise InputError(f"{where}: node {number} is not in the deck")
+                raise InputError(f"{self.path}: node {number} is not in the deck")
         return np.array([self.nodes[number] for number in numbers], dtype=float).reshape(-1, 2)
 
-    def check_material(self, E: float, nu: float, path: Path) -> None:
+    def check_material(self, E: float, nu: float) -> None:
         """Check the user's E and nu against the material of the deck.
 
         Parameters
         ----------
         E, nu : float
             The user's Young's modulus, in the deck's unit, and Poisson's ratio.
-        path : pathlib.Path
-            Path of the deck, for messages.
 
         Raises
         ------
@@ -90,7 +106,26 @@ class Deck:
             value = getattr(self, name)
             if value is not None and not math.isclose(value, typed, **off):
                 has = f"the material has {name} = {value:.6g}, and {typed:g} was given"
-                raise InputError(f"{path}: {has}; use --{name} as in the deck")
+                raise InputError(f"{self.path}: {has}; use --{name} as in the deck")
+
+    def ends(self, element: int, side: int) -> tuple[float, float]:
+        """Return the x of both ends of a side (from 1) of a plane element.
+
+        Raises
+        ------
+        InputError
+            If the element or the side does not exist.
+        """
+        nodes = self.elements.get(element, ())
+        places = [self.nodes[node] for node in nodes if node in self.nodes]
+        # Corner nodes come first; quadratic elements have as many mid-side nodes after them.
+        n = len(nodes) if len(nodes) in PLANE_CORNERS else len(nodes) // 2
+        if len(set(places)) < len(nodes) or n not in PLANE_CORNERS or not 0 < side <= n:
+            raise InputError(
+                f"{self.path}: no side {side} of an element {element}, which is pressed; expected "
+                "the run's deck, of plane triangles and quadrilaterals"
+            )
+        return places[side - 1][0], places[side % n][0]
 
     def rigid_nodes(self, body: Sequence[int]) -> list[int]:
         """Return the nodes that no chain of elements connects to the given nodes of the body."""
@@ -103,90 +138,81 @@ class Deck:
 
 
 @dataclass(frozen=True, eq=False)
-class RunDeck:
-    """The deck of a run, with the node sets that its results are printed for.
+class Run:
+    """The files of a run and what they do not contain: properties of the body, in its units.
 
     Parameters
     ----------
-    path : pathlib.Path
-        The ``.inp`` file.
+    a_over_R, b_over_R, nu : float
+        Texture and Poisson's ratio.
+    R : float or None
+        Radius; None fits a circle to the undeformed surface nodes.
+    E : float
+        Young's modulus.
+    symmetry : {"half", "full"}
+        "half" if the mesh is one half of the body, whose force is half of the load.
+    top : float or None
+        Height of the ridges' tops; None uses the rigid nodes at the corners.
+    thickness : float
+        Thickness of the plane-strain slice on which the forces act.
+    corner_over_R : float or None
+        Radius of the ridges' top corners; 0 is sharp, None uses the rigid nodes.
+    paths : sequence of Path
+        Result files.
+    facts : Given
+        The user's facts, completed by those of the deck.
     deck : Deck
-        Contents of the deck.
-    surface, reaction : str
-        Names of the node sets of the body's surface and of the driven nodes, whose reaction is the
-        load.
+        The run's deck; without content if there is none.
     """
 
-    path: Path
-    deck: Deck
-    surface: str
-    reaction: str
+    a_over_R: float
+    b_over_R: float
+    nu: float = 0.5
+    R: float | None = None
+    E: float = 1.0
+    symmetry: str = "half"
+    top: float | None = None
+    thickness: float = 1.0
+    corner_over_R: float | None = None
+    paths: Sequence[Path] = (Path("run"),)
+    facts: Given = field(default_factory=Given)
+    deck: Deck = field(default_factory=Deck)
 
-    @classmethod
-    def read(cls, facts: Given) -> "RunDeck":
-        """Read the deck in `facts` and check that it has the node sets.
-
-        Raises
-        ------
-        InputError
-            If the deck cannot be parsed, or a node set is missing.
-        """
-        assert facts.deck is not None
-        assert facts.surface is not None
-        assert facts.reaction is not None
-        run = cls(facts.deck, read_deck(facts.deck), facts.surface, facts.reaction)
-        for name in (run.surface, run.reaction):
-            run.deck.nodes_of(name, str(run.path))
-        return run
-
-    @property
-    def nodes(self) -> list[int]:
-        """Nodes of the surface."""
-        return self.deck.nodes_of(self.surface, str(self.path))
-
-    @property
-    def driven(self) -> list[int]:
-        """Driven nodes, whose reaction is the load."""
-        return self.deck.nodes_of(self.reaction, str(self.path))
-
-    @property
-    def undeformed(self) -> FloatArray:
-        """Coordinates of the surface's nodes, shape (n_node, 2)."""
-        return self.deck.coordinates(self.nodes, str(self.path))
-
-    @property
-    def rigid(self) -> FloatArray:
-        """Coordinates of the nodes that do not belong to the body, shape (n, 2)."""
-        return self.deck.coordinates(self.deck.rigid_nodes(self.nodes), str(self.path))
-
-    @property
-    def places(self) -> dict[str, FloatArray]:
-        """Coordinates of surface and rigid nodes, as keyword arguments of `ContactHistory`."""
-        return {"undeformed": self.undeformed, "rigid": self.rigid}
-
-    def ends(self, element: int, side: int) -> tuple[float, float]:
-        """Return the x of both ends of a side (from 1) of a plane element.
-
-        Raises
-        ------
-        InputError
-            If the element or the side does not exist.
-        """
-        nodes = self.deck.elements.get(element, ())
-        places = [self.deck.nodes[node] for node in nodes if node in self.deck.nodes]
-        # Corner nodes come first; quadratic elements have as many mid-side nodes after them.
-        n = len(nodes) if len(nodes) in PLANE_CORNERS else len(nodes) // 2
-        if len(set(places)) < len(nodes) or n not in PLANE_CORNERS or not 0 < side <= n:
+    def __post_init__(self) -> None:
+        rules = {
+            "texture": self.a_over_R > 0 and self.b_over_R > 0,
+            "nu": 0 <= self.nu <= 0.5,
+            "R": self.R is None or 0 < self.R < math.inf,
+            "E": 0 < self.E < math.inf,
+            "symmetry": self.symmetry in ("half", "full"),
+            "thickness": 0 < self.thickness < math.inf,
+            "corner radius": 0 <= (self.corner_over_R or 0.0) <= self.a_over_R / 2,
+        }
+        if bad := [name for name, holds in rules.items() if not holds]:
             raise InputError(
-                f"{self.path}: no side {side} of an element {element}, which is pressed; expected "
-                "the run's deck, of plane triangles and quadrilaterals"
+                f"{', '.join(bad)}: expected --texture, --R, --E and --thickness above 0, --nu "
+                "from 0 to 0.5, --symmetry half or full, --corner from 0 to half a ridge"
             )
-        return places[side - 1][0], places[side % n][0]
 
-    def provenance(self, path: Path, importer: str) -> str:
-        """Return the source of a run's rows: importer, result file, deck and node sets."""
-        names = (f"surface={self.surface}", f"reaction={self.reaction}")
-        return provenance(path, importer, f"deck={self.path.name}", *names)
+    @property
+    def where(self) -> str:
+        """First file, for messages."""
+        return str(self.path)
+
+    @property
+    def path(self) -> Path:
+        """First file."""
+        return self.paths[0]
+
+    @property
+    def sets(self) -> tuple[str, str]:
+        """Names of the node sets or regions of the surface and of the driven nodes; or empty."""
+        return self.facts.surface or "", self.facts.reaction or ""
+
+    def places(self, nodes: Sequence[int]) -> dict[str, Any]:
+        """Return coordinates of surface and ridges, as keyword arguments of `ContactHistory`."""
+        rigid = self.deck.coordinates(self.deck.rigid_nodes(nodes))
+        return {"undeformed": self.deck.coordinates(nodes), "rigid": rigid}
 
 
 def read_deck(path: Path) -> Deck:
@@ -206,7 +232,7 @@ def read_deck(path: Path) -> Deck:
     InputError
         If a node, a set or an include cannot be parsed. The message names file, line and rule.
     """
-    deck = Deck()
+    deck = Deck(path)
     _read(path, deck, 0)
     if not deck.nodes:
         raise InputError(f"{path}: no *NODE block; expected an Abaqus or CalculiX input deck")
@@ -286,13 +312,16 @@ def _elements(block: _Block, deck: Deck) -> None:
 
 
 def _elastic(block: _Block, deck: Deck) -> None:
-    # A hyperelastic material is the body's, even if the ridges' *ELASTIC precedes it.
-    if deck.E is None and block.rows and any(block.rows[0][1]):
+    # The body is softer than the ridges, and a hyperelastic material is the body's.
+    if not deck.is_hyperelastic and block.rows and any(block.rows[0][1]):
         line, cells = block.rows[0]
-        deck.E, deck.nu = _numbers(line, cells[:2], 2)
+        E, nu = _numbers(line, cells[:2], 2)
+        if deck.E is None or E < deck.E:
+            deck.E, deck.nu = E, nu
 
 
 def _hyperelastic(block: _Block, deck: Deck) -> None:
+    deck.is_hyperelastic, deck.E, deck.nu = True, None, None
     if not block.rows or not {"NEO HOOKE", "NEO-HOOKE"} & block.options.keys():
         return
     line, cells = block.rows[0]
@@ -302,6 +331,12 @@ def _hyperelastic(block: _Block, deck: Deck) -> None:
     # mu = 2 C10 and K = 2 / D1, so that mu / K = C10 D1.
     deck.nu = (3 - 2 * c10 * d1) / (6 + 2 * c10 * d1)
     deck.E = 4 * c10 * (1 + deck.nu)
+
+
+def _section(block: _Block, deck: Deck) -> None:
+    if deck.thickness is None and block.rows and block.rows[0][1][0]:
+        line, cells = block.rows[0]
+        (deck.thickness,) = _numbers(line, cells[:1], 1)
 
 
 def _node_print(block: _Block, deck: Deck) -> None:
@@ -332,6 +367,7 @@ _READERS: dict[str, Callable[[_Block, Deck], None]] = {
     "ELEMENT": _elements,
     "HYPERELASTIC": _hyperelastic,
     "ELASTIC": _elastic,
+    "SOLID SECTION": _section,
     "INCLUDE": _include,
 }
 

@@ -8,7 +8,6 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -218,13 +217,16 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
             f"nu = {disk.nu:g}: expected at most 0.499 for CalculiX, whose elements lock near 0.5; "
             "use 0.49, which changes loads by up to 1.4 %, or --format abaqus"
         )
-    number, points, n_cell = disk.numbers, disk.mesh.points, len(disk.cells)
+    number, points = disk.numbers, disk.mesh.points
     sets = {REACTION: disk.mesh.mid_plane, "NAX": disk.mesh.axis, SURFACE: disk.rim}
     # Adjacent blocks share nodes: CalculiX searches contact from face to face, and the body passes
     # through the seam between faces without common nodes.
     rigid: dict[tuple[float, float], int] = {}
     for corner in np.concatenate(disk.blocks).tolist():
         rigid.setdefault(tuple(corner), int(number.max()) + len(rigid) + 1)
+    blocks = [[rigid[tuple(corner)] for corner in block.tolist()] for block in disk.blocks]
+    # A lateral side is exposed unless a neighbour has the same height there.
+    top_right, top_left = ({nodes[corner] for nodes in blocks} for corner in (2, 3))
     return rendered(
         "ridgebayes.fea",
         "deck.inp.jinja",
@@ -234,27 +236,14 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
         cells=number[disk.cells].tolist(),
         sets={name: [n for n in number[some].tolist() if n] for name, some in sets.items()},
         rigid=rigid,
-        blocks=[_block(disk, k, n_cell, rigid) for k in range(len(disk.blocks))],
+        blocks=blocks,
+        top_left=top_left,
+        top_right=top_right,
         faces=_pressed_faces(disk),
         penalty=penalty,
         surface=SURFACE,
         reaction=REACTION,
     )
-
-
-def _block(
-    disk: PressedDisk, k: int, n_cell: int, nodes: dict[tuple[float, float], int]
-) -> dict[str, Any]:
-    """Return the element number, nodes and exposed sides of a block."""
-    block = disk.blocks[k]
-    # A lateral side is exposed unless a neighbour has the same height there.
-    left = any(tuple(block[3]) == tuple(other[2]) for other in disk.blocks)
-    right = any(tuple(block[2]) == tuple(other[3]) for other in disk.blocks)
-    return {
-        "number": n_cell + k + 1,
-        "nodes": [nodes[tuple(corner)] for corner in block.tolist()],
-        "sides": [3, *[2] * (not right), *[4] * (not left)],
-    }
 
 
 def _pressed_faces(disk: PressedDisk) -> list[tuple[int, int]]:

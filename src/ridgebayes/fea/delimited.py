@@ -1,4 +1,4 @@
-"""Text tables: encoding, separator, header, row of units, and cells."""
+"""Table files, and text tables: encoding, separator, header, row of units, and cells."""
 
 import codecs
 import csv
@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from functools import cached_property
 from itertools import chain, islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,14 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import SEPARATORS, WITH_UNIT, body_cells, numbers_in, tabs_for_blanks
-from ridgebayes.fea.record import MOST, FileError, Given, Row, TableFile
-from ridgebayes.fea.words import corners_of, is_unit, key_of, split_header
-from ridgebayes.runtime.reading import decoded
+from ridgebayes.fea.record import MOST, FileError, Row, TableFile
+from ridgebayes.fea.words import DISGUISES, corners_of, is_unit, key_of, split_header
+from ridgebayes.runtime.reading import decoded, read_bytes
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import NAMES
 from ridgebayes.table.files import even_lines, lossless, records
 
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 LOOKED_AT = 60  # first records, and first cells of each, that are searched for the header
 _NUMBER = re.compile(r"\s*[+-]?(?:\d[\d.,'\u2019 \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*%?\s*")
 _MAX_HEADER_LENGTH = 500  # characters
@@ -33,33 +35,46 @@ _IS_OLD = np.lib.NumpyVersion(pd.__version__) < "3.1.0"
 _EXACT_FLOATS: dict[str, Any] = {"float_precision": "round_trip"} if _IS_OLD else {}
 
 
-def read_delimited(content: bytes, facts: Given, problems: FileError) -> "TextTable":
+def table_content(path: Path, problems: FileError) -> bytes:
+    """Return the content of a table file; refuse an unknown suffix and content of another kind."""
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(
+            f"{path}: ends in {path.suffix or 'no suffix'!r}; expected one of {', '.join(SUFFIXES)}"
+        )
+    sheet = problems.facts.sheet
+    if sheet is not None and suffix != ".xlsx":
+        raise InputError(f"{path}: sheet {sheet!r}: expected --sheet for .xlsx files only")
+    content = read_bytes(path)
+    if not content:
+        raise InputError(f"{path}: the file is empty")
+    for beginning, what in DISGUISES.items():
+        if content.startswith(bytes.fromhex(beginning)) and what != suffix:
+            raise InputError(f"{path}: the content is {what}; expected a {suffix} file")
+    return content
+
+
+def read_delimited(content: bytes, problems: FileError) -> "TextTable":
     """Read a delimited text file.
 
-    Parameters
-    ----------
-    content : bytes
-        Content of the file: UTF-8, UTF-16 with a byte order mark, or Windows-1252, with any line
-        ends, and tabs, semicolons, bars, commas or blanks between cells.
-    facts : Given
-        The user's options.
-    problems : FileError
-        Collects messages and errors.
+    The content is UTF-8, UTF-16 with a byte order mark, or Windows-1252, with any line ends, and
+    tabs, semicolons, bars, commas or blanks between cells.
 
     Raises
     ------
     InputError
         If the content is not text, is empty, has only one column, or has a quote without end.
     """
-    lines = _as_text(content, problems).lstrip("\ufeff").split("\n", facts.skip_rows)
-    text = lines[-1] if len(lines) > facts.skip_rows else ""
+    skipped = problems.facts.skip_rows
+    lines = _as_text(content, problems).lstrip("\ufeff").split("\n", skipped)
+    text = lines[-1] if len(lines) > skipped else ""
     if not text.strip():
         raise problems.error("the file is empty")
     text, separator = _separated(text, problems)
     numbered = records(text, problems.where, separator)
-    rows = ((line + facts.skip_rows, cells) for line, cells in numbered)
+    rows = ((line + skipped, cells) for line, cells in numbered)
     kind = f"CSV, separator {SEPARATORS[separator]}"
-    return TextTable(rows, kind, facts, problems, separator=separator, text=text)
+    return TextTable(rows, kind, problems, separator=separator, text=text)
 
 
 def _as_text(content: bytes, problems: FileError) -> str:
@@ -100,19 +115,13 @@ def _separated(text: str, problems: FileError) -> tuple[str, str]:
     return text, best[1]
 
 
-def find_header(
-    rows: Sequence[Row], header_row: int | None, problems: FileError
-) -> tuple[list[str], int]:
+def find_header(rows: Sequence[Row], problems: FileError) -> tuple[list[str], int]:
     """Find the header among the first records of a file.
 
     Parameters
     ----------
     rows : sequence of (int, list of str)
         Line and cells of each record.
-    header_row : int or None
-        Line of the header; 0 for a file without header, None to search for it.
-    problems : FileError
-        Collects messages about the lines above the rows.
 
     Returns
     -------
@@ -129,10 +138,10 @@ def find_header(
     Examples
     --------
     >>> rows = [(1, ["Test 7"]), (3, ["Steg", "Q"]), (4, ["mm", ""]), (5, ["0,2", "4"])]
-    >>> find_header(rows, None, FileError("mine.csv"))
+    >>> find_header(rows, FileError("mine.csv"))
     (['Steg [mm]', 'Q'], 3)
     """
-    lines = [line for line, _ in rows]
+    header_row, lines = problems.facts.header_row, [line for line, _ in rows]
     if header_row and header_row not in lines:
         raise problems.error(f"--header-row {header_row}: expected a line with cells near the top")
     i = lines.index(header_row) if header_row else None if header_row == 0 else _guess_header(rows)
@@ -160,9 +169,7 @@ def find_header(
 
 
 def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
-    r"""Return unique headers on one line each, with a placeholder for an empty header.
-
-    A duplicate header gets the number of its column.
+    r"""Return unique headers on one line; an empty or duplicate header gets its column's number.
 
     Raises
     ------
@@ -269,12 +276,10 @@ class TextTable(TableFile):
         Line number, from 1, and cells of each record.
     kind : str
         Format of the file, for messages.
-    facts : Given
-        The user's options.
     problems : FileError
         Collects messages, rows of wrong length, and formulas.
-    cell : callable, optional
-        Function that names a worksheet's cell by line and column, both from 1.
+    place : callable, optional
+        Function that names a cell by line and column, both from 1.
     typed : collection of str, optional
         Texts of a worksheet's numeric cells, which have a decimal point.
     separator, text : str, optional
@@ -291,25 +296,24 @@ class TextTable(TableFile):
         self,
         rows: Iterable[Row],
         kind: str,
-        facts: Given,
         problems: FileError,
         *,
-        cell: Callable[[int, int], str] | None = None,
+        place: Callable[[int, int], str] = lambda line, column: f"line {line}",
         typed: Collection[str] = (),
         separator: str = "\t",
         text: str = "",
     ) -> None:
-        self.where, self._kind, self._facts = problems.where, kind, facts
-        self._cell, self._is_typed, self._separator = cell, typed, separator
+        self.where, self._kind, self._facts = problems.where, kind, problems.facts
+        self._place, self._is_typed, self._separator = place, typed, separator
         head = [*islice(rows := iter(rows), LOOKED_AT)]
         full = [row for row in head if any(map(str.strip, row[1]))]
-        headers, n_head = find_header(full or [(1, [""])], facts.header_row, problems)
+        headers, n_head = find_header(full or [(1, [""])], problems)
         self.headers = clean_headers(headers, self.where)
         if n_head >= len(full):
             raise problems.error("no rows below the header")
         first = full[n_head][0]
-        self._units: dict[str, str] = {}  # unit in the cells of a column, by header
-        self._body = self._even_body(text, first - facts.skip_rows)
+        self._units: dict[str, tuple[str, bool]] = {}  # units in the cells of columns, by header
+        self._body = self._even_body(text, first - self._facts.skip_rows)
         if not self._body:
             below = [row for row in chain(head, rows) if row[0] >= first]
             self._units, self.lines, self._typed = body_cells(
@@ -317,7 +321,7 @@ class TextTable(TableFile):
             )
             self.headers = tuple(map(str, self._typed))
             advice = "; no value is stored: open the file in Excel or LibreOffice, and save it once"
-            rule = f"expected values, not formulas{advice if cell else ''}"
+            rule = f"expected values, not formulas{advice if kind == 'Excel' else ''}"
             for name, cells in self._typed.items():
                 is_formula = cells.str.lstrip().str.startswith("=").to_numpy(bool)
                 problems.cells(is_formula, str(name), rule)
@@ -331,7 +335,8 @@ class TextTable(TableFile):
         lines = even_lines(body, separator, len(self.headers))
         begin, last = body.lstrip("\n").partition("\n")[0], body.rpartition("\n")[2]
         is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # or a short row
-        if lines is None or is_note or any(map(WITH_UNIT.fullmatch, begin.split(separator))):
+        is_odd = is_note or separator.join(self.headers) in body  # the header again
+        if lines is None or is_odd or any(map(WITH_UNIT.fullmatch, begin.split(separator))):
             return ""
         self.lines = lines + first + self._facts.skip_rows
         return body
@@ -341,22 +346,16 @@ class TextTable(TableFile):
         columns = [name for name in self.headers if name in numeric]
         frame, style = self._plain(columns), "decimal point"
         if frame is None:
-            numbers, style = numbers_in(
-                self._typed[columns], self._units, self._is_typed, self._facts, problems
-            )
+            numbers, style = numbers_in(self._typed[columns], self._units, self._is_typed, problems)
             frame = self._typed.assign(**numbers)
         frame = frame.assign(**{n: lossless(frame[n]) for n in self.headers if n not in columns})
         problems.messages.insert(0, f"{self.where}: {self._kind}, {style}, {len(frame)} rows")
         return filled(frame, problems)
 
-    def spot(self, row: int, name: str) -> str:
-        """Return the place of a cell, for messages."""
-        line = int(self.lines[row])
-        return self._cell(line, self.headers.index(name) + 1) if self._cell else f"line {line}"
-
-    def typed(self, row: int, name: str) -> str:
-        """Return the text of a cell."""
-        return str(self._typed[name].iloc[row])
+    def cell(self, row: int, name: str) -> tuple[str, str]:
+        """Return the place and the text of a cell."""
+        place = self._place(int(self.lines[row]), self.headers.index(name) + 1)
+        return place, str(self._typed[name].iloc[row])
 
     @cached_property
     def _typed(self) -> pd.DataFrame:

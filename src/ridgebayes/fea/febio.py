@@ -2,32 +2,28 @@
 
 import math
 import re
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from ridgebayes._types import FloatArray
+from ridgebayes.fea.deck import Run
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line
 from ridgebayes.fea.printed import Increment, MissingError, Printed, on
-from ridgebayes.fea.record import Given, provenance
 from ridgebayes.fea.transitions import last_digit
 
 MARK = re.compile(rb"^\*Step\s*=\s*\d+\s*$", re.M)
 
 
-def read_febio(paths: Sequence[Path], facts: Given) -> ContactHistory:
+def read_febio(run: Run) -> ContactHistory:
     """Read log data of FEBio.
 
     Parameters
     ----------
-    paths : sequence of pathlib.Path
+    run : Run
         Text files with ``*Step``, ``*Time``, ``*Data`` and rows ``id,value,...``. The data are
         ``x;y`` of the nodes of the body's surface, and ``Fy`` of the rigid body or ``Ry`` of the
         driven nodes, which are summed. Positions and forces may be in one file or in two.
-    facts : Given
-        Not used.
 
     Returns
     -------
@@ -40,7 +36,7 @@ def read_febio(paths: Sequence[Path], facts: Given) -> ContactHistory:
         If a line cannot be parsed (the message names file and line), or data are missing.
     """
     log = _Log()
-    for path in paths:
+    for path in run.paths:
         log.read(path)
 
     def state(increment: Increment) -> tuple[float, FloatArray]:
@@ -54,10 +50,9 @@ def read_febio(paths: Sequence[Path], facts: Given) -> ContactHistory:
         "data x, y, and Fy or Ry; expected log data x;y of the surface's nodes, and Fy of the "
         "rigid body or Ry of the driven nodes: ridgebayes import POSITIONS FORCES"
     )
-    load, states = log.states(state, paths[0], required)
+    load, states = log.states(state, run.path, required)
     at = np.array(states)
-    source = provenance(paths[0], "febio", *(path.name for path in paths[1:]))
-    return log.history(load, source, "febio", at=at, digits=last_digit(at[..., 1]) / 2)
+    return ContactHistory(load, at, digits=last_digit(at[..., 1]) / 2, messages=log.messages)
 
 
 class _Log(Printed):

@@ -1,6 +1,7 @@
 """Contact history of a run, and its conversion to transition loads."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
+from ridgebayes.fea.deck import Run
 from ridgebayes.fea.record import HUGE, Imported
 from ridgebayes.fea.rim import Rim
 from ridgebayes.fea.transitions import transitions_of
@@ -30,18 +32,16 @@ class ContactHistory:
     ----------
     load : ndarray of float, shape (n_step,)
         Load of either sign; `load_is` gives its meaning.
-    where, source, solver : str
-        File name for messages, and values of the table's columns.
-    x : ndarray of float, shape (n_step, n_node), length
-        Coordinates across the ridges, of surface nodes or of the centres of surface faces.
-    height : ndarray of float, shape (n_step, n_node), length, or None
-        Heights of the surface nodes; the gap is the height minus that of the ridges' tops.
+    at : ndarray of float, shape (n_step, n_node, 2) or (n_step, n_node, 1), length, or None
+        Coordinates of surface nodes across the ridges and, if they are known, heights; or
+        coordinates across the ridges of the centres of surface faces. The gap is the height minus
+        that of the ridges' tops.
     closed : ndarray of bool, shape (n_step, n_node), or None
         Whether each node or face is in contact, if heights are unknown.
     width : ndarray of float, shape (n_node,), length, or None
         Widths of the faces; None for nodes.
     Q : ndarray of int, shape (n_node,), or None
-        Q of nodes at corners, which replaces `x`.
+        Q of nodes at corners, which replaces `at`.
     undeformed : ndarray of float, shape (n_node, 2), length, or None
         Undeformed coordinates of the nodes; None if the file does not contain them.
     rigid : ndarray of float, shape (n, 2), length, or None
@@ -53,16 +53,14 @@ class ContactHistory:
         Half of the last printed digit of a height.
     load_is : {"force", "line", "p_over_E"}
         Kind of load: force on the meshed part, or line load or p/E of the whole body.
-    messages : tuple of str
+    messages : sequence of str
         Messages about values that were read and parts that were ignored.
+    files : tuple of str
+        Names of files and data that the user did not give, for the source of the rows.
     """
 
     load: FloatArray
-    where: str
-    source: str
-    solver: str
-    x: FloatArray | None = None
-    height: FloatArray | None = None
+    at: FloatArray | None = None
     closed: BoolArray | None = None
     width: FloatArray | None = None
     Q: IntArray | None = None
@@ -71,69 +69,21 @@ class ContactHistory:
     R: float | None = None
     digits: float = 0.0
     load_is: str = "force"
-    messages: tuple[str, ...] = ()
+    messages: Sequence[str] = ()
+    files: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class RunBody:
-    """Properties of the body and texture that the user gives, in the units of the run.
-
-    Parameters
-    ----------
-    a_over_R, b_over_R, nu : float
-        Texture and Poisson's ratio.
-    R : float or None
-        Radius; None fits a circle to the undeformed surface nodes.
-    E : float
-        Young's modulus.
-    symmetry : {"half", "full"}
-        "half" if the mesh is one half of the body, whose force is half of the load.
-    top : float or None
-        Height of the ridges' tops; None uses the rigid nodes at the corners.
-    thickness : float
-        Thickness of the plane-strain slice on which the forces act.
-    corner_over_R : float or None
-        Radius of the ridges' top corners; 0 is sharp, None uses the rigid nodes.
-    """
-
-    a_over_R: float
-    b_over_R: float
-    nu: float = 0.5
-    R: float | None = None
-    E: float = 1.0
-    symmetry: str = "half"
-    top: float | None = None
-    thickness: float = 1.0
-    corner_over_R: float | None = None
-
-    def __post_init__(self) -> None:
-        rules = {
-            "texture": self.a_over_R > 0 and self.b_over_R > 0,
-            "nu": 0 <= self.nu <= 0.5,
-            "R": self.R is None or 0 < self.R < math.inf,
-            "E": 0 < self.E < math.inf,
-            "symmetry": self.symmetry in ("half", "full"),
-            "thickness": 0 < self.thickness < math.inf,
-            "corner radius": 0 <= (self.corner_over_R or 0.0) <= self.a_over_R / 2,
-        }
-        if bad := [name for name, holds in rules.items() if not holds]:
-            raise InputError(
-                f"{', '.join(bad)}: expected --texture, --R, --E and --thickness above 0, --nu "
-                "from 0 to 0.5, --symmetry half or full, --corner from 0 to half a ridge"
-            )
-
-
-def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) -> Imported:
+def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:
     """Return a table of the loads at which the body reaches each proximal corner after the first.
 
     Parameters
     ----------
     history : ContactHistory
         Contact of the run.
-    body : RunBody
-        Properties of the body that the run's files do not contain.
-    brackets : bool, optional
-        As in `ridgebayes.fea.transitions.transitions_of`.
+    run : Run
+        Properties of the body, and options.
+    **columns : str
+        Values of further columns of the table: `solver` and `source`.
 
     Returns
     -------
@@ -145,39 +95,39 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
         If the surface is not circular, corners cannot be located, no corner is reached, or a load
         is too large.
     """
-    where, load = history.where, np.abs(history.load)
+    where, load = run.where, np.abs(history.load)
     remarks: list[str] = []
     errors: dict[str, Any] = {}
     if history.Q is None or history.closed is None:
-        body, gaps, errors = _on_rim(history, body, remarks)
+        run, gaps, errors = _on_rim(history, run, remarks)
         Q = 4 + 2 * np.arange(gaps.shape[1])
-    elif body.R is None and history.load_is != "p_over_E":
+    elif run.R is None and history.load_is != "p_over_E":
         raise InputError(f"{where}: expected --R, the body's radius")
     else:
         gaps, Q = np.where(history.closed, -np.inf, np.inf), history.Q
-    is_force, divisor = history.load_is == "force", 2 * (body.R or 1.0) * body.E
-    half = 2 if is_force and body.symmetry == "half" else 1
-    how = f"{' times 2' if half == 2 else ''} over 2 R E, E = {body.E:g}"
+    is_force, divisor = history.load_is == "force", 2 * (run.R or 1.0) * run.E
+    half = 2 if is_force and run.symmetry == "half" else 1
+    how = f"{' times 2' if half == 2 else ''} over 2 R E, E = {run.E:g}"
     if history.load_is == "p_over_E":
         divisor, how = 1.0, ""
     with np.errstate(over="ignore"):
-        p_over_E = load * half / (body.thickness if is_force else 1.0) / divisor
+        p_over_E = load * half / (run.thickness if is_force else 1.0) / divisor
     if (bad := p_over_E > HUGE).any():  # NaN passes: transitions_of ignores those increments
         too_large = f"force {load[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}"
         raise InputError(f"{where}: {too_large}; expected p/E at most {HUGE:g}")
     try:
-        frame, odd = transitions_of(p_over_E, gaps, Q, brackets=brackets, **errors)
+        frame, odd = transitions_of(p_over_E, gaps, Q, brackets=run.facts.brackets, **errors)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    frame.insert(0, "a_over_R", body.a_over_R)
-    frame.insert(1, "b_over_R", body.b_over_R)
-    frame = frame.assign(nu=body.nu, solver=history.solver, source=history.source)
+    frame.insert(0, "a_over_R", run.a_over_R)
+    frame.insert(1, "b_over_R", run.b_over_R)
+    frame = frame.assign(nu=run.nu, **columns)
     n_bracket = int(frame["p_over_E_lower"].notna().sum())
     name = {"line": "line load", "p_over_E": "p/E"}.get(history.load_is, "force")
     messages = (
         *history.messages,
         *remarks,
-        f"texture: a/R = {body.a_over_R:g}, b/R = {body.b_over_R:g}, nu = {body.nu:g}",
+        f"texture: a/R = {run.a_over_R:g}, b/R = {run.b_over_R:g}, nu = {run.nu:g}",
         f"load: {name}{how}, {len(load)} increments to p/E = {np.nanmax(p_over_E):.5g}",
         *odd,
         f"kept: {len(frame)} transitions, Q = {frame['Q'].iloc[0]} to {frame['Q'].iloc[-1]}, "
@@ -187,67 +137,67 @@ def table_of(history: ContactHistory, body: RunBody, *, brackets: bool = False) 
 
 
 def _on_rim(
-    history: ContactHistory, body: RunBody, remarks: list[str]
-) -> tuple[RunBody, FloatArray, dict[str, Any]]:
+    history: ContactHistory, run: Run, remarks: list[str]
+) -> tuple[Run, FloatArray, dict[str, Any]]:
     """Return the body with R, gaps over R, shape (n_step, n_corner), and their errors."""
-    assert history.x is not None
-    R, where, n = body.R or history.R, history.where, history.x.shape[1]
+    assert history.at is not None
+    R, where, position, n = run.R or history.R, run.where, history.at, history.at.shape[1]
     if history.undeformed is None:
-        rim = Rim.deformed(history.x[0], where, R=R, symmetry=body.symmetry)
+        rim = Rim.deformed(position[0, :, 0], where, R=R, symmetry=run.symmetry)
     else:
-        rim = Rim.of(history.undeformed, where, R=R, symmetry=body.symmetry)
-    body = replace(body, R=rim.R)
+        rim = Rim.of(history.undeformed, where, R=R, symmetry=run.symmetry)
+    run = replace(run, R=rim.R)
     remarks.append(f"surface: {n} nodes on a circle of R = {rim.R:.6g}")
-    if history.height is None:
-        return body, _closed_gaps(history, body, rim), {}
+    away = np.abs(position[..., 0] - rim.centre[0])
+    if position.shape[-1] == 1:
+        return run, _closed_gaps(history, away, run, rim), {}
     digits = history.digits
-    position = np.stack([history.x, history.height], axis=-1)
-    if body.top is None and history.rigid is None:
-        position, body = _relative_to_tops(position, body, rim, where), replace(body, top=0.0)
+    if run.top is None and history.rigid is None:
+        position, run = _relative_to_tops(position, away, run, rim), replace(run, top=0.0)
         digits = math.hypot(digits, _REST_ERROR * rim.R)
         remarks.append("tops: where the body rests on the first ridge, step by step")
-    corners, radius, how = _corners(history, body, rim)
-    if body.symmetry == "half" and (beyond := n - len(rim.sides[0][0])):
+    corners, radius, how = _corners(history.rigid, float(away.max()), run, rim)
+    if run.symmetry == "half" and (beyond := n - len(rim.sides[0][0])):
         # Rim ignores a side with few nodes, such as nodes just beyond the axis of a half mesh.
         remarks.append(f"{beyond} surface nodes ignored: beyond the axis of a half mesh")
     remarks.append(how)
     gaps = np.array([rim.gaps(at, corners, radius)[1:] for at in position]) / rim.R
     # Beside the flat tops the rim may dip into round corners without overlap.
-    flat, width = corners + np.array([radius, 0.0]), body.a_over_R * rim.R - 2 * radius
+    flat, width = corners + np.array([radius, 0.0]), run.a_over_R * rim.R - 2 * radius
     depth = np.array([rim.overlap(at, flat, width) for at in position])
     error = np.hypot(depth[:, None], digits) / rim.R
     # A height is the sum of two printed numbers, a coordinate and a displacement.
-    return body, gaps, {"gap_error": error, "digits": 2 * history.digits / rim.R}
+    return run, gaps, {"gap_error": error, "digits": 2 * history.digits / rim.R}
 
 
-def _corners(history: ContactHistory, body: RunBody, rim: Rim) -> tuple[FloatArray, float, str]:
+def _corners(
+    rigid: FloatArray | None, farthest: float, run: Run, rim: Rim
+) -> tuple[FloatArray, float, str]:
     """Return the proximal corners (distance from the axis, height), their radius and a message."""
-    assert history.x is not None
-    where, R, b = history.where, rim.R, body.b_over_R * rim.R
-    pitch = body.a_over_R * R + b
-    farthest = np.abs(history.x - rim.centre[0]).max()
-    rim.check_reach("surface node", farthest, where)
+    R, b = rim.R, run.b_over_R * rim.R
+    pitch = run.a_over_R * R + b
+    rim.check_reach("surface node", farthest, run.where)
     n = max(math.ceil((farthest - b / 2) / pitch), 2)
     far = b / 2 + pitch * np.arange(n)
-    if body.top is not None:
-        corners = np.column_stack([far, np.full(n, body.top)])
-        return corners, (body.corner_over_R or 0.0) * R, f"tops at y = {body.top:g}"
-    rigid = np.zeros((0, 2)) if history.rigid is None else history.rigid
+    if run.top is not None:
+        corners = np.column_stack([far, np.full(n, run.top)])
+        return corners, (run.corner_over_R or 0.0) * R, f"tops at y = {run.top:g}"
+    assert rigid is not None
     away = np.abs(rigid[:, 0] - rim.centre[0])
-    radius = body.corner_over_R
+    radius = run.corner_over_R
     if radius is None:
-        radius = _corner_radius(away, rigid[:, 1], b / 2, body.a_over_R * R, R)
+        radius = _corner_radius(away, rigid[:, 1], b / 2, run.a_over_R * R, R)
     # The highest rigid node at the end of each flat top gives the height of the ridge.
     at_ends = (rigid[np.abs(away - end) < NEAR * R, 1] for end in far + radius * R)
     heights = [float(y.max()) for y in takewhile(len, at_ends)]
     if len(heights) < 2:
         raise InputError(
-            f"{where}: no rigid nodes at the corners, {far[0] + radius * R:.6g} and "
+            f"{run.where}: no rigid nodes at the corners, {far[0] + radius * R:.6g} and "
             f"{far[1] + radius * R:.6g} from the axis; expected a deck with the ridges and "
             "their --texture, or --top, their height, and --corner where corners are round"
         )
     tops = f"tops at y = {heights[0]:.6g} in the deck, {len(heights)} ridges a side"
-    if radius and body.corner_over_R is None:
+    if radius and run.corner_over_R is None:
         tops += f"; corners of radius {radius:.6g} R, by the deck's nodes"
     return np.column_stack([far[: len(heights)], heights]), radius * R, tops
 
@@ -263,17 +213,16 @@ def _corner_radius(away: FloatArray, y: FloatArray, near: float, a: float, R: fl
     return round(radius / R, 9) if radius > NEAR * R and start.any() else 0.0
 
 
-def _relative_to_tops(position: FloatArray, body: RunBody, rim: Rim, where: str) -> FloatArray:
+def _relative_to_tops(position: FloatArray, away: FloatArray, run: Run, rim: Rim) -> FloatArray:
     """Return positions with y = 0 at the height at which the body rests on the first ridge."""
     parts = np.array([_CORNER_MARGIN, 1 - _CORNER_MARGIN])
-    near, far = rim.R * (body.b_over_R / 2 + parts * body.a_over_R)
-    away = np.abs(position[..., 0] - rim.centre[0])
+    near, far = rim.R * (run.b_over_R / 2 + parts * run.a_over_R)
     position = position.copy()
     for k, x in enumerate(away):
         over = (near <= x) & (x <= far)
         if not over.any():
             raise InputError(
-                f"{where}, state {k + 1}: no rim node over the first ridge, {near:.4g} to "
+                f"{run.where}, state {k + 1}: no rim node over the first ridge, {near:.4g} to "
                 f"{far:.4g} from the axis; expected its texture and a mesh as fine, or --top"
             )
         # Heights of resting nodes scatter about the top by the mesh error; their median is robust.
@@ -285,19 +234,17 @@ def _relative_to_tops(position: FloatArray, body: RunBody, rim: Rim, where: str)
     return position
 
 
-def _closed_gaps(history: ContactHistory, body: RunBody, rim: Rim) -> FloatArray:
+def _closed_gaps(history: ContactHistory, away: FloatArray, run: Run, rim: Rim) -> FloatArray:
     """Return gaps of -inf (ridge in contact), inf (not in contact) or NaN (ambiguous).
 
     The shape is (n_step, n_ridge), from the second ridge on. A ridge is ambiguous if it is only
     covered by closed faces that also cover another ridge.
     """
-    assert history.x is not None
     assert history.closed is not None
-    a, b = body.a_over_R * rim.R, body.b_over_R * rim.R
-    away = np.abs(history.x - rim.centre[0])
+    a, b = run.a_over_R * rim.R, run.b_over_R * rim.R
     reach = 0.0 if history.width is None else history.width / 2
     farthest = float(np.max((away + reach)[history.closed], initial=0.0))
-    rim.check_reach("face", farthest, history.where)
+    rim.check_reach("face", farthest, run.where)
     n = max(math.ceil((farthest - b / 2) / (a + b)), 1) + 1
     near = b / 2 + (a + b) * np.arange(n)
     gap = np.full((len(away), n), math.inf)

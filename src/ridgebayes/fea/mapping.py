@@ -1,7 +1,7 @@
 """Matching of a file's columns with contract columns: by mapping, by name, or by header words."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
@@ -9,12 +9,13 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import (
     DIMENSIONS,
+    N_MEAN,
     corner_key,
     corners_of,
     count_term,
-    is_number_of_repeats,
     key_of,
     load_kind,
+    plain,
     repeats_of,
     split_header,
     unit_factor,
@@ -26,7 +27,9 @@ LOADS = ("p_over_E", "p", "line", "force")
 LOWERS = tuple(f"{key}_lower" for key in LOADS)
 SDS, _SEMS = (tuple(f"{key}{end}" for key in LOADS) for end in ("_sd", "_sem"))
 CORNERS = ("gap", "gap_over_R", "pressure", "status")
-ABOVE_0 = ("a", "b", "pitch", "R", "D", "E", "thickness", "p", "line", "force")
+BODY_KEYS = ("R", "D", "E")
+NEVER_EMPTY = ("a", "b", "pitch", *BODY_KEYS)  # columns that must not have empty cells
+ABOVE_0 = (*NEVER_EMPTY, "thickness", *LOADS[1:])
 _MEAN_KEYS = ("load", "load_lower", "load_sd", "load_sem", "n_mean")
 _UNLISTED_KEYS = ("gap", "thickness", *SDS, *_SEMS)
 KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _UNLISTED_KEYS), *_MEAN_KEYS)
@@ -102,7 +105,6 @@ class Use:
 def assign(
     headers: Sequence[str],
     mapping: Mapping[str, str],
-    values: Mapping[str, object],
     problems: FileError,
 ) -> tuple[list[Use], str | None]:
     """Assign keys to the columns of a file.
@@ -114,10 +116,8 @@ def assign(
     mapping : mapping of str to str
         Headers by key, with ``;unit`` if the header has no unit. A header with ``*`` maps one
         column per Q, and ``Q=*`` maps headers such as ``Q=4``. Other columns are recognised.
-    values : mapping of str to object
-        Constants by key.
     problems : FileError
-        Collects columns whose meaning is unclear.
+        The import, with constants; collects columns whose meaning is unclear.
 
     Returns
     -------
@@ -130,9 +130,10 @@ def assign(
     Raises
     ------
     InputError
-        If a key is unknown, a header is missing, or two columns are mapped to one key.
+        If a key of a column or constant is unknown, a header is missing, or two columns are mapped
+        to one key.
     """
-    columns = _Columns(headers, values, problems)
+    columns = _Columns(headers, problems)
     is_wide = False
     for name, text in mapping.items():
         if name.strip() == "Q" and text.strip() in ("*", "Q=*"):
@@ -148,34 +149,22 @@ def assign(
     counts = [u for u in columns.uses if u.key == "Q" and u.how == "guessed"]
     terms = columns.terms | {count_term(use.header) for use in counts}
     term = None if not terms else min(terms) if len(terms) == 1 else ""
-    return [as_load(use, columns.uses, values, problems) for use in columns.uses], term
-
-
-def check_constants(values: Mapping[str, object], where: str) -> None:
-    """Check the keys of constants.
-
-    Raises
-    ------
-    InputError
-        If a key is unknown, or the quantity must be a column.
-    """
-    for key in values:
-        if key not in CONSTANTS:
-            raise InputError(f"{where}: value {key!r}: expected one of {', '.join(CONSTANTS)}")
+    return [as_load(use, columns.uses, problems) for use in columns.uses], term
 
 
 class _Columns:
     """The columns of a file, and the keys assigned so far."""
 
-    def __init__(
-        self, headers: Sequence[str], values: Mapping[str, object], problems: FileError
-    ) -> None:
+    def __init__(self, headers: Sequence[str], problems: FileError) -> None:
         self.uses: list[Use] = []
         self.terms: set[str] = set()
-        self.problems, self.values = problems, values
+        self.problems = problems
+        for key in problems.values:
+            if key not in CONSTANTS:
+                raise problems.error(f"value {key!r}: expected one of {', '.join(CONSTANTS)}")
         self._split = {header: split_header(header) for header in headers}  # words and unit
         for header in headers:
-            if header in values:
+            if header in problems.values:
                 raise self._duplicate(header, header)
 
     def map(self, name: str, text: str) -> None:
@@ -255,7 +244,7 @@ class _Columns:
         is_wide = any(use.Q is not None for use in self.uses)
         of_mean = sum(key_of(words) in ("load_sd", "load_sem", "Q") for _, words, _ in free) > 2
         for header, words, unit in free:
-            key = "n_mean" if of_mean and is_number_of_repeats(words) else key_of(words)
+            key = "n_mean" if of_mean and plain(words) in N_MEAN else key_of(words)
             of_each_Q = is_wide and (key == "Q" or (key in PER_Q and key != "rel_se"))
             if not key or _alternatives(key) & keys or of_each_Q:
                 continue
@@ -268,7 +257,7 @@ class _Columns:
         places: dict[tuple[str, int | None], list[Use]] = {}
         for use in self.uses:
             rivals = {use.key} if use.key in CORNERS else _alternatives(use.key)
-            if constant := rivals & set(self.values):
+            if constant := rivals & set(self.problems.values):
                 raise self._duplicate(min(constant), use.header)
             is_corner = use.Q is not None and use.key in CORNERS
             places.setdefault(("corner" if is_corner else min(rivals), use.Q), []).append(use)
@@ -292,7 +281,7 @@ class _Columns:
 
     def _keys(self) -> set[str]:
         """Return the keys of all assigned columns and constants."""
-        return {use.key for use in self.uses} | set(self.values)
+        return {use.key for use in self.uses} | set(self.problems.values)
 
     def _free(self) -> list[tuple[str, str, str]]:
         """Return the header, words and unit of each unassigned column."""
@@ -314,20 +303,18 @@ def _alternatives(key: str) -> set[str]:
     return next((set(group) for group in _ALTERNATIVES if key in group), {key})
 
 
-def lacking(uses: Sequence[Use], values: Mapping[str, object]) -> list[str]:
+def lacking(uses: Sequence[Use], values: Iterable[str]) -> list[str]:
     """Return the required quantities (a, b, Q, load) that neither a column nor a constant gives."""
     keys = {use.key for use in uses} | set(values)
     per_Q = {use.key for use in uses if use.Q is not None}
     if "pitch" in keys:
-        keys.add("b")
+        keys.add("a" if keys & _alternatives("b") else "b")
     if per_Q:
         keys |= {"Q"} if per_Q & set(CORNERS) else {"Q", "load"}
     return [key for key in ("a", "b", "Q", "load") if not keys & _alternatives(key)]
 
 
-def as_load(
-    use: Use, uses: Sequence[Use], values: Mapping[str, object], problems: FileError
-) -> Use:
+def as_load(use: Use, uses: Sequence[Use], problems: FileError) -> Use:
     """Replace "load" in a key by the kind of load of its unit; ask for a unit if it is missing.
 
     An sd or a standard error of loads without a unit has the unit of the loads.
@@ -346,7 +333,7 @@ def as_load(
     keys = {other.key for other in others}
     has_units = any(other.own_unit not in ("", "1", "-") for other in others)
     needs_R = bool(keys & {"a", "b"}) and not keys & {"R", "D"}
-    if has_units or needs_R or {"E", "R"} & values.keys():
+    if has_units or needs_R or {"E", "R"} & problems.values.keys():
         shown = re.sub(r"\d+", "*", use.header) if use.Q is not None else use.header
         is_mass = unit != "" and load_kind(f"{unit}f") == "force"
         hint = f"{unit!r} is no unit" + (f" of loads ({unit}f is one)" if is_mass else "")
@@ -355,6 +342,6 @@ def as_load(
             f"name it, as --map 'p_over_E={shown}', 'p={shown};kPa', 'line={shown};N/mm' or "
             f"'force={shown};N'",
             {use.key: f"{shown};{unit}f" if is_mass else f"{shown};?"},
-            **({} if "E" in keys | values.keys() else {"E": "? kPa"}),
+            **({} if "E" in keys | problems.values.keys() else {"E": "? kPa"}),
         )
     return replace(use, key=use.key.replace("load", "p_over_E"))

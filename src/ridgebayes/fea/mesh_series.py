@@ -10,28 +10,28 @@ import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
+from ridgebayes.fea.deck import Run
 from ridgebayes.fea.history import NEAR, ContactHistory
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.mesh_files import is_beside, parse_xml, read_vtu, read_xdmf
-from ridgebayes.fea.record import FARTHEST, HUGE, SHOWN, Given, provenance
+from ridgebayes.fea.record import FARTHEST, HUGE, SHOWN
 from ridgebayes.runtime.text import clipped
 
 
-def read_series(paths: Sequence[Path], facts: Given) -> ContactHistory:
+def read_series(run: Run) -> ContactHistory:
     """Read a series of deformed meshes.
 
     Parameters
     ----------
-    paths : sequence of pathlib.Path
+    run : Run
         An ``.xdmf`` time series (with data in the file or in an HDF5 file in its folder), a
         ``.pvd`` with ``.vtu`` files in its folder, or several ``.vtu`` files. The points are those
-        of the undeformed plane mesh below the mid-plane of the cylinder.
-    facts : Given
-        The user's options. `R` is the radius, by default the extent of the mesh at the mid-plane.
-        `field` is the name of the point data of displacements, in the units of the points, by
-        default "displacement". `time` is the meaning of times and loads: "p_over_E" (default), or
-        "line" for the line load 2 R p of the whole body. `loads` gives one load for each ``.vtu``
-        file, if there is no ``.pvd`` or its times are not loads.
+        of the undeformed plane mesh below the mid-plane of the cylinder. The radius is by default
+        the extent of the mesh at the mid-plane. The fact `field` is the name of the point data of
+        displacements, in the units of the points, by default "displacement". `time` is the meaning
+        of times and loads: "p_over_E" (default), or "line" for the line load 2 R p of the whole
+        body. `loads` gives one load for each ``.vtu`` file, if there is no ``.pvd`` or its times
+        are not loads.
 
     Returns
     -------
@@ -43,17 +43,17 @@ def read_series(paths: Sequence[Path], facts: Given) -> ContactHistory:
         If a file cannot be parsed, has a document type, entities or an encoding other than UTF-8,
         refers to data outside of its folder, or has more than 2 GiB of data.
     """
-    field, time, loads = facts.field or "displacement", facts.time, facts.loads
+    paths, where, time, loads = run.paths, run.where, run.facts.time, run.facts.loads
+    field = run.facts.field or "displacement"
     if time not in (None, "p_over_E", "line"):
         raise InputError(f"--time {time}: expected p_over_E or line")
-    where, first = str(paths[0]), paths[0]
     kinds = {path.suffix.lower() for path in paths}
     words: Sequence[object] = loads
     if kinds == {".pvd"} and len(paths) == 1:
-        paths, times = _read_pvd(first)
+        paths, times = _read_pvd(run.path)
         words = words or times
     elif kinds <= {".xdmf", ".xmf"} and len(paths) == 1 and not loads:
-        points, moved, words = read_xdmf(first, field)
+        points, moved, words = read_xdmf(run.path, field)
         places = [f"{where}, state {k}" for k in range(1, len(moved) + 1)]
     elif kinds != {".vtu"}:
         raise InputError(f"{where}: expected one .xdmf with its times, one .pvd, or several .vtu")
@@ -64,27 +64,22 @@ def read_series(paths: Sequence[Path], facts: Given) -> ContactHistory:
         points, moved = _read_vtus(paths, field)
         places = [str(path) for path in paths]
     load = _loads(words, places)
-    nodes, R = _rim(points, None if facts.R is None else float(facts.R), where)
+    nodes, R = _rim(points, run.R, where)
     most = np.array([np.abs(state).max() for state in moved], dtype=float)
     if not most.max() <= FARTHEST * R:
         size = f"{field!r} up to {most.max():.3g}; expected within {FARTHEST:g} R"
         raise InputError(f"{places[most.argmax()]}: {size}")
     undeformed = np.asarray(points, dtype=float)[nodes, :2]
-    x, height = np.moveaxis(undeformed + np.array(moved, dtype=float)[:, nodes], -1, 0)
     rim = f"{len(nodes)} of {len(points)} nodes are the rim"
-    named = [path.name for path in paths if path != first][:SHOWN]
     return ContactHistory(
         load,
-        where,
-        provenance(first, "series", f"field={field}", *named),
-        "series",
-        x,
-        height,
+        undeformed + np.array(moved, dtype=float)[:, nodes],
         undeformed=undeformed,
         R=R,
         digits=float(np.finfo(np.result_type(*moved)).eps * most.max()),
         load_is=time or "p_over_E",
-        messages=(f"{where}: {len(moved)} states, {rim}",),
+        messages=[f"{where}: {len(moved)} states, {rim}"],
+        files=(f"field={field}", *[path.name for path in paths if path != run.path][:SHOWN]),
     )
 
 

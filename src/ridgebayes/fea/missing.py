@@ -1,15 +1,15 @@
 """Proposals for required columns that were not recognised; the user has to confirm them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import pandas as pd
 
 from ridgebayes.fea.mapping import Use, as_load
 from ridgebayes.fea.record import FileError
-from ridgebayes.fea.words import DIMENSIONS, is_counter, split_header, unit_factor
+from ridgebayes.fea.words import COUNTER, DIMENSIONS, split_header, unit_factor
 
 _KEY_NAMES = {
-    "a": "a_over_R (or a)",
+    "a": "a_over_R (or a, pitch)",
     "b": "b_over_R (or b, pitch)",
     "Q": "Q",
     "load": "p_over_E (or p, line, force, load)",
@@ -17,13 +17,9 @@ _KEY_NAMES = {
 
 
 def ask_columns(
-    lacking: Sequence[str],
-    cells: pd.DataFrame,
-    uses: list[Use],
-    values: Mapping[str, object],
-    problems: FileError,
-) -> list[Use]:
-    """Ask the user for missing columns, and return the uses with the proposed columns added.
+    lacking: Sequence[str], cells: pd.DataFrame, uses: list[Use], problems: FileError
+) -> None:
+    """Ask the user for missing columns, and add the proposed columns to the uses.
 
     The proposed columns let the import go on, so that further errors are found; `problems` holds an
     error for each missing quantity.
@@ -36,13 +32,13 @@ def ask_columns(
         The table; proposed columns are converted to numbers in place.
     uses : list of Use
         Recognised columns.
-    values : mapping of str to object
-        Constants by key.
     problems : FileError
         Collects the questions.
     """
     taken = {use.header for use in uses}
-    names = [name for name in map(str, cells) if not (name in taken or is_counter(name))]
+    names = [
+        name for name in map(str, cells) if not (name in taken or COUNTER.search(name.lower()))
+    ]
     texts = {name: cells[name].astype(str).str.replace(",", ".") for name in names}
     numbers = {name: pd.to_numeric(text, errors="coerce") for name, text in texts.items()}
     is_text = {name: cells[name].dtype.kind not in "if" for name in names}
@@ -50,7 +46,6 @@ def ask_columns(
     kinds = {name: _kind(name, column) for name, column in free.items()}
     if any(use.key == "Q" for use in uses):  # the table already has a column of counts
         kinds = {name: kind.replace("Q", "") for name, kind in kinds.items()}
-    uses = [*uses]
     for key in lacking:
         problems.columns = ", ".join(map(repr, list(cells)[:50]))
         text = f"no column {_KEY_NAMES[key]}; name it with --map '{key}=HEADER'"
@@ -65,8 +60,7 @@ def ask_columns(
             problems.need(text, {key: header or "?"})
         if header is not None:
             cells[header] = free.pop(header).astype(float)
-            uses.append(as_load(Use(key, header), uses, values, problems))
-    return uses
+            uses.append(as_load(Use(key, header), uses, problems))
 
 
 def _kind(name: str, numbers: "pd.Series[float]") -> str:

@@ -1,14 +1,15 @@
 """Reader for tables of node results of any program, with a row for each node at each step."""
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 
-from ridgebayes.fea.columns import open_table
+from ridgebayes.fea.binary_tables import TABLES
+from ridgebayes.fea.deck import Run
+from ridgebayes.fea.delimited import table_content
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.record import FileError, Given, parse_map, provenance
+from ridgebayes.fea.record import FileError, parse_map
 from ridgebayes.fea.transitions import last_digit
 from ridgebayes.fea.words import OF_NODES, STATUS_RULE, plain, split_header, touching
 from ridgebayes.runtime.text import some_of
@@ -19,19 +20,17 @@ _CONTACT = ("gap", "pressure", "status")
 _REQUIRED = {"load": "the load of the step, the same in its rows", "x": "where the node is"}
 
 
-def read_node_table(paths: Sequence[Path], facts: Given) -> ContactHistory:
+def read_node_table(run: Run) -> ContactHistory:
     """Read a table with a row for each node at each step.
 
     Parameters
     ----------
-    paths : sequence of pathlib.Path
-        One file of a format of `ridgebayes.fea.columns.read_columns`, in a consistent system of
+    run : Run
+        One file of a format of `ridgebayes.fea.read.read_columns`, in a consistent system of
         units. Columns are ``load``, ``x`` (across the ridges), one of ``gap`` (to the ridges'
         tops), ``pressure`` and ``status``, and ``step`` and ``node`` if loads and coordinates do
-        not distinguish steps and nodes.
-    facts : Given
-        The user's options: format of the file, headers by key (`map`), and codes of a status that
-        mean contact (`closed_is`).
+        not distinguish steps and nodes. Used facts are the format of the file, headers by key
+        (`map`), and codes of a status that mean contact (`closed_is`).
 
     Returns
     -------
@@ -42,8 +41,9 @@ def read_node_table(paths: Sequence[Path], facts: Given) -> ContactHistory:
     InputError
         If a column is missing or ambiguous, a cell is invalid, or nodes differ between steps.
     """
-    path, problems = paths[0], FileError(str(paths[0]))
-    source = open_table(path, facts, problems)
+    facts, problems = run.facts, FileError(run.where, run.facts)
+    content = table_content(run.path, problems)
+    source = TABLES[run.path.suffix.lower()](content, problems)
     columns = _columns(source.headers, parse_map(facts.map), problems)
     kind = next((key for key in _CONTACT if key in columns), "")
     if not kind:
@@ -84,18 +84,11 @@ def read_node_table(paths: Sequence[Path], facts: Given) -> ContactHistory:
     if wide.isna().to_numpy().any():
         raise problems.error("the steps have different nodes: expected the same nodes in all steps")
     load, x, values = (np.asarray(part) for part in (loads.first(), wide["x"], wide["value"]))
-    is_gap = kind == "gap"
-    return ContactHistory(
-        load,
-        str(path),
-        provenance(path, "nodes"),
-        "nodes",
-        x,
-        values if is_gap else None,
-        None if is_gap else values > 0,
-        digits=last_digit(values) / 2 if is_gap else 0.0,
-        messages=(*problems.messages, f"{len(load)} steps of {x.shape[1]} nodes, by {kind}"),
-    )
+    messages = [*problems.messages, f"{len(load)} steps of {x.shape[1]} nodes, by {kind}"]
+    if kind == "gap":
+        at, digits = np.stack([x, values], axis=-1), last_digit(values) / 2
+        return ContactHistory(load, at, digits=digits, messages=messages)
+    return ContactHistory(load, x[..., None], closed=values > 0, messages=messages)
 
 
 def _columns(

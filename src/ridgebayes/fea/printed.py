@@ -13,7 +13,6 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
-from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line, numbers_of, read_lines
 from ridgebayes.fea.record import SHOWN
 from ridgebayes.runtime.text import clipped, some_of
@@ -194,7 +193,7 @@ class Printed:
         self.table: NodeTable | None = None
         self.others: set[str] = set()
         self.messages: list[str] = []
-        self._rule, self._where, self._n_again = rule, "", 0
+        self._rule, self._n_again = rule, 0
         self._nodes: dict[str, pd.Index[int]] = {}
         self._handlers = [item for item in vars(type(self)).values() if hasattr(item, "pattern")]
 
@@ -308,7 +307,6 @@ class Printed:
                 states.append(read(increment))
             except MissingError as lack:
                 ignored.setdefault(str(lack), []).append(f"line {increment.line.number}")
-        self._where = str(path)
         notes = [f"not used: {', '.join(sorted(self.others))}"] if self.others else []
         if self._n_again:
             notes.append(f"{self._n_again} increments printed again: the later one counts")
@@ -321,18 +319,3 @@ class Printed:
             raise InputError(f"{path}: no increment with {required}{why}")
         self.messages = [f"{path}: {len(states)} increments", *notes]
         return np.array([load for load, _ in states], dtype=float), [rest for _, rest in states]
-
-    def history(
-        self,
-        load: FloatArray,
-        source: str,
-        solver: str,
-        *,
-        at: FloatArray | None = None,
-        **contact: Any,
-    ) -> ContactHistory:
-        """Return a contact history; `at` holds the positions of the surface nodes at each step."""
-        messages = tuple(self.messages)
-        if at is not None:
-            contact["x"], contact["height"] = np.moveaxis(at, -1, 0)
-        return ContactHistory(load, self._where, source, solver, messages=messages, **contact)

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import BoolArray, IntArray
-from ridgebayes.contact.hertz import load_of_half_width
+from ridgebayes.contact.hertz import transition_load
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_bytes, read_toml
 from ridgebayes.runtime.text import clipped, count, shown_value, some_of
@@ -106,10 +106,10 @@ class Given:
     time: str | None = None
     loads: tuple[float, ...] = ()
 
-    def columns_and_values(self) -> tuple[dict[str, str], dict[str, str | float]]:
+    def columns_and_values(self) -> tuple[dict[str, str], dict[str, str]]:
         """Return headers by key and constants by key, from mapping files and options."""
         mapping: dict[str, str] = {}
-        values: dict[str, str | float] = {}
+        values: dict[str, str] = {}
         files = [text for text in self.map if text.endswith(".toml") and "=" not in text]
         for file in files:
             columns, constants = read_mapping(Path(file))
@@ -117,15 +117,13 @@ class Given:
             values |= constants
         mapping |= parse_map(text for text in self.map if text not in files)
         values |= self.numbers()
-        if self.load_se is not None:
-            values["load_se"] = self.load_se
         if self.texture is not None:
-            values["a_over_R"], values["b_over_R"] = self.texture
-        return mapping, values
+            values["a_over_R"], values["b_over_R"] = map(str, self.texture)
+        return mapping, {key: text.strip() for key, text in values.items()}
 
     def numbers(self) -> dict[str, str]:
-        """Return the given values of nu, R, E and thickness by key, as typed."""
-        typed = {key: getattr(self, key) for key in ("nu", "R", "E", "thickness")}
+        """Return the given values of nu, R, E, thickness and load_se by key, as typed."""
+        typed = {key: getattr(self, key) for key in ("nu", "R", "E", "thickness", "load_se")}
         return {key: text for key, text in typed.items() if text is not None}
 
 
@@ -196,21 +194,22 @@ class TableFile(Protocol):
     def read(self, numeric: Collection[str], problems: "FileError") -> pd.DataFrame:
         """Read all rows, `numeric` columns as numbers; report cells that are not numbers."""
 
-    def spot(self, row: int, name: str) -> str:
-        """Return the place of a cell, such as ``line 4``, for messages."""
-
-    def typed(self, row: int, name: str) -> str:
-        """Return the text of a cell."""
+    def cell(self, row: int, name: str) -> tuple[str, str]:
+        """Return the place of a cell, such as ``line 4``, and its text."""
 
 
 @dataclass(eq=False, repr=False)
 class FileError(InputError):
-    """Collector of all errors and questions of an import, raised as one error at the end.
+    """An import: the user's facts, and all messages, errors and questions, raised as one error.
 
     Parameters
     ----------
     where : str
         File, for messages.
+    facts : Given
+        The user's options.
+    values : dict of str to str
+        Constants by key.
     wrong, needs : list of str
         Broken rules, and facts that the user has to give.
     options : dict of str to str
@@ -228,6 +227,8 @@ class FileError(InputError):
     """
 
     where: str
+    facts: Given = field(default_factory=Given)
+    values: dict[str, str] = field(default_factory=dict)
     wrong: list[str] = field(default_factory=list)
     needs: list[str] = field(default_factory=list)
     options: dict[str, str] = field(default_factory=dict)
@@ -291,8 +292,8 @@ class FileError(InputError):
         texts = []
         for (header, rule), rows in self._cells.items():
             first = heapq.nsmallest(SHOWN, rows)
-            cells = [clipped(source.typed(row, header)) for row in first]
-            spots = list(zip([source.spot(row, header) for row in first], cells, strict=True))
+            cells = [source.cell(row, header) for row in first]
+            spots = [(place, clipped(text)) for place, text in cells]
             text = broken_rule(source.where, f"column {header!r}", rule, spots, len(rows))
             texts.append((first[0], text))
         return [text for _, text in sorted(texts, key=lambda item: item[0])]
@@ -316,7 +317,8 @@ def broken_rule(where: str, name: str, rule: str, spots: Sequence[tuple[str, str
 
 FIRST = 4  # smallest Q with a transition load: two ridges touch at any load
 _MAX_REL_SE = 0.2  # larger relative errors get a caution
-# Loads above this multiple of a smooth body's load get a caution: a texture needs a smaller load.
+# Loads that differ from a smooth body's by more than this factor get a caution: by the half-plane
+# equation textures need 0.27 to 1 times that load, from a/b = 0.01 to wide ridges.
 _MAX_LOAD_RATIO = 5.0
 FARTHEST = 4.0  # largest distance over R of a point of the body from the axis
 HUGE = 1e100  # largest length or load; the product of three is still a finite float
@@ -346,19 +348,18 @@ class Imported:
         """Warnings about doubtful rows, which break no rule of the table.
 
         Doubtful are a relative error above 0.2, a curve that begins above Q = 4, and a load above
-        five times the load at which a smooth body reaches the same corner.
+        five times, or below a fifth of, the load at which a smooth body reaches the same corner.
         """
         frame = self.table.frame
         transition = frame[(frame["kind"] == TRANSITION) & (frame["status"] == OK)]
         first = transition.loc[transition.groupby(list(CURVE), sort=False)["Q"].idxmin()]
-        corner = frame["b_over_R"] / 2 + (frame["Q"] / 2 - 1) * (
-            frame["a_over_R"] + frame["b_over_R"]
-        )
-        limit = _MAX_LOAD_RATIO * load_of_half_width(corner, nu=frame["nu"])
-        ratio = f"{_MAX_LOAD_RATIO:g} times that of a smooth body"
-        far = f"p/E is over {ratio} whose contact reaches this corner"
+        texture = (frame[name] for name in ("Q", "a_over_R", "b_over_R"))
+        ratio = frame["p_over_E"] / transition_load(*texture, nu=frame["nu"])
+        is_far = ~ratio.between(1 / _MAX_LOAD_RATIO, _MAX_LOAD_RATIO)
+        factor = f"{_MAX_LOAD_RATIO:g} times, or under 1/{_MAX_LOAD_RATIO:g} of, that of a smooth"
         doubtful = {
-            f"{far}; check the units of loads, widths, R and E": frame[frame["p_over_E"] > limit],
+            f"p/E is over {factor} body whose contact reaches this corner; check the units of "
+            "loads, widths, R and E": frame[is_far],
             f"rel_se is above {_MAX_REL_SE:g}: the load is hardly known": frame[
                 frame["rel_se"] > _MAX_REL_SE
             ],

@@ -64,6 +64,9 @@ class Rim:
                 f"{_MAX_OFF_CIRCLE:g} R (the circle through them has R = {fitted:.6g})"
             )
         angle = np.arctan2(at[:, 0] - x, y - at[:, 1])
+        if np.cos(angle).mean() < -_MAX_OFF_CIRCLE:  # about 0 for a whole circle
+            rule = "expected the body above the ridges, with y upwards"
+            raise InputError(f"{where}: the surface is the upper side of its circle; {rule}")
         return cls(float(R), centre, _sides(angle, where, symmetry))
 
     @classmethod

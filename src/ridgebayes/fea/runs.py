@@ -11,15 +11,16 @@ from ridgebayes.fea.abaqus_dat import read_abaqus_dat
 from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
 from ridgebayes.fea.ansys import read_ansys
 from ridgebayes.fea.calculix import read_calculix
-from ridgebayes.fea.deck import Deck, read_deck
+from ridgebayes.fea.deck import Deck, Run, read_deck
 from ridgebayes.fea.febio import read_febio
-from ridgebayes.fea.history import ContactHistory, RunBody, table_of
+from ridgebayes.fea.history import ContactHistory, table_of
 from ridgebayes.fea.mesh_series import read_series
 from ridgebayes.fea.node_table import read_node_table
-from ridgebayes.fea.record import FileError, Given, Imported
+from ridgebayes.fea.record import FileError, Given, Imported, provenance
 
 _WITH_DECK = ("calculix", "abaqus-dat")
-_READERS: dict[str, Callable[[Sequence[Path], Given], ContactHistory]] = {
+_WITHOUT_PLACES = ("febio", "ansys", "nodes")  # formats whose files may lack R
+_READERS: dict[str, Callable[[Run], ContactHistory]] = {
     "calculix": read_calculix,
     "abaqus-dat": read_abaqus_dat,
     "abaqus-rpt": read_abaqus_rpt,
@@ -47,91 +48,73 @@ def read_run(name: str, paths: Sequence[Path], facts: Given) -> Imported:
     InputError
         If a file cannot be parsed, or a fact is missing.
     """
-    facts, deck, messages = _completed(paths[0], facts, name)
-    body = _body(facts)
-    if facts.deck is not None:
-        deck.check_material(body.E, body.nu, facts.deck)
-    history = _READERS[name](paths, facts)
-    history = replace(history, messages=(*messages, *history.messages))
-    return table_of(history, body, brackets=facts.brackets)
-
-
-def _completed(path: Path, facts: Given, name: str) -> tuple[Given, Deck, list[str]]:
-    """Complete the facts with those of the deck, and ask for all missing facts in one error.
-
-    Return the facts, the deck, and messages.
-    """
-    problems = FileError(str(path))
-    more: dict[str, Any] = {}
-    has_deck = name in _WITH_DECK
-    beside = path.with_suffix(".inp")
-    if has_deck and facts.deck is None and beside.is_file():
-        more["deck"] = beside
-    file = facts.deck or more.get("deck")
+    path, problems = paths[0], FileError(str(paths[0]), facts)
+    file, beside = facts.deck, path.with_suffix(".inp")
+    if name in _WITH_DECK and file is None and beside.is_file():
+        file = beside
     deck = Deck() if file is None else read_deck(file)
-    if facts.nu is None and deck.nu is not None:
+    facts = _completed(name, deck, problems)
+    run = _run(paths, facts, deck)
+    deck.check_material(run.E, run.nu)
+    history = _READERS[name](run)
+    named = {"deck": file and file.name, "surface": facts.surface, "reaction": facts.reaction}
+    details = [f"{key}={text}" for key, text in named.items() if text]
+    files = history.files or [other.name for other in paths[1:]]
+    source = provenance(path, name, *details, *files)
+    history = replace(history, messages=(*problems.messages, *history.messages))
+    return table_of(history, run, solver=name.partition("-")[0], source=source)
+
+
+def _completed(name: str, deck: Deck, problems: FileError) -> Given:
+    """Complete the facts with those of the deck, and ask for all missing facts in one error."""
+    facts, file = problems.facts, deck.path
+    more: dict[str, Any] = {"deck": file}
+    if deck.nu is not None:
         more["nu"] = f"{deck.nu:.6g}"
     # Decks of export-deck have E = 1 up to printed digits; the default of E is exactly 1.
-    if facts.E is None and deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
+    if deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
         more["E"] = f"{deck.E:.10g}"
-    sets, needed = _sets(deck) if has_deck else ({}, {})
-    more |= sets
-    if has_deck and file is None:
-        needed["deck"] = "the run's input deck"
-    needed |= _required(path, name, facts, deck, has_file=file is not None)
-    for key, what in needed.items():
-        if getattr(facts, key) is None:
-            value = {"texture": "?,?", "deck": "?.inp"}.get(key, "?")
-            problems.need(f"--{key}: missing; expected {what}", **{key: value})
-    if name == "ansys" and facts.map and facts.symmetry is None:  # no x to infer it
-        problems.need("--symmetry: missing; expected half or full, the body", symmetry="?")
-    if name == "nodes" and facts.top is None:  # gaps are heights above the tops
-        facts = replace(facts, top=0.0)
+    if deck.thickness is not None and deck.thickness != 1:
+        more["thickness"] = f"{deck.thickness:.10g}"
+    sets = deck.result_sets if name in _WITH_DECK else {}
+    more |= {key: names[0] for key, names in sets.items() if len(names) == 1}
+    more = {key: value for key, value in more.items() if value and getattr(facts, key) is None}
+    for key, what in _needed(name, facts, deck, problems.where).items():
+        if getattr(facts, key) is None and key not in more:
+            if key in sets:
+                what += f": {', '.join(sets[key] or deck.nsets) or 'in the deck'}"
+            text = f"--{key}: missing; expected {what}"
+            problems.need(text, **{key: {"texture": "?,?", "deck": "?.inp"}.get(key, "?")})
     problems.raise_all()
-    more = {key: value for key, value in more.items() if getattr(facts, key) is None}
-    if facts.E is None and deck.E is None and file is not None:
-        problems.messages.append(f"{file}: no material, so E = 1; --E gives another")
     if more:
         shown = ", ".join(f"{key} = {value}" for key, value in more.items())
         problems.messages.append(f"{file}: {shown}")
-    return replace(facts, **more), deck, problems.messages
+    if name == "nodes" and facts.top is None:  # gaps are heights above the tops
+        more["top"] = 0.0
+    return replace(facts, **more)
 
 
-def _required(path: Path, name: str, facts: Given, deck: Deck, *, has_file: bool) -> dict[str, str]:
-    """Return the facts that neither the run's files nor its deck give: option and description."""
-    without_deck = name in ("febio", "ansys", "nodes")
-    is_line = facts.time == "line" or (name == "abaqus-rpt" and not has_file)
-    needed = {"texture": "A,B, ridge and groove width over R"}
-    if deck.nu is None:
-        needed["nu"] = "Poisson's ratio of the run"
-    if without_deck or is_line:
-        needed["E"] = "Young's modulus, in the units of the run"
-    if path.suffix.lower() == ".pvd":
-        needed["time"] = "line or p_over_E, what times or loads are"
-    if without_deck:
-        needed["R"] = "the body's radius, in the units of the run"
-    return needed
+def _needed(name: str, facts: Given, deck: Deck, where: str) -> dict[str, str]:
+    """Return the facts that a run needs, from the user or its deck: option and description."""
+    is_placed, has_deck = name not in _WITHOUT_PLACES, name in _WITH_DECK
+    is_load = name != "series" or facts.time == "line"  # and not p/E
+    has_E = deck.E is not None or (has_deck and deck.path is None)  # which is asked for
+    needed = {
+        "surface": (has_deck, "the node set of the body's surface"),
+        "reaction": (has_deck, "the node set of the driven nodes"),
+        "deck": (has_deck, "the run's input deck"),
+        "texture": (True, "A,B, ridge and groove width over R"),
+        "nu": (True, "Poisson's ratio of the run"),
+        "E": (is_load and not has_E, "Young's modulus, in the units of the run"),
+        "time": (where.lower().endswith(".pvd"), "line or p_over_E, what times or loads are"),
+        "R": (not is_placed, "the body's radius, in the units of the run"),
+        # Nodes at corners have no x that tells it.
+        "symmetry": (name == "ansys" and bool(facts.map), "half or full, the body"),
+    }
+    return {key: what for key, (is_needed, what) in needed.items() if is_needed}
 
 
-def _sets(deck: Deck) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the surface and reaction sets if the deck prints one of each, and questions if not."""
-    names, needed = {}, {}
-    for key, kind, what in (
-        ("surface", "U", "the body's surface"),
-        ("reaction", "RF", "the driven nodes"),
-    ):
-        sets = deck.printed.get(kind, [])
-        others = [name for name in sets if name not in deck.printed.get("RF", [])]
-        sets = others if kind == "U" and len(others) == 1 else sets
-        there = ", ".join(sets or deck.nsets) or "in the deck"
-        if len(sets) == 1:
-            names[key] = sets[0]
-        else:
-            needed[key] = f"the node set of {what}: {there}"
-    return names, needed
-
-
-def _body(facts: Given) -> RunBody:
+def _run(paths: Sequence[Path], facts: Given, deck: Deck) -> Run:
     assert facts.texture is not None
     numbers = {}
     for key, text in facts.numbers().items():
@@ -141,10 +124,13 @@ def _body(facts: Given) -> RunBody:
             raise InputError(
                 f"--{key} {text!r}: expected a plain number, in the units of the run"
             ) from None
-    return RunBody(
+    return Run(
         *facts.texture,
         **numbers,
         symmetry=facts.symmetry or "half",
         top=facts.top,
         corner_over_R=facts.corner,
+        paths=paths,
+        facts=facts,
+        deck=deck,
     )

@@ -180,6 +180,7 @@ OF_NODES, ANSYS_CLOSED = _WORDS["nodes"], _WORDS["status"]["ansys_closed"]
 N_PLANE_FACES = _WORDS["calculix"]["n_plane_faces"]
 PLANE_CORNERS = _WORDS["calculix"]["plane_corners"]
 PRINTED_ROUNDING = _WORDS["calculix"]["rounding"]
+N_MEAN = _WORDS["columns"]["n_mean"]  # headers of the number of measurements of a mean
 COUNTS = {term: count["said"] for term, count in _WORDS["counts"].items()}
 STATUS_RULE = (
     "expected open or 0, closed or 1, or an empty cell; --closed-is says which codes are contact"
@@ -188,9 +189,10 @@ _LOWER, _FILLERS = (
     re.compile(rf"\b{_any_of(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
 )
 NOTHING = re.compile(rf"\s*{_any_of(_WORDS['columns']['nothing'])}\s*", re.I)
-_COUNTER, _ERRORS, _NO_CORNER = (
+COUNTER, ERRORS, _NO_CORNER = (
     re.compile(_any_of(_WORDS["columns"][name])) for name in ("counter", "errors", "no_corner")
 )
+_LOADS = ("load", "p", "line")
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
 
 
@@ -223,7 +225,7 @@ def key_of(words: str) -> str:
         if under == "R" and over_R:
             return f"{over_R}_over_R"
         is_line = re.fullmatch(r"\(?2 ?\*? ?r ?\*? ?e\)?", match[2]) is not None
-        if key in ("load", "p", "line") and (under == "E" or is_line):
+        if key in _LOADS and (under == "E" or is_line):
             return "p_over_E"
         if under in ("R", "E"):
             return ""
@@ -233,7 +235,9 @@ def key_of(words: str) -> str:
 def _key_of(text: str) -> str:
     for key, yes, no in _PATTERNS:
         if yes.search(text) and not no.search(text):
-            is_lower = key in ("load", "p", "line") and _LOWER.search(text)
+            if key.startswith("load_s") and _key_of(yes.sub("", text).strip()) not in ("", *_LOADS):
+                return ""  # the sd of another quantity, such as E
+            is_lower = key in _LOADS and _LOWER.search(text)
             return f"{key}_lower" if is_lower else key
     return ""
 
@@ -301,21 +305,6 @@ def repeats_of(headers: Iterable[str]) -> dict[str, str]:
     templates = {(words[0], *words[2:]) for words in parts.values()}
     are_repeats = len(templates) == 1 and len(set(numbers.values())) == len(parts) > 1
     return numbers if are_repeats else {}
-
-
-def is_number_of_repeats(words: str) -> bool:
-    """Return whether a header beside a mean and its sd gives the number of measurements."""
-    return plain(words) in _WORDS["columns"]["n_mean"]
-
-
-def is_counter(header: str) -> bool:
-    """Return whether a column counts rows or increments, or has no header."""
-    return _COUNTER.search(header.lower()) is not None
-
-
-def is_error(header: str) -> bool:
-    """Return whether a column may hold errors of loads, of a kind that the header does not tell."""
-    return _ERRORS.search(header.lower()) is not None
 
 
 def touching(

@@ -1,17 +1,57 @@
-"""Parser of CalculiX ``.sta`` files, which list the converged increments."""
+"""Other files of CalculiX: results in a ``.frd``, and converged increments in a ``.sta``."""
 
 import math
 import re
 from pathlib import Path
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.lines import read_lines
-from ridgebayes.fea.printed import Printed
+from ridgebayes.fea.lines import Line, read_lines
+from ridgebayes.fea.printed import NodeTable, Printed, on
 from ridgebayes.fea.words import PRINTED_ROUNDING
 
+COLUMNS = {"DISP": ["vx", "vy", "vz"], "FORC": ["fx", "fy", "fz"]}
 # Step, increment, attempt (with a U if it did not converge), iterations, three times.
 _ATTEMPT = re.compile(r"\s*\d{1,9}\s+\d{1,9}\s+\d{1,9}(U?)\s+\d{1,9}\s+(\S+)\s+(\S+)\s+(\S+)\s*$")
 _HEADERS = ("SUMMARY OF JOB INFORMATION", "STEP")
+
+
+class Frd(Printed):
+    """Parser of the blocks of a ``.frd`` file; each block has the values of all nodes."""
+
+    _width = 0  # characters of a node number
+
+    @on(r"(?<= )-1")
+    def _row(self, line: Line, match: re.Match[str]) -> None:
+        if self.table is not None:
+            text, first = line.text, 3 + self._width
+            ends = range(first, first + 12 * len(self.table.columns), 12)
+            cells = [text[3:first], *(text[start : start + 12] for start in ends)]
+            self.table.lines.append(line._replace(text=" ".join(cells)))
+
+    @on("100C")
+    def _time(self, line: Line, match: re.Match[str]) -> None:
+        form = line.text[73:75].strip()
+        if form not in ("0", "1"):
+            raise line.error(f"format {form!r}; expected text, 0 or 1, not binary")
+        self._width = 10 if form == "1" else 5
+        self.begin(line, (line.finite(line.text[12:24].strip()),))
+
+    @on(r"-4 {2}(.{8})")
+    def _block(self, line: Line, match: re.Match[str]) -> None:
+        self.table, name = None, match[1].strip()
+        if name not in COLUMNS:
+            self.others.add(name)
+        else:
+            self.open(line, name, COLUMNS[name])
+
+    @on("-3")
+    def _end(self, line: Line, match: re.Match[str]) -> None:
+        if self.table is not None:
+            self.table.whole, self.table = True, None
+        self.increment = None  # each block has its own header with the time
+
+    def row(self, line: Line, table: NodeTable) -> None:
+        """Ignore a line with a component name: the columns are known."""
 
 
 def ignore_unconverged(printed: Printed, path: Path) -> None:

@@ -1,22 +1,33 @@
-"""Reader for Excel workbooks: values only; macros, formulas and links are not evaluated."""
+"""Readers for tables in binary files: Parquet, and Excel without macros, formulas and links."""
 
 import io
 import re
 import warnings
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import closing
 from dataclasses import replace
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.delimited import LOOKED_AT, TextTable, find_header, n_known
-from ridgebayes.fea.record import FileError, Given
+from ridgebayes.fea.cells import FINITE
+from ridgebayes.fea.delimited import (
+    LOOKED_AT,
+    SUFFIXES,
+    TextTable,
+    clean_headers,
+    filled,
+    find_header,
+    n_known,
+    read_delimited,
+)
+from ridgebayes.fea.record import FileError, TableFile
 from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
+from ridgebayes.table.files import read_arrow
 
 MOST_CELLS = 250_000  # largest number of cells or rows of a worksheet; openpyxl takes seconds
 _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
@@ -29,20 +40,16 @@ ALL = "all"  # option value for all sheets
 Grids = dict[str, list[list[str]]]  # text of cells by sheet, row and column
 
 
-def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError) -> TextTable:
+def read_workbook(content: bytes, problems: FileError) -> TextTable:
     """Read one worksheet of an Excel workbook, or all worksheets, as a table of text.
 
     Parameters
     ----------
-    path : pathlib.Path
-        Path of the file, for messages.
     content : bytes
         Content of the file.
-    facts : Given
-        The user's options. `sheet` is a name, a number or "all"; None uses the sheet with the most
-        recognised headers.
     problems : FileError
-        Collects messages, errors and questions.
+        The import; collects messages, errors and questions. The fact `sheet` is a name, a number
+        or "all"; None uses the sheet with the most recognised headers.
 
     Raises
     ------
@@ -50,16 +57,18 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
         If the content is not a workbook, is too large when unpacked, has a document type, or has no
         sheet of that name.
     """
-    _check_archive(content, str(path))
-    grids, typed = _grids(content, problems, facts.sheet)
+    path = problems.where
+    _check_archive(content, path)
+    grids, typed = _grids(content, problems)
     name, rows = next(iter(grids.items()))
-    if len(rows) <= facts.skip_rows:
+    if len(rows) <= problems.facts.skip_rows:
         raise InputError(f"{path}, sheet {name!r}: the file is empty")
-    problems.where = f"{path}, sheet {name!r}"
     places: list[tuple[str, int]] = []
     if len(grids) > 1:
-        rows, places = _joined(path, grids, facts, problems)
-        facts = replace(facts, header_row=None, skip_rows=0)
+        rows, places = _joined(grids, problems)
+        problems.facts = replace(problems.facts, header_row=None, skip_rows=0)
+    else:
+        problems.where = f"{path}, sheet {name!r}"
     letter = import_module("openpyxl.utils").get_column_letter
 
     def spot(line: int, column: int) -> str:
@@ -68,23 +77,19 @@ def read_workbook(path: Path, content: bytes, facts: Given, problems: FileError)
 
     width = max(map(len, rows))
     padded = [(i, [*row, *[""] * (width - len(row))]) for i, row in enumerate(rows, start=1)]
-    return TextTable(padded[facts.skip_rows :], "Excel", facts, problems, cell=spot, typed=typed)
+    below = padded[problems.facts.skip_rows :]
+    return TextTable(below, "Excel", problems, place=spot, typed=typed)
 
 
-def _joined(
-    path: Path, grids: Grids, facts: Given, problems: FileError
-) -> tuple[list[list[str]], list[tuple[str, int]]]:
+def _joined(grids: Grids, problems: FileError) -> tuple[list[list[str]], list[tuple[str, int]]]:
     """Join the sheets with the same header as the first; return rows with their sheet and line."""
     rows: list[list[str]] = []
-    places: list[tuple[str, int]] = []
+    places, path, facts = list[tuple[str, int]](), problems.where, problems.facts
     names: dict[bool, list[str]] = {True: [], False: []}  # sheets that are read, and ignored
     for name, cells in grids.items():
-        full = [
-            row for row in enumerate(cells, start=1) if any(row[1]) and row[0] > facts.skip_rows
-        ]
-        headers, n_head = find_header(
-            full[:LOOKED_AT], facts.header_row, FileError(f"{path}, sheet {name!r}")
-        )
+        filled_rows = (row for row in enumerate(cells, start=1) if any(row[1]))
+        full = [row for row in filled_rows if row[0] > facts.skip_rows]
+        headers, n_head = find_header(full[:LOOKED_AT], FileError(f"{path}, sheet {name!r}", facts))
         if not rows:
             rows, places = [[*headers, "Sheet"]], [(name, full[max(n_head - 1, 0)][0])]
         names[is_read := rows[0] == [*headers, "Sheet"]].append(name)
@@ -132,9 +137,9 @@ def _check_xml(text: bytes, name: str, where: str) -> None:
             raise InputError(f"{where}: {name}: value {cell!r}: expected a number")
 
 
-def _grids(content: bytes, problems: FileError, sheet: str | None) -> tuple[Grids, set[str]]:
+def _grids(content: bytes, problems: FileError) -> tuple[Grids, set[str]]:
     """Return the cells of the requested sheets, and the texts of numeric cells."""
-    where = problems.where
+    where, sheet = problems.where, problems.facts.sheet
     openpyxl = extra("openpyxl", "excel", f"{where}: Excel files need openpyxl")
     typed: set[str] = set()
     # openpyxl raises exceptions of many types for a damaged workbook.
@@ -143,7 +148,11 @@ def _grids(content: bytes, problems: FileError, sheet: str | None) -> tuple[Grid
         with _opened(openpyxl, content, data_only=False) as book:
             sheets = {page.title: page for page in book.worksheets}
             is_all = sheet == ALL and ALL not in sheets
-            names = list(sheets) if sheet is None or is_all else [_name_of(sheet, sheets, where)]
+            names = [name for name, page in sheets.items() if page.sheet_state == "visible"]
+            if sheet is not None and not is_all:
+                names = [_name_of(sheet, sheets, where)]
+            elif hidden := [name for name in sheets if name not in names]:
+                problems.messages.append(f"hidden sheets ignored: {', '.join(map(repr, hidden))}")
             grids = {name: _rows(sheets[name], where, typed) for name in names}
         if any(cell.startswith("=") for rows in grids.values() for row in rows for cell in row):
             with _opened(openpyxl, content, data_only=True) as book:
@@ -190,22 +199,100 @@ def _replace_formulas(rows: list[list[str]], values: list[list[str]]) -> None:
 def _rows(sheet: Any, where: str, typed: set[str]) -> list[list[str]]:
     sheet.reset_dimensions()  # dimensions in the file may be wrong and truncate the sheet
     rows: list[list[str]] = []
-    n_cell = 0
+    n_cell, above = 0, dict[int, str]()  # last text of each column
     for number, row in enumerate(sheet.iter_rows(), start=1):
         n_cell += len(row)
         if max(number, n_cell) > MOST_CELLS:
             rule = f"more than {MOST_CELLS} cells; save larger tables as CSV"
             raise InputError(f"{where}, sheet {sheet.title!r}: {rule}")
-        rows.append([_text(cell.value, cell.data_type) for cell in row])
-        typed.update(
-            text for cell, text in zip(row, rows[-1], strict=True) if cell.data_type == "n" and text
-        )
+        rows.append([_text(cell, above.get(i, "")) for i, cell in enumerate(row)])
+        for i, (cell, text) in enumerate(zip(row, rows[-1], strict=True)):
+            if cell.data_type == "n" and text:
+                typed.add(text)
+            elif text:
+                above[i] = text
     while rows and not any(rows[-1]):
         rows.pop()
     return rows
 
 
-def _text(value: Any, kind: str) -> str:
-    """Return the value of a cell as text on one line, with all digits of a number."""
+def _text(cell: Any, above: str) -> str:
+    """Return the value of a cell as text on one line, with all digits of a number.
+
+    Excel shows 0.03 in the format of per cent as 3 %, which a header with % above means.
+    """
+    value, kind = cell.value, cell.data_type
+    if kind == "n" and value is not None and "%" in above and "%" in cell.number_format:
+        value = f"{100 * value:.15g}"
     text = "" if value is None else " ".join(str(value).split())
     return f"={text.removeprefix('=')}" if kind == "f" else text
+
+
+class ParquetTable(TableFile):
+    """A Parquet file.
+
+    Parameters
+    ----------
+    content : bytes
+        Content of the file.
+    problems : FileError
+        The import.
+
+    Raises
+    ------
+    InputError
+        If pyarrow is missing or refuses the file, or the file has no rows or too many rows.
+    """
+
+    def __init__(self, content: bytes, problems: FileError) -> None:
+        self.where, self.lines = problems.where, None
+        self._table = read_arrow(content, self.where)
+        self.headers = clean_headers(self._table.column_names, self.where)
+        if not self._table.num_rows:
+            raise InputError(f"{self.where}: no rows")
+
+    def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
+        """Read all rows, `numeric` columns as numbers; report cells that are not finite."""
+        problems.messages.append(f"{self.where}: Parquet, {self._table.num_rows} rows")
+        columns: dict[str, Any] = {}
+        for name, column in zip(self.headers, self._table.columns, strict=True):
+            with refusing(f"{self.where}, column {name!r}", most=200):
+                values = self._values(name, column, name in numeric)
+            if values is None:
+                problems.messages.append(f"column {name!r} ignored: its type is {column.type}")
+            else:
+                columns[name] = values
+        for name in set(numeric) & columns.keys():
+            problems.cells(np.isinf(columns[name]), name, FINITE)
+            columns[name] = np.where(np.isinf(columns[name]), np.nan, columns[name])
+        return filled(pd.DataFrame(columns), problems)
+
+    def cell(self, row: int, name: str) -> tuple[str, str]:
+        """Return the place and the text of a cell."""
+        column = self._table.column(self.headers.index(name))
+        return f"row {row + 1}", str(column[row].as_py())
+
+    def _values(self, name: str, column: Any, is_number: bool) -> Any:
+        types: Any = import_module("pyarrow.types")
+        if types.is_dictionary(column.type):
+            column = column.cast(column.type.value_type)
+        kind, is_null = column.type, types.is_null(column.type)
+        if types.is_integer(kind) and not column.null_count and not is_number:
+            return column.to_numpy()
+        numeric = (types.is_integer, types.is_floating, types.is_decimal)
+        if any(test(kind) for test in numeric) or (is_null and is_number):
+            return column.cast("float64", safe=False).to_numpy()
+        if is_number:
+            raise InputError(f"{self.where}, column {name!r}: holds {kind}: expected numbers")
+        textual = (types.is_string, types.is_large_string, types.is_boolean, types.is_temporal)
+        if not is_null and not any(test(kind) for test in textual):
+            return None
+        return pd.Series(["" if value is None else str(value) for value in column.to_pylist()])
+
+
+# Readers of tables by suffix.
+TABLES: dict[str, Callable[[bytes, FileError], TableFile]] = {
+    **dict.fromkeys(SUFFIXES, read_delimited),
+    ".xlsx": read_workbook,
+    ".parquet": ParquetTable,
+}

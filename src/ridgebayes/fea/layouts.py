@@ -1,0 +1,252 @@
+"""Tables of other layouts than a row for each load: merged cells, wide tables, increments."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ridgebayes._types import FloatArray, IntArray
+from ridgebayes.errors import InputError
+from ridgebayes.fea.convert import Converter, listed
+from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, NEVER_EMPTY, Use
+from ridgebayes.fea.record import FileError
+from ridgebayes.fea.transitions import last_digit, middle_loads, transitions_of_runs
+from ridgebayes.fea.words import MOST_DISTINCT, STATUS_RULE, divided, touching
+from ridgebayes.runtime.text import count
+from ridgebayes.table.columns import OK
+from ridgebayes.table.rules import as_text, row_codes
+
+# Columns that may have a value only in the first row of a group, as in merged cells.
+_GROUP_KEYS = (*NEVER_EMPTY, "a_over_R", "b_over_R", "nu", "offset", "offset_over_R", "thickness")
+
+
+def fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> None:
+    """Fill empty cells from above where a value is typed once for a group of rows.
+
+    Cells are filled if the first row of each group has all group values (widths), and consecutive
+    groups differ. Otherwise the empty cells are missing values.
+    """
+    there = [use.header for use in uses if use.Q is None and use.header in cells]
+    groups = [use.header for use in uses if use.key in _GROUP_KEYS and use.header in there]
+    widths = [name for name in groups if cells[name].dtype.kind == "f" and cells[name].isna().any()]
+    if not widths:
+        return
+    head = cells[widths].notna()
+    first, values = head.all(axis=1), cells[widths]
+    follows = first & first.shift(fill_value=False)
+    again = follows & (values == values.shift()).all(axis=1)
+    if (head.any(axis=1) != first).any() or not first.iloc[0] or again.any():
+        return
+    cells[widths] = values.ffill()
+    texts = [use.header for use in uses if use.key in ("series", "texture") and use.header in there]
+    full = [name for name in texts if (cells[name].ne("") <= first).all()]
+    for name in full:
+        cells[name] = cells[name].mask(cells[name].eq("") & ~first).ffill()
+    problems.messages.append(
+        f"columns {', '.join(map(repr, [*widths, *full]))}: {count(int((~first).sum()), 'row')} "
+        "with empty cells have the value above, as in merged cells"
+    )
+
+
+def one_series(
+    cells: pd.DataFrame, uses: list[Use], problems: FileError
+) -> tuple[pd.DataFrame, list[Use]]:
+    """Return the table with all recognised series columns joined; drop columns of row numbers."""
+    series = [use for use in uses if use.key == "series" and use.how in ("guessed", "wide")]
+    kept = [use for use in series if len(cells) == 1 or cells[use.header].duplicated().any()]
+    for use in series:
+        if use not in kept:
+            problems.known.pop("series", None)
+            how = f"it numbers the rows (--map 'series={use.header}' takes it)"
+            problems.messages.append(f"column {use.header!r} is not taken as series: {how}")
+    rest = [use for use in uses if use not in series]
+    if len(kept) < 2:
+        return cells, [*rest, *kept]
+    name = ", ".join(use.header for use in kept)
+    joined = pd.DataFrame({use.header: as_text(cells[use.header]) for use in kept})
+    problems.messages.append(f"series: {name}, joined")
+    joined_use = Use("series", name, how="guessed")
+    return cells.assign(**{name: joined.agg(", ".join, axis=1)}), [*rest, joined_use]
+
+
+def melted(
+    cells: pd.DataFrame, uses: Sequence[Use], problems: FileError
+) -> tuple[pd.DataFrame, list[Use]]:
+    """Convert a table with a column per Q or per repeat to a table with a row per load.
+
+    Raises
+    ------
+    InputError
+        If the table also has a column of all loads or counts, has no load, or has columns of one
+        quantity in different units.
+    """
+    wide = [use for use in uses if use.label is not None]
+    rest = [use for use in uses if use.label is None]
+    loads: dict[Any, str] = {use.label: use.header for use in wide if use.key in LOADS}
+    is_Q = wide[0].Q is not None
+    names = ", ".join(repr(use.header) for use in wide[:8])
+    if is_Q and (rule := _broken(rest, wide)):
+        raise problems.error(f"columns {names}: {rule}")
+    key = "Q" if is_Q else "series"
+    new = [Use(key, key, "1" if is_Q else None, how="wide")]
+    for name in dict.fromkeys(use.key for use in wide):
+        units = {use.own_unit for use in wide if use.key == name}
+        if len(units) > 1:
+            raise problems.error(f"{name} in {', '.join(sorted(units))}; expected one unit")
+        new.append(Use(name, name, units.pop() or "1", how="wide"))
+    kept = cells.drop(columns={use.header for use in (*wide, *new)} & set(cells))
+    labels = sorted(loads) if is_Q else list(loads)
+    parts = [
+        kept.assign(
+            **{key: float(label) if is_Q else label},
+            **{use.key: cells[use.header] for use in wide if use.label == label},
+        )[cells[loads[label]].notna()]
+        for label in labels
+    ]
+    table = pd.concat(parts).sort_index(kind="stable")
+    if table.empty and not problems:
+        rows = f"{count(len(cells), 'row')} with empty cells only"
+        raise problems.error(f"columns {names}: expected a number in some cell, got {rows}")
+    kind = f"Q: {len(labels)} loads from Q = {labels[0]} to {labels[-1]}"
+    problems.messages.append(f"one column for each {kind if is_Q else f'repeat: {names}'}")
+    if n_empty := len(cells) * len(labels) - len(table):
+        what = "reached" if is_Q else "measured"
+        problems.messages.append(f"{n_empty} empty cells: not {what}")
+    return table, [*rest, *new]
+
+
+def _broken(rest: Sequence[Use], wide: Sequence[Use]) -> str:
+    """Return an error message if the columns per Q break a rule; empty otherwise."""
+    loads = [use for use in wide if use.key in LOADS]
+    counts = {use.Q for use in loads}
+    single = [use.header for use in rest if use.key in (*LOADS, "Q")]
+    alone = [use for use in wide if use.Q not in counts]
+    if single or not loads:
+        fault = f"also column {single[0]!r}" if single else "no load"
+        return f"{fault}; expected a load for each Q, or columns Q and load"
+    if alone:
+        return f"no load of Q = {alone[0].Q} beside {alone[0].header!r}; expected one"
+    several = len({use.key for use in loads}) > 1
+    return "loads of several kinds; expected one unit for all Q" if several else ""
+
+
+def counts_repeat(frame: pd.DataFrame) -> bool:
+    """Return whether rows are increments: counts of 4 or more repeat while the load rises.
+
+    At least a third of the rows repeat the count of the previous row, and the load rises in 80 % of
+    the repeats up to the highest load of each curve.
+    """
+    Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
+    same = Q[1:] == Q[:-1]
+    # Each count becomes a column in memory.
+    if 3 * same.sum() < len(same) or not 4 <= np.nanmax(Q, initial=0) <= MOST_DISTINCT:
+        return False
+    curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
+    # A curve without loads has its highest load in the first row, and thus no increments.
+    top = pd.Series(load).fillna(-np.inf).groupby(curve).transform("idxmax").to_numpy()
+    same &= (curve[1:] == curve[:-1]) & (np.arange(1, len(Q)) <= top[1:])
+    rising = same & (load[1:] > load[:-1])
+    return bool(0 < 0.8 * same.sum() <= rising.sum())
+
+
+def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
+    """Return the transitions of a table with gap, pressure or status columns of corners.
+
+    Parameters
+    ----------
+    converter : Converter
+        Converter of the table.
+    corners : sequence of Use
+        Columns of gap, pressure or status, one per corner.
+    """
+    cells, problems = converter.cells, converter.problems
+    for use in converter.uses.values():
+        wrong = use.Q is not None and use.key not in CORNERS
+        if use.how == "mapped" and (wrong or use.key in ("Q", "kind", "rel_se", *LOWERS)):
+            raise problems.error(
+                f"column {use.header!r} as {use.key} beside {corners[0].header!r}; expected a "
+                "load of each increment, and columns of corners"
+            )
+    curve = converter.curve() | converter.texts("role")
+    load = converter.load()
+    corners = sorted(corners, key=lambda use: use.Q or 0)
+    gaps = np.column_stack([_gap(converter, use) for use in corners])
+    digits = last_digit(gaps) / 2  # rounding error of a printed gap
+    keep, remarks = np.ones(len(cells), dtype=bool), []
+    if status := converter.uses.get(("status", None)):
+        keep = as_text(cells[status.header]).isin(["", OK]).to_numpy(bool)
+        converter.tell(status)
+        if n := int((~keep).sum()):
+            remarks.append(f"{n} increments ignored: their status is not 'ok'")
+        if not keep.any():
+            raise problems.error("no increment whose status is 'ok'")
+    converter.summarize()
+    if load is None or problems:
+        return pd.DataFrame()
+    frame = converter.framed(curve | {"p_over_E": load})[keep]
+    Q = np.array([use.Q or 0 for use in corners])
+    return _transitions(converter, frame.reset_index(drop=True), gaps[keep], Q, remarks, digits)
+
+
+def of_counts(converter: Converter, frame: pd.DataFrame) -> pd.DataFrame:
+    """Return the transitions of a table whose rows are increments with a count."""
+    Q = frame["Q"].to_numpy()
+    levels = np.arange(4, int(np.nanmax(Q)) + 1, 2)
+    gaps = np.where(Q[:, None] >= levels, -np.inf, np.inf)
+    gaps[np.isnan(Q)] = np.nan
+    how = "loads" if converter.facts.interpolate else "brackets (--interpolate gives loads)"
+    remark = f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}"
+    if converter.problems:
+        return pd.DataFrame()
+    curve = frame.drop(columns=["Q", "p_over_E_lower", "rel_se"], errors="ignore")
+    return _transitions(converter, curve, gaps, levels, [remark])
+
+
+def _transitions(
+    converter: Converter,
+    frame: pd.DataFrame,
+    gaps: FloatArray,
+    Q: IntArray,
+    remarks: list[str],
+    digits: float = 0.0,
+) -> pd.DataFrame:
+    problems, load = converter.problems, frame.pop("p_over_E").to_numpy()
+    load_se = converter.load_se()
+    brackets = converter.facts.brackets
+    try:
+        rows, notes = transitions_of_runs(frame, load, gaps, Q, brackets=brackets, digits=digits)
+    except InputError as error:
+        raise problems.error(str(error)) from None
+    if left := converter.left():
+        problems.messages.append(f"not used: {listed(left)}")
+    problems.messages += [*remarks, *notes]
+    if converter.facts.interpolate:
+        rows, n = middle_loads(rows)
+        problems.messages.append(f"{n} loads in the middle of their increments")
+    if load_se is None:
+        return rows
+    if np.ptp(load_se):
+        raise problems.error("--load-se: expected one R and E in all increments")
+    return rows.assign(rel_se=np.hypot(rows["rel_se"], load_se.flat[0] / rows["p_over_E"]))
+
+
+def _gap(converter: Converter, use: Use) -> FloatArray:
+    """Return the gap of a corner at each increment; -inf or inf for a status or a pressure."""
+    cells, problems = converter.cells, converter.problems
+    if use.key == "status":
+        converter.tell(use)
+        gap, bad = touching(as_text(cells[use.header]), converter.facts.closed_is)
+        problems.cells(cells.index[bad], use.header, STATUS_RULE)
+        if bad.any():
+            problems.options.setdefault("closed_is", "?")
+        return gap
+    if use.key == "pressure":
+        converter.tell(use, ", contact pressure")
+        numbers = cells[use.header].to_numpy(dtype=float)
+        return np.where(np.isnan(numbers), np.nan, np.where(numbers > 0, -np.inf, np.inf))
+    distance = converter.number(use.key, use.Q)
+    assert distance is not None
+    R = None if use.key == "gap_over_R" else converter.number("R")
+    # Without R the gap keeps its unit: interpolation to zero does not depend on the unit.
+    return distance if R is None else divided(distance, R)
