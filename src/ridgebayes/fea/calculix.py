@@ -65,7 +65,7 @@ def read_calculix(run: Run) -> ContactHistory:
             return force, _faces(increment.table(_STRESS))
         return force, increment.table(_MOVED, surface).of(nodes, "vx", "vy")
 
-    required = f"displacements of {run.sets[0]} or contact stress, forces of {run.sets[1]}; "
+    required = "displacements of {} or contact stress, and forces of {}; ".format(*run.sets)
     required += "expected *NODE PRINT of U and of RF, TOTALS=ONLY; or *NODE FILE, OUTPUT=2D of both"
     load, states = printed.states(state, run.path, required)
     places = run.places(nodes)
