@@ -9,8 +9,7 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.predict.q_distribution import mix_q
 from ridgebayes.texture_design.bodies import Bodies, Tolerance
-from ridgebayes.texture_design.drawn_loads import drawn_loads
-from ridgebayes.texture_design.goal_values import GoalValues
+from ridgebayes.texture_design.goal_values import GoalValues, ratio_loads
 from ridgebayes.texture_design.goals import Load, parse_goals
 
 SCENE = {
@@ -33,7 +32,7 @@ def uncertain():
 
 def values_of(source, scene, tolerance, textures, n=16_384, seed=3):
     made = Tolerance.parse(tolerance)
-    loads = drawn_loads(source.averaged, Bodies.draw(scene, made, n, seed).ratios(textures))
+    loads = ratio_loads(source.averaged, Bodies.draw(scene, made, n, seed).ratios(textures))
     return GoalValues(loads, lambda size: Bodies.draw(scene, made, size, seed), n)
 
 

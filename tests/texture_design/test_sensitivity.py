@@ -6,8 +6,7 @@ from scipy import stats
 
 import ridgebayes as rb
 from ridgebayes.texture_design.bodies import Bodies, Tolerance
-from ridgebayes.texture_design.drawn_loads import drawn_loads
-from ridgebayes.texture_design.goal_values import Value
+from ridgebayes.texture_design.goal_values import Value, ratio_loads
 from ridgebayes.texture_design.goals import parse_goals
 from ridgebayes.texture_design.next_simulation import next_simulation
 from ridgebayes.texture_design.sensitivity import SIMULATION, Sources, sobol_shares, what_to_measure
@@ -41,7 +40,7 @@ def sources_at(fit, log_median, goal="P(Q >= 8) >= 0.9", tolerance=None):
     )
     made = Tolerance.parse(tolerance)
     bodies = Bodies.draw(scene, made, 1_000, 1)
-    loads = drawn_loads(fit.averaged, bodies.ratios([TEXTURE]))
+    loads = ratio_loads(fit.averaged, bodies.ratios([TEXTURE]))
     (asked,) = parse_goals(goal)
     return Sources(scene, made, loads, TEXTURE, Value(0.0, 0.0, asked.cases[0], (0.0, 0.0)))
 

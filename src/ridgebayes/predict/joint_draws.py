@@ -54,6 +54,11 @@ class RatioLoads:
     low, high : float
         Range of a/pitch.
 
+    Attributes
+    ----------
+    loads : PosteriorLoads
+        The same loads.
+
     Raises
     ------
     InputError
@@ -62,9 +67,15 @@ class RatioLoads:
 
     def __init__(self, loads: PosteriorLoads, low: float, high: float) -> None:
         loads.check_scaling(low)
+        self.loads = loads
         self._axis = Axis.over(special.logit(low), special.logit(high), MOST_TEXTURES)
         nodes = special.expit(self._axis.nodes).tolist()
         self._nodes = _NodeLoads([partial(_roots, loads, node) for node in nodes])
+
+    def at_count(self, count: int, which: IntArray | slice, ratio: ArrayLike) -> Columns:
+        """Return the result of `at` for one count, both (m,), with deviations above 0."""
+        mean, sd = self.at(ratio, which, [count])
+        return mean[:, 0], np.maximum(sd[:, 0], np.finfo(np.float64).tiny)
 
     def at(self, ratio: ArrayLike, which: IntArray | slice, counts: Sequence[int]) -> Columns:
         """Return mean and standard deviation of log loads at nu = 0.5.

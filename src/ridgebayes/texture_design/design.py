@@ -19,8 +19,7 @@ from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
 from ridgebayes.texture_design.choice import OBJECTIVES, chosen, mark_extrapolation, plain, tied
-from ridgebayes.texture_design.drawn_loads import drawn_loads
-from ridgebayes.texture_design.goal_values import N_DRAW, GoalValues
+from ridgebayes.texture_design.goal_values import N_DRAW, GoalValues, ratio_loads
 from ridgebayes.texture_design.goals import Goal, Load, parse_goals, read_loads
 from ridgebayes.texture_design.lattice import lattice
 from ridgebayes.texture_design.limits import Limits, textures_in
@@ -121,7 +120,7 @@ def design(
     textures, about = lattice(sizes or {}, [fit for fit, _ in averaged])
     tol.check(min(min(texture) for texture in textures))
     draw = partial(Bodies.draw, scene, tol, seed=seed)
-    loads_of = drawn_loads(averaged, draw(N_DRAW).ratios(textures))
+    loads_of = ratio_loads(averaged, draw(N_DRAW).ratios(textures))
     values = GoalValues(loads_of, draw, N_DRAW)
     for goals in goals_by_load:
         designs = _map(values, goals, textures)

@@ -14,9 +14,11 @@ from scipy import special
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
-from ridgebayes.predict.posterior_loads import widest_count
+from ridgebayes.inference.posterior import Posterior
+from ridgebayes.predict.joint_draws import RatioLoads
+from ridgebayes.predict.posterior_loads import PosteriorLoads, widest_count
+from ridgebayes.predict.q_distribution import shares
 from ridgebayes.texture_design.bodies import Bodies
-from ridgebayes.texture_design.drawn_loads import DrawnLoads
 from ridgebayes.texture_design.goals import MOST_COUNT, Case, Goal, Load
 
 N_DRAW = 16_384  # draws, divided among posteriors by weight
@@ -51,7 +53,7 @@ class PosteriorDraws:
 
     Parameters
     ----------
-    loads : DrawnLoads
+    loads : RatioLoads
         Loads of the posterior's draws.
     weight : float
         Weight of the posterior.
@@ -61,7 +63,7 @@ class PosteriorDraws:
         Bodies, one for each draw.
     """
 
-    loads: DrawnLoads
+    loads: RatioLoads
     weight: float
     which: IntArray
     bodies: Bodies
@@ -90,14 +92,14 @@ class PlacedDraws:
 
     def __init__(self, part: PosteriorDraws, a: float, b: float, corner: Corner) -> None:
         self._part = part
-        calibrated = part.loads.fit.model.data.textures
+        calibrated = part.loads.loads.fit.model.data.textures
         self._texture = (a, b) if part.bodies.is_certain and (a, b) in calibrated else None
         wide, groove = part.bodies.widths(a, b, corner)
         pitch = wide + groove
         self._ratio = wide / pitch
         self._log_area = 0.0 if self._texture else 2 * np.log(pitch)
         self._max_count: FloatArray | None = None
-        if not part.loads.has_mean:  # Student tails reach every count: the width limits it
+        if not part.loads.loads.has_mean:  # Student tails reach every count: the width limits it
             self._max_count = widest_count(wide, groove)
         self._cache: dict[int, tuple[FloatArray, FloatArray]] = {}
 
@@ -108,10 +110,10 @@ class PlacedDraws:
         if count not in self._cache:
             loads, which = self._part.loads, self._part.which
             if self._texture:
-                location, scale = loads.at_calibrated(self._texture, count)
-                self._cache[count] = location[which], scale[which]
+                location, scale = loads.loads.at(self._texture, np.array([count]))
+                self._cache[count] = location[which, 0], scale[which, 0]
             else:
-                self._cache[count] = loads.at(count, which, self._ratio)
+                self._cache[count] = loads.at_count(count, which, self._ratio)
         location, scale = self._cache[count]
         t = (self._part.log_p(load) - self._log_area - location) / scale
         return t if self._max_count is None else np.where(count <= self._max_count, t, -np.inf)
@@ -138,12 +140,21 @@ class PlacedDraws:
         raise InputError(f"load: expected counts up to {MOST_COUNT}, got more")
 
 
+def ratio_loads(
+    averaged: Sequence[tuple[Posterior, float]], ratios: tuple[float, float]
+) -> list[tuple[RatioLoads, float]]:
+    """Return the loads of posteriors for a range of a/pitch, with weights that sum to 1."""
+    weights = shares([weight for _, weight in averaged]).tolist()
+    loads = [RatioLoads(PosteriorLoads(fit), *ratios) for fit, _ in averaged]
+    return list(zip(loads, weights, strict=True))
+
+
 class GoalValues:
     """Values of goals at textures, from the same draws for all textures.
 
     Parameters
     ----------
-    loads : sequence of (DrawnLoads, float)
+    loads : sequence of (RatioLoads, float)
         Loads of each posterior's draws, and its weight; weights sum to 1.
     draw_bodies : callable
         Function that draws a number of bodies.
@@ -153,7 +164,7 @@ class GoalValues:
 
     def __init__(
         self,
-        loads: Sequence[tuple[DrawnLoads, float]],
+        loads: Sequence[tuple[RatioLoads, float]],
         draw_bodies: Callable[[int], Bodies],
         n: int,
     ) -> None:
@@ -163,7 +174,8 @@ class GoalValues:
         self.parts, first = [], 0
         for (drawn, weight), size in zip(loads, sizes, strict=True):
             # Bodies are independent draws, so the posterior's draws may stay in order.
-            which = np.arange(size) * max(drawn.n_draw // size, 1) % drawn.n_draw
+            n_draw = len(drawn.loads)
+            which = np.arange(size) * max(n_draw // size, 1) % n_draw
             subset = bodies.subset(slice(first, first + size))
             self.parts.append(PosteriorDraws(drawn, weight, which, subset))
             first += size

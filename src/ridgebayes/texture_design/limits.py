@@ -113,9 +113,16 @@ class Limits:
 
     def _log_factors(self, texture: Texture) -> tuple[float, float]:
         """Return the log load factors between which all counts are met, on average."""
-        at = self._part.loads.mean_log_load
-        low = max((at(texture, n) - log_p for n, log_p in self._reach.items()), default=-math.inf)
-        high = [at(texture, n) - log_p for n, log_p in self._stay_below.items()]
+
+        def at(count: int) -> float:
+            if count <= 2:
+                return -math.inf
+            a, b = texture
+            location, _ = self._part.loads.at_count(count, slice(None), a / (a + b))
+            return float(location.mean()) + 2 * math.log(a + b)
+
+        low = max((at(n) - log_p for n, log_p in self._reach.items()), default=-math.inf)
+        high = [at(n) - log_p for n, log_p in self._stay_below.items()]
         high += [0.0 for goal in self._goals if goal.is_spread]  # sd(Q) falls with the load
         return low, min(high, default=math.inf)
 

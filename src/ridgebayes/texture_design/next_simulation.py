@@ -10,8 +10,9 @@ from ridgebayes._types import FloatArray
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.predict.extrapolation import CalibratedRange
+from ridgebayes.predict.joint_draws import RatioLoads
 from ridgebayes.runtime.randomness import stream
-from ridgebayes.texture_design.drawn_loads import DrawnLoads
+from ridgebayes.texture_design.goal_values import ratio_loads
 from ridgebayes.texture_design.sensitivity import N_INNER
 
 _MAX_TEXTURES = 64  # candidates
@@ -52,7 +53,7 @@ def next_simulation(forms: Sequence[Form], textures: Sequence[Texture], seed: in
     chosen = list(dict.fromkeys(textures[i] for i in places))
     ratios = [a / (a + b) for a, b in chosen]
     ends = min(ratios), max(ratios)
-    parts = [[(DrawnLoads(fit, *ends), weight) for fit, weight in form] for form in forms]
+    parts = [ratio_loads(form, ends) for form in forms]
     ranges = [CalibratedRange.of(form[0][0]) for form in forms]
     load_max, count_max = (min(getattr(x, name) for x in ranges) for name in ("load_max", "Q_max"))
     rows = []
@@ -66,13 +67,13 @@ def next_simulation(forms: Sequence[Form], textures: Sequence[Texture], seed: in
 
 
 def _count_within(
-    loads: DrawnLoads, texture: Texture, load_max: float, count_max: int
+    loads: RatioLoads, texture: Texture, load_max: float, count_max: int
 ) -> tuple[int, float]:
     """Return the highest count (at least 4) whose median load was calibrated, and the load."""
     a, b = texture
     highest = 4, 0.0
     for count in range(4, count_max + 2, 2):
-        location, _ = loads.at(count, slice(None), np.asarray(a / (a + b)))
+        location, _ = loads.at_count(count, slice(None), a / (a + b))
         load = float(np.exp(np.median(location))) * (a + b) ** 2
         if count > 4 and load > load_max:
             break
@@ -81,16 +82,15 @@ def _count_within(
 
 
 def _log_loads(
-    form: Sequence[tuple[DrawnLoads, float]], texture: Texture, count: int
+    form: Sequence[tuple[RatioLoads, float]], texture: Texture, count: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return location and scale of draws of a form, divided among its error models."""
     a, b = texture
-    total, parts = sum(weight for _, weight in form), []
+    parts = []
     for loads, weight in form:
-        which = np.linspace(0, loads.n_draw - 1, max(round(N_INNER * weight / total), 1)).astype(
-            int
-        )
-        location, scale = loads.at(count, which, np.asarray(a / (a + b)))
+        n = max(round(N_INNER * weight), 1)
+        which = np.linspace(0, len(loads.loads) - 1, n).astype(int)
+        location, scale = loads.at_count(count, which, a / (a + b))
         parts.append((location, np.broadcast_to(scale, location.shape)))
     location, scale = (np.concatenate(column) for column in zip(*parts, strict=True))
     kept = np.isfinite(location)

@@ -17,11 +17,11 @@ from scipy import stats
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray, Json
 from ridgebayes.contact.scaling import Texture
+from ridgebayes.predict.joint_draws import RatioLoads
 from ridgebayes.runtime.randomness import stream, streams
 from ridgebayes.scene.scene import Scene
 from ridgebayes.scene.uncertain import Uncertain
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
-from ridgebayes.texture_design.drawn_loads import DrawnLoads
 from ridgebayes.texture_design.goal_values import N_DRAW, PlacedDraws, PosteriorDraws, Value
 from ridgebayes.texture_design.goals import Goal
 
@@ -47,7 +47,7 @@ class Sources:
         The scene.
     tolerance : Tolerance
         Tolerance of the widths.
-    loads : sequence of (DrawnLoads, float)
+    loads : sequence of (RatioLoads, float)
         Loads of each posterior's draws, and its weight.
     texture : (float, float)
         The texture.
@@ -57,7 +57,7 @@ class Sources:
 
     scene: Scene
     tolerance: Tolerance
-    loads: Sequence[tuple[DrawnLoads, float]]
+    loads: Sequence[tuple[RatioLoads, float]]
     texture: Texture
     value: Value
 
@@ -107,7 +107,7 @@ class Sources:
             places = {k: merged if v in old else v for k, v in places.items()}
         if self._has_drawn_widths:
             places["tolerance"] = "tolerance"
-        n_form = len({loads.fit.form.name for loads, _ in self.loads})
+        n_form = len({loads.loads.fit.form.name for loads, _ in self.loads})
         places |= {COEFFICIENTS: COEFFICIENTS} | ({FORM: FORM} if n_form > 1 else {})
         places |= {NOISE: NOISE, "score": NOISE}
         return {
@@ -165,7 +165,7 @@ class Sources:
         """Return, for each posterior, where its draws are, their indices, and the draws."""
         n = len(draws["score"])
         bodies = Bodies.draw(self.scene, self.tolerance, n, 0, draws)
-        forms = np.array([loads.fit.form.name for loads, _ in self.loads])
+        forms = np.array([loads.loads.fit.form.name for loads, _ in self.loads])
         weights = np.array([weight for _, weight in self.loads])
         names = list(dict.fromkeys(forms))
         by_form = np.array([weights[forms == name].sum() for name in names])
@@ -179,19 +179,18 @@ class Sources:
                 if not here.any():
                     continue
                 loads = self.loads[j][0]
-                place = (draws[COEFFICIENTS][here] * loads.n_draw).astype(np.int64)
+                place = (draws[COEFFICIENTS][here] * len(loads.loads)).astype(np.int64)
                 which = self._order(loads)[place]
                 part = PosteriorDraws(loads, 1.0, which, bodies.subset(here))
                 placed.append((here, which, PlacedDraws(part, *self.texture, self.value.corner)))
         return placed
 
-    def _order(self, loads: DrawnLoads) -> IntArray:
+    def _order(self, loads: RatioLoads) -> IntArray:
         """Return the order of a posterior's draws by load, which is comparable between forms."""
-        a, b = self.texture
-        case = self.value.case
+        (a, b), case = self.texture, self.value.case
         count = max([4, *(n for n, _ in (*case.at_least, *case.below))])
-        ratio = np.asarray(a / (a + b))
-        return np.argsort(loads.at(count, slice(None), ratio)[0], kind="stable")
+        location, _ = loads.at_count(count, slice(None), a / (a + b))
+        return np.argsort(location, kind="stable")
 
 
 def _picked(uniform: FloatArray, weights: FloatArray) -> IntArray:
