@@ -2,24 +2,32 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeAlias
+from typing import Any
 
 import pandas as pd
 
 MOST_ROWS = 40  # rows shown of a table; the run folder's CSV files hold all rows
 
 
+class Block:
+    """Base class of the parts of a section."""
+
+    @property
+    def kind(self) -> str:
+        """Name of the class, by which a template chooses the layout."""
+        return type(self).__name__
+
+
 @dataclass(frozen=True)
-class Text:
+class Text(Block):
     """A paragraph of plain text; `tone` is ``plain``, ``note``, ``strong`` or ``warning``."""
 
     words: str
     tone: str = "plain"
-    kind: ClassVar[str] = "text"
 
 
 @dataclass(frozen=True)
-class Table:
+class Table(Block):
     """A table of strings.
 
     `text` lists the columns that are not numbers, and `strong` the rows to set in bold. `badge` is
@@ -32,7 +40,6 @@ class Table:
     text: Sequence[int] = (0,)
     strong: Sequence[int] = ()
     badge: int | None = None
-    kind: ClassVar[str] = "table"
 
     @classmethod
     def of(
@@ -53,7 +60,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Picture:
+class Picture(Block):
     """A figure and its caption.
 
     `name` is a key of the comparison's gallery, or of the reference's. `alt` describes the figure
@@ -65,32 +72,29 @@ class Picture:
     alt: str = ""
     narrow: bool = False
     of_reference: bool = False
-    kind: ClassVar[str] = "picture"
 
 
 @dataclass(frozen=True)
-class Folded:
+class Folded(Block):
     """Details that open on demand; `short` details are also printed on paper."""
 
     title: str
-    blocks: Sequence["Block"]
+    blocks: Sequence[Block]
     short: bool = False
-    kind: ClassVar[str] = "folded"
 
 
 @dataclass(frozen=True)
-class Odds:
+class Odds(Block):
     """Input fields for the reader's prior probabilities; a script computes the posterior ones.
 
     Each row holds the name of a form, its ln evidence and its prior probability in the run.
     """
 
     rows: Sequence[tuple[str, float, float]]
-    kind: ClassVar[str] = "odds"
 
 
 @dataclass(frozen=True)
-class TextureFields:
+class TextureFields(Block):
     """Input fields for the reader's texture and load; a script predicts Q and loads.
 
     `table` is JSON, see `ridgebayes.comparison.own_texture`. The other attributes are the initial
@@ -103,18 +107,13 @@ class TextureFields:
     load: str
     radius: str
     modulus: str
-    kind: ClassVar[str] = "texture"
 
 
 @dataclass(frozen=True)
-class Heading:
+class Heading(Block):
     """A heading inside a section."""
 
     words: str
-    kind: ClassVar[str] = "part"
-
-
-Block: TypeAlias = Text | Table | Picture | Folded | Odds | TextureFields | Heading
 
 
 @dataclass(frozen=True)
