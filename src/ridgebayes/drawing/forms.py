@@ -229,6 +229,8 @@ def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
     priors = list(dict.fromkeys(factors["prior"]))
     labels = ("scale, times default", "ln BF")
     figure, panels = panel_grid(len(priors), 1.5, 0.9, labels=labels, sharex=True, sharey=True)
+    panels[0].set_yscale("symlog", linthresh=5, linscale=1.5)  # of all panels, which share axes
+    panels[0].set_xscale("log")
     for axes, prior in zip(panels, priors, strict=True):
         for form in dict.fromkeys(factors["form"]):
             rows = factors[(factors["prior"] == prior) & (factors["form"] == form)].dropna()
@@ -237,8 +239,7 @@ def plot_prior_sensitivity(factors: pd.DataFrame, best: str) -> Figure:
             axes.plot(rows["factor"], rows["ln_bf"], **look)
         axes.axhline(0, color="#000000", linewidth=1)
         axes.axvline(1, color=QUIET, linewidth=1, linestyle=":")
-        axes.set_yscale("symlog", linthresh=5, linscale=1.5)
-        axes.set(xscale="log", title=f"prior of {_PRIORS.get(prior) or symbol(prior)}")
+        axes.set_title(f"prior of {_PRIORS.get(prior) or symbol(prior)}")
     figure.suptitle(f"ln Bayes factor against {title_of(best)}", fontsize=10)
     low, high = factors["ln_bf"].min(), factors["ln_bf"].max()
     ticks = [t for t in (-100, -20, -5, 5, 20) if low <= t <= high]

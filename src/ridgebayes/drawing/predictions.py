@@ -268,7 +268,7 @@ def plot_prior_bands(bands: pd.DataFrame, rows: pd.DataFrame, form: str) -> Figu
         dots = observed.get(texture, rows.iloc[:0])
         axes.plot(dots["Q"], dots["p_over_E"], ".", color=OBSERVED, markersize=5, label="rows")
         axes.set_title(texture_title(texture), fontsize=9)
-        _few_ticks(axes, bands)
+    _few_ticks(panels[0], bands)  # all panels share its axes
     shared_legend(figure, panels[0], at="upper")
     return figure
 

@@ -109,5 +109,6 @@ def _information(forms: Sequence[tuple[FloatArray, FloatArray]], rng: np.random.
 
 
 def _log_density(y: FloatArray, location: FloatArray, scale: FloatArray) -> FloatArray:
-    log_terms = stats.norm.logpdf(y[:, None], location, scale)
+    with np.errstate(over="ignore"):  # of values far from a draw without error
+        log_terms = stats.norm.logpdf(y[:, None], location, scale)
     return np.asarray(special.logsumexp(log_terms, axis=1) - np.log(len(location)))
