@@ -115,7 +115,7 @@ class ContactSet:
         layer = sign * (ends - np.array([segment.flat for segment in touched]).T)
         room, stuck = np.abs(limits - ends), ends == limits
         width, mean = 2 * pressing.intervals.half_width, np.abs(pressing.coefficients[:, 0])
-        strength = np.array(pressing.singular)
+        strength = pressing.singular
         step = end_steps(strength, np.nan_to_num(pressing.outward, nan=0.0), width, stuck)
         near = np.abs(step) <= self._small_step(width, math.pi * mean / pressing.load, layer)
         stays = np.where(stuck, strength >= -self._tol * mean, near)  # (5), (10)

@@ -63,7 +63,8 @@ class Intervals:
         gaps, none = left[k:] - right[:-k], [math.inf] * k
         nearest = np.minimum(np.append(none, gaps), np.append(gaps, none))
         tiny = np.finfo(np.float64).eps
-        return np.clip(nearest[-len(self.left) :] / self.half_width, tiny, 1 / tiny)
+        near: FloatArray = nearest[-len(self.left) :] / self.half_width
+        return np.clip(near, tiny, 1 / tiny)
 
     @property
     def images(self) -> tuple[tuple[float, slice], ...]:
@@ -101,18 +102,17 @@ class Interaction:
         # Few orders are as accurate far away as m orders are between neighbours.
         few = np.maximum(2 * m / (1 + far / near), MAX_DECAY / near)
         self._few = math.ceil(np.minimum(few, m).max())
-        pairs = [(i, i + 1, 1.0) for i in range(n - 1)] + [(i + 1, i, 1.0) for i in range(n - 1)]
-        if intervals.mirrored and not intervals.straddles:
-            pairs.append((0, 0, -1.0))
-        elif intervals.mirrored and n > 1:
-            pairs.append((0, 1, -1.0))
-        row, column, self._sign = np.array(pairs).reshape(-1, 3).T
-        self._row, self._column = row.astype(np.int64), column.astype(np.int64)
+        i = np.arange(n)
+        is_next = np.abs(i[:, None] - i) == 1
+        is_next_image = (i[:, None] == 0) & (i == int(intervals.straddles))
+        neighbours = np.stack([is_next, is_next_image])[: len(intervals.images)]
+        image, self._row, self._column = np.nonzero(neighbours)
+        self._sign = np.where(image == 1, -1.0, 1.0)
         x, project = self._points(len(self._own[0]))
         centre, half_width = intervals.centre[:, None], intervals.half_width[:, None]
         centre, half_width = centre[self._column], half_width[self._column]
         s = (self._sign[:, None] * x[self._row] - centre) / half_width
-        near_blocks = project @ _potentials(s, half_width, len(project))
+        near_blocks = project @ potentials(s, half_width, len(project))
         used = self._used[self._row][:, :, None] & self._used[self._column][:, None]
         self._near: FloatArray = np.where(used, near_blocks, 0.0)
 
@@ -131,7 +131,7 @@ class Interaction:
         far = np.zeros((n, few, n, few))
         for sign, has in intervals.images:
             s = (sign * x[..., None] - intervals.centre) / intervals.half_width
-            values = _potentials(s, intervals.half_width, few)
+            values = potentials(s, intervals.half_width, few)
             blocks = np.tensordot(project, values, axes=(1, 1)).swapaxes(0, 1)
             near = self._sign == sign
             blocks[self._row[near], :, self._column[near]] = 0.0
@@ -142,39 +142,31 @@ class Interaction:
         far *= few_used[:, :, None, None] & few_used
         return far
 
-    def solve(self, potentials: FloatArray, loads: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def solve(
+        self, heights: FloatArray, loads: FloatArray, few: int | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Return coefficients, (n_case, n, m), and approaches, (n_case,).
 
         Parameters
         ----------
-        potentials : ndarray of float, shape (n_case, n, m)
+        heights : ndarray of float, shape (n_case, n, m)
             Chebyshev coefficients of the potentials less the approach.
         loads : ndarray of float, shape (n_case,)
             Loads.
+        few : int, optional
+            Number of orders in the factorisation.
 
         Raises
         ------
         numpy.linalg.LinAlgError
             If the equations are singular.
         """
-        few, most = self._few, len(self._own[0])
-        while True:
-            *found, converged = self._iterate(few, potentials, loads)
-            if converged or few == most:
-                return found[0], found[1]
-            few = min(2 * few, most)
-
-    def _iterate(
-        self, few: int, potentials: FloatArray, loads: FloatArray
-    ) -> tuple[FloatArray, FloatArray, bool]:
-        """Return `solve`, with few orders in the factor, and whether the iteration converged."""
-        n, n_case = len(self._own), len(loads)
+        few, n_case, (n, most) = few or self._few, len(loads), self._own.shape
         far, weight = self._far(few), math.pi * self._intervals.weight
-        core = np.zeros((n * few + 1, n * few + 1))
         blocks = far.copy()
-        for sign in (1.0, -1.0):
-            pairs = self._sign == sign
-            blocks[self._row[pairs], :, self._column[pairs]] += self._near[pairs, :few, :few]
+        for row, column, block in zip(self._row, self._column, self._near, strict=True):
+            blocks[row, :, column] += block[:few, :few]
+        core = np.zeros((n * few + 1, n * few + 1))
         core[:-1, :-1] = blocks.reshape(n * few, -1)
         core[np.arange(n * few), np.arange(n * few)] += self._own[:, :few].ravel()
         core[:-1:few, -1], core[-1, :-1:few] = -1.0, weight
@@ -182,13 +174,15 @@ class Interaction:
         if info != 0:
             raise np.linalg.LinAlgError("singular equations")
         by_far = far.reshape(n * few, -1).T
-        found, approaches, last = np.zeros(potentials.shape), np.zeros(n_case), math.inf
+        found, approaches = np.zeros(heights.shape), np.zeros(n_case)
+        last = math.inf
         while True:
-            rest = potentials - self._own * found
+            rest = heights - self._own * found
             rest[..., 0] += approaches[:, None]
             rest[..., :few] -= (found[..., :few].reshape(n_case, -1) @ by_far).reshape(-1, n, few)
             acting = (self._near @ found[:, self._column, :, None])[..., 0]
-            np.subtract.at(rest, (slice(None), self._row), acting)
+            for case, act in zip(rest, acting, strict=True):
+                np.subtract.at(case, self._row, act)
             lacking = loads - found[..., 0] @ weight
             right = np.column_stack([rest[..., :few].reshape(n_case, -1), lacking])
             solved = lapack.dgetrs(factor, pivots, right.T)[0].T
@@ -197,27 +191,14 @@ class Interaction:
             found += step
             approaches += solved[:, -1]
             size = float((np.abs(step).max(axis=(1, 2)) / np.abs(found).max(axis=(1, 2))).max())
-            if size < np.finfo(np.float64).eps ** 0.75:
-                return found, approaches, True
+            if size < np.finfo(np.float64).eps ** 0.75 or (few == most and not size < 0.5 * last):
+                return found, approaches
             if not size < 0.5 * last:
-                return found, approaches, False
+                return self.solve(heights, loads, min(2 * few, most))
             last = size
 
 
-def potentials_around(
-    centre: FloatArray, half_width: FloatArray, x: FloatArray, m: int, *, alone: int
-) -> FloatArray:
-    """Return the potentials of every function at x outside, mirror images added, (n_x, n, m).
-
-    The first `alone` intervals have no mirror image.
-    """
-    sums = _potentials((x[:, None] - centre) / half_width, half_width, m)
-    s = (-x[:, None] - centre[alone:]) / half_width[alone:]
-    sums[:, alone:] += _potentials(s, half_width[alone:], m)
-    return sums
-
-
-def _potentials(s: FloatArray, half_width: FloatArray, m: int) -> FloatArray:
+def potentials(s: FloatArray, half_width: FloatArray | float, m: int) -> FloatArray:
     """Return m potentials of intervals at local coordinates s outside, shape (*s.shape, m)."""
     values = influence(np.maximum(np.abs(s) - 1.0, 0.0), m)
     values[..., 0] -= math.pi * np.log(half_width)

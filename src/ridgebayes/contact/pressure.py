@@ -63,14 +63,13 @@ class PressureSolution:
         return float(self.forces @ self.intervals.weight)
 
     @cached_property
-    def singular(self) -> tuple[FloatArray, FloatArray]:
-        """Strength of the edge singularities, left and right, (n,) each; negative is tension."""
-        left, right = _at_ends(self._regular) - self.kinks.at_ends() / math.pi
-        return left, right
+    def singular(self) -> FloatArray:
+        """Strength of the edge singularities, left and right, (2, n); negative is tension."""
+        return _at_ends(self._regular) - self.kinks.at_ends() / math.pi
 
     @cached_property
-    def outward(self) -> tuple[FloatArray, FloatArray]:
-        """Newton step of each end outward to zero pressure, left and right, (n,) each.
+    def outward(self) -> FloatArray:
+        """Newton step of each end outward to zero pressure, left and right, (2, n).
 
         With B = sum n^2 a_n the singular strength changes by B/(2 w) per length. At zero strength
         it does not depend on the other ends, so each end takes an independent step.
@@ -80,8 +79,8 @@ class PressureSolution:
         slopes = _at_ends(self._regular * square) - far
         reach = 2 * self.intervals.half_width
         with np.errstate(divide="ignore", invalid="ignore"):
-            left, right = -reach * np.array(self.singular) / slopes
-        return left, right
+            steps: FloatArray = -reach * self.singular / slopes
+        return steps
 
     @cached_property
     def _regular(self) -> FloatArray:

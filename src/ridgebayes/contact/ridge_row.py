@@ -17,7 +17,7 @@ from scipy.linalg import lapack
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.contact.contact_set import N_PLACES
-from ridgebayes.contact.intervals import MAX_DECAY, potentials_around
+from ridgebayes.contact.intervals import MAX_DECAY, potentials
 from ridgebayes.contact.logkernel import cross_blocks, log_ellipse, self_energies
 from ridgebayes.contact.rigid_profile import Profile
 
@@ -247,9 +247,12 @@ class RidgeRow:
 
     def potentials(self, x: FloatArray) -> FloatArray:
         """Return potentials of all moments at x, (n_x, n, m)."""
-        alone = int(self.has_own_image) if self.profile.mirrored else self.n
-        half = np.full(self.n, self.half_width)
-        sums = potentials_around(self.centre[: self.n], half, x, self.m, alone=alone)
+        places = x[:, None] - self.centre[: self.n]
+        sums = potentials(places / self.half_width, self.half_width, self.m)
+        if self.profile.mirrored:  # mirroring alternates the signs of the coefficients
+            image = slice(int(self.has_own_image), self.n)
+            places = -x[:, None] - self.centre[image]
+            sums[:, image] += potentials(places / self.half_width, self.half_width, self.m)
         sums[..., 0] += math.pi * math.log(self.unit) * self.weight
         return sums
 
