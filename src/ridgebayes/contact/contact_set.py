@@ -123,7 +123,7 @@ class ContactSet:
         most = np.where(step * last < 0, 0.5 * np.abs(last), np.inf)  # (9a)
         # A floor's contact ends before the wall, where the surface would cut through the ridge.
         on_floor = np.array([segment.ridge is None for segment in touched])
-        step = np.clip(step, -most, np.where(on_floor, np.minimum(most, 0.5 * room), most))
+        step = np.clip(step, -most, np.where(on_floor, np.minimum(most, (1 - SHRINK) * room), most))
         made = np.where(stays, last, np.minimum(step, room))
         self._last_steps |= zip(touched, map(tuple, made.T.tolist()), strict=True)
         return np.where(stays, ends, np.where(step >= room, limits, ends + sign * step))

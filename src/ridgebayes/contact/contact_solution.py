@@ -161,7 +161,8 @@ def solve_contact(
     # The strength of a free end errs by a few times the tolerance, which TENSION has to exceed.
     rel_tol = min(rel_tol, (0.1 * TENSION) ** 2)
     half_width, hertz = bearing_half_width(profile, W), math.sqrt(2 * W)
-    first = hertz / profile.pitch * coefficients_for(profile, rel_tol, half_width)
+    m_ridge = coefficients_for(profile, rel_tol, half_width)
+    first = hertz / profile.pitch * m_ridge
     if ridges is None and first > 2 * MOST_UNKNOWNS:
         # The number of ridges is checked before they are listed, because it may be millions.
         return too_many(profile, first)
@@ -172,10 +173,11 @@ def solve_contact(
     state.begin(W, start or {}, 0.5 * profile.a - half_width)
     solution = no_solution(profile, "not converged: contact ends still move")
     least, step, share, m = 0.25 * W, 0.0, 0.8, np.empty(0, dtype=np.int64)
+    most = 8 * m_ridge  # between a floor and its wall contact may need far less than its gap says
     for _ in range(MAX_ITERATIONS):
         W += step
         intervals = state.intervals()
-        enough = _coefficients(intervals.distances(1), share, rel_tol)
+        enough = np.minimum(_coefficients(intervals.distances(1), share, rel_tol), most)
         # Ends would keep moving if a few coefficients came and went.
         m = np.where(np.abs(enough - m) > 2, enough, m) if len(m) == len(enough) else enough
         if (unknowns := len(m) * m.max()) > MOST_UNKNOWNS:
@@ -199,7 +201,7 @@ def solve_contact(
             continue
         if pressing.tail**2 <= rel_tol:  # the relative error of loads is below tail^2
             return replace(solution, status=_status_of(pressing, W, rel_tol))
-        share *= 1.2
+        share, most = 1.2 * share, 2 * most
     return solution
 
 
