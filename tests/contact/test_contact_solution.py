@@ -29,7 +29,7 @@ def press_on(W, *, scale=1.0, start=None, **shape):
     if "depth" in shape:
         long["depth"] = shape["depth"] * scale**2
     profile = Profile(scale * A, scale * B, **long)
-    return solve_contact(profile, scale**2 * W, start=start)
+    return solve_contact(profile, scale**2 * W, start=None if start is None else start.covered)
 
 
 def on_a_grid(profile, W, n):
@@ -314,6 +314,6 @@ def test_load_factor__makes_the_loads_whose_hertzian_contact_is_as_wide(nu):
 def test_pressed__a_round_corner_is_found_where_contact_begins_and_ends_at_its_kink(offset, W, Q):
     """On both corners at nearly no load; with an end 1e-8 of a ridge beyond the flat."""
     profile = Profile(0.0625, 0.05, corner=0.00625, offset=offset)
-    found = solve_contact(profile, W, start=solve_contact(profile, 0.99 * W))
+    found = solve_contact(profile, W, start=solve_contact(profile, 0.99 * W).covered)
     assert (found.status, found.Q) == ("ok", Q)
     assert worst_penetration(found) < 1e-9 * W + 1e-14  # tolerance

@@ -191,7 +191,7 @@ FLOORS = [(Profile(0.03, 0.05, depth=3e-3, corner=2e-3, offset=o), 0.05) for o i
 @pytest.mark.slow
 @pytest.mark.parametrize(("profile", "W_max"), [*scenes(9, 3), *FLOORS], ids=str)
 def test_reaching_loads__found_together_are_those_found_one_by_one(profile, W_max, monkeypatch):
-    """By `solve_contact`: collocation, and each event by itself."""
+    """By `solve_contact`: actual contacts instead of moments of ridges, event by event."""
     together = reaching_loads(profile, W_max=W_max)
     monkeypatch.setattr(reaching, "all_events", lambda *_, **__: Events(np.empty(0), "none"))
     floor = replace(profile, depth=min(profile.depth, 1.0))  # one that is never touched

@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ridgebayes._types import BoolArray, FloatArray
-from ridgebayes.contact.intervals import Intervals, PressureSolution
+from ridgebayes.contact.intervals import Intervals
+from ridgebayes.contact.pressure import PressureSolution
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
 SHRINK = 0.1  # smallest factor on the width of a contact in one step
@@ -28,6 +29,7 @@ class ContactSet:
     def __init__(self, profile: Profile, segments: Sequence[RigidSegment], rel_tol: float) -> None:
         self._profile, self._segments, self._tol = profile, list(segments), rel_tol
         self._ends: dict[RigidSegment, tuple[float, float]] = {}
+        self._dropped: set[RigidSegment] = set()  # since the ends last settled
         self._last_steps: dict[RigidSegment, tuple[float, ...]] = {}  # of both ends, outward
 
     @property
@@ -47,7 +49,8 @@ class ContactSet:
         """
         hertz = math.sqrt(2 * W)
         tops = [segment for segment in self._segments if segment.ridge is not None]
-        self._ends = {segment: start[segment] for segment in self._segments if segment in start}
+        known = [segment for segment in self._segments if segment in start]
+        self._ends = {segment: self._within(segment, *start[segment]) for segment in known}
         if not self._ends:
             for segment in tops:
                 low, high = max(segment.start + spared, -hertz), min(segment.stop - spared, hertz)
@@ -73,7 +76,9 @@ class ContactSet:
         return self._within(segment, high - width, high + into)
 
     def _within(self, segment: RigidSegment, low: float, high: float) -> tuple[float, float]:
-        low, high = max(low, segment.start), min(high, segment.stop)
+        rounding = self._tol * (segment.stop - segment.start)
+        low = segment.start if low < segment.start + rounding else low
+        high = segment.stop if high > segment.stop - rounding else high
         if self._profile.mirrored and segment.start < 0 < segment.stop:
             high = max(high, -low)
             low = -high
@@ -90,6 +95,7 @@ class ContactSet:
             on_floor = segment.ridge is None and width**2 <= self._scale(pressing) * length
             if (width <= _MIN_WIDTH * length or on_floor) and len(self._ends) > 1:
                 del self._ends[segment]
+                self._dropped.add(segment)
                 continue
             if self._profile.mirrored and segment.start < 0 < segment.stop:
                 low = -high
@@ -109,13 +115,15 @@ class ContactSet:
         layer = sign * (ends - np.array([segment.flat for segment in touched]).T)
         room, stuck = np.abs(limits - ends), ends == limits
         width, mean = 2 * pressing.intervals.half_width, np.abs(pressing.coefficients[:, 0])
-        strength = np.array(pressing.singular)
+        strength = pressing.singular
         step = end_steps(strength, np.nan_to_num(pressing.outward, nan=0.0), width, stuck)
         near = np.abs(step) <= self._small_step(width, math.pi * mean / pressing.load, layer)
         stays = np.where(stuck, strength >= -self._tol * mean, near)  # (5), (10)
         last = np.array([self._last_steps.get(segment, (0.0, 0.0)) for segment in touched]).T
         most = np.where(step * last < 0, 0.5 * np.abs(last), np.inf)  # (9a)
-        step = np.clip(step, -most, most)
+        # A floor's contact ends before the wall, where the surface would cut through the ridge.
+        on_floor = np.array([segment.ridge is None for segment in touched])
+        step = np.clip(step, -most, np.where(on_floor, np.minimum(most, (1 - SHRINK) * room), most))
         made = np.where(stays, last, np.minimum(step, room))
         self._last_steps |= zip(touched, map(tuple, made.T.tolist()), strict=True)
         return np.where(stays, ends, np.where(step >= room, limits, ends + sign * step))
@@ -134,10 +142,16 @@ class ContactSet:
         """Return the penetration that is within the tolerance."""
         return max(self._tol * pressing.load, 1e-15)
 
-    def add_penetrated(self, pressing: PressureSolution) -> bool:
-        """Add contacts on segments that the surface penetrates; return whether there are any."""
+    def add_penetrated(self, pressing: PressureSolution, *, settled: bool) -> bool:
+        """Add contacts on segments that the surface penetrates; return whether there are any.
+
+        Contacts that vanished return only when the ends have settled, to avoid cycles.
+        """
         before = len(self._ends)
-        others = [segment for segment in self._segments if segment not in self._ends]
+        if settled:
+            self._dropped.clear()
+        out = self._ends.keys() | self._dropped
+        others = [segment for segment in self._segments if segment not in out]
         if not others:
             return False
         _, gaps, slack = nearest_gaps(pressing, others, spacing=1.0)
@@ -155,6 +169,8 @@ class ContactSet:
                 self._ends[segment] = self._initial_contact(segment, pressing.load)
             else:
                 half = math.sqrt(-segment.corner * gap) or 0.02 * (stop - start)
+                if segment.ridge is None:
+                    at = min(max(at, start + 1.1 * half), stop - 1.1 * half)
                 self._ends[segment] = self._within(segment, at - half, at + half)
         return len(self._ends) > before
 
@@ -177,7 +193,7 @@ def end_steps(
 def nearest_gaps(
     pressing: PressureSolution,
     segments: Sequence[RigidSegment],
-    spacing: float = math.sqrt(np.finfo(np.float64).eps),
+    spacing: float = math.cbrt(np.finfo(np.float64).eps),
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the places where the gaps to untouched segments are smallest, and these gaps.
 
@@ -192,11 +208,13 @@ def nearest_gaps(
     while True:
         heights = [segment.height(at) for segment, at in zip(segments, x, strict=True)]
         gap = pressing.surface(x) + heights
-        lowest = np.argmin(gap, axis=1)
-        nearest, least = x[rows, lowest], gap[rows, lowest]
-        i = np.clip(lowest, 1, N_PLACES - 2)
-        slack = np.ptp(gap[rows, [i - 1, i, i + 1]], axis=0)
-        if apart <= spacing:
-            return nearest, least, slack
+        i = np.clip(np.argmin(gap, axis=1), 1, N_PLACES - 2)
+        around = gap[rows, [i - 1, i, i + 1]]
+        if apart <= spacing:  # the least value of a parabola through three places
+            slope, bend = 0.5 * (around[2] - around[0]), np.diff(around, n=2, axis=0)[0]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                t = np.nan_to_num(np.clip(-slope / np.maximum(bend, 0.0), -1.0, 1.0))
+            nearest = x[rows, i] + t * (x[:, 1] - x[:, 0])
+            return nearest, around[1] + (slope + 0.5 * bend * t) * t, np.ptp(around, axis=0)
         x = np.linspace(x[rows, i - 1], x[rows, i + 1], N_PLACES, axis=1)
         apart *= 2 / (N_PLACES - 1)

@@ -5,15 +5,17 @@ at a free end, where the pressure is zero; see `contact_set`.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from ridgebayes._types import FloatArray
+from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.contact_set import BEGUN, TENSION, ContactSet, nearest_gaps
-from ridgebayes.contact.intervals import Intervals, PressureSolution, solve_pressure
+from ridgebayes.contact.intervals import Intervals
+from ridgebayes.contact.logkernel import log_ellipse
+from ridgebayes.contact.pressure import PressureSolution, solve_pressure
 from ridgebayes.contact.rigid_profile import Kinks, Profile, RigidSegment, falls
 from ridgebayes.errors import InputError
 
@@ -120,7 +122,7 @@ def solve_contact(
     W: float,
     *,
     rel_tol: float = DEFAULT_REL_TOL,
-    start: ContactSolution | None = None,
+    start: Mapping[RigidSegment, tuple[float, float]] | None = None,
     ridges: range | None = None,
     ahead: Sequence[RigidSegment] = (),
 ) -> ContactSolution:
@@ -131,11 +133,11 @@ def solve_contact(
     profile : Profile
         Rigid profile.
     W : float
-        Load: 4 (1 - nu^2)/pi times p/E. With `ahead`, the smallest load.
+        Load: 4 (1 - nu^2)/pi times p/E. With `ahead`, a guess: a quarter of it is the least load.
     rel_tol : float, optional
         Tolerance of the ends, over their interval's width, of tension and of penetration.
-    start : ContactSolution, optional
-        Solution at a similar load, as the initial guess.
+    start : mapping of RigidSegment to (float, float), optional
+        Ends of contact at a similar load, as the initial guess.
     ridges : range, optional
         Numbers of the ridges to include. The solution holds until another ridge is reached.
     ahead : sequence of RigidSegment, optional
@@ -158,23 +160,28 @@ def solve_contact(
         profile = replace(profile, corner=0.0)
     # The strength of a free end errs by a few times the tolerance, which TENSION has to exceed.
     rel_tol = min(rel_tol, (0.1 * TENSION) ** 2)
-    half_width = bearing_half_width(profile, W)
-    m = coefficients_for(profile, rel_tol, half_width)
-    hertz = math.sqrt(2 * W)
-    if ridges is None and (first := hertz / profile.pitch) * m > 2 * MOST_UNKNOWNS:
+    half_width, hertz = bearing_half_width(profile, W), math.sqrt(2 * W)
+    m_ridge = coefficients_for(profile, rel_tol, half_width)
+    first = hertz / profile.pitch * m_ridge
+    if ridges is None and first > 2 * MOST_UNKNOWNS:
         # The number of ridges is checked before they are listed, because it may be millions.
-        return too_many(profile, first * m)
+        return too_many(profile, first)
     within = profile.segments(1.3 * hertz + 3 * profile.pitch)
     if ridges is not None:
         within = [segment for segment in within if segment.ridge is None or segment.ridge in ridges]
     state = ContactSet(profile, within, rel_tol)
-    state.begin(W, {} if start is None else start.covered, 0.5 * profile.a - half_width)
-    solution, least, step = no_solution(profile, "not converged: contact ends still move"), W, 0.0
+    state.begin(W, start or {}, 0.5 * profile.a - half_width)
+    solution = no_solution(profile, "not converged: contact ends still move")
+    least, step, share, m = 0.25 * W, 0.0, 0.8, np.empty(0, dtype=np.int64)
+    most = 8 * m_ridge  # between a floor and its wall contact may need far less than its gap says
     for _ in range(MAX_ITERATIONS):
         W += step
         intervals = state.intervals()
-        if len(intervals.left) * m > MOST_UNKNOWNS:
-            return too_many(profile, len(intervals.left) * m)
+        enough = np.minimum(_coefficients(intervals.distances(1), share, rel_tol), most)
+        # Ends would keep moving if a few coefficients came and went.
+        m = np.where(np.abs(enough - m) > 2, enough, m) if len(m) == len(enough) else enough
+        if (unknowns := len(m) * m.max()) > MOST_UNKNOWNS:
+            return too_many(profile, float(unknowns))
         try:
             height, kinks = _heights(state.touched, intervals)
             pressing = solve_pressure(intervals, height, W, m, kinks)
@@ -190,11 +197,11 @@ def solve_contact(
             moves, step = True, rise
         else:
             step = 0.0
-        if moves or state.add_penetrated(pressing):
+        if state.add_penetrated(pressing, settled=not moves) or moves:
             continue
         if pressing.tail**2 <= rel_tol:  # the relative error of loads is below tail^2
             return replace(solution, status=_status_of(pressing, W, rel_tol))
-        m = math.ceil(1.5 * m)  # a contact has come close to its neighbour
+        share, most = 1.2 * share, 2 * most
     return solution
 
 
@@ -234,9 +241,16 @@ def coefficients_for(profile: Profile, rel_tol: float, half_width: float) -> int
     A narrow gap between contacts needs more.
     """
     excess = (profile.b + (profile.a - 2 * half_width)) / half_width
-    log_rho = math.log1p(excess + math.sqrt(excess * (2 + excess)))
-    sharp = math.log(0.1 / rel_tol) / (2 * log_rho) + 4
-    return math.ceil(1.15 * sharp)
+    return int(_coefficients(np.array([excess]), 1.0, rel_tol)[0])
+
+
+def _coefficients(excess: FloatArray, share: float, rel_tol: float) -> IntArray:
+    """Return the coefficients of intervals whose neighbours are `excess` half-widths away, (n,).
+
+    Fully covered ridges need them all, free ends a `share`.
+    """
+    sharp = math.log(0.1 / rel_tol) / (2 * log_ellipse(excess)) + 4
+    return np.ceil(1.15 * share * sharp).astype(np.int64)
 
 
 def _heights(segments: Sequence[RigidSegment], intervals: Intervals) -> tuple[FloatArray, Kinks]:
@@ -280,5 +294,7 @@ def solve_many_contacts(
     solutions: dict[int, ContactSolution] = {}
     last = None
     for i in np.argsort(W).tolist():
-        solutions[i] = last = solve_contact(profile, float(W[i]), rel_tol=rel_tol, start=last)
+        solutions[i] = last = solve_contact(
+            profile, float(W[i]), rel_tol=rel_tol, start=None if last is None else last.covered
+        )
     return [solutions[i] for i in sorted(solutions)]

@@ -65,7 +65,7 @@ def edge_forces(solution: ContactSolution, nu: float) -> EdgeForces:
     floor = np.array([segment.ridge is None for segment in segments], dtype=bool)
     corners = np.array([(segment.start, segment.stop) for segment in segments]).reshape(-1, 2)
     ends = np.stack([intervals.left, intervals.right], axis=1)
-    strength = np.maximum(np.stack(pressing.singular, axis=1), 0.0)
+    strength = np.maximum(pressing.singular.T, 0.0)
     K = 0.5 * math.pi * modulus * strength * np.sqrt(math.pi / half_width)[:, None]
     K = np.where((ends == corners) & ((profile.corner == 0) | floor)[:, None], K, 0.0)
     number = np.array([profile.ridge_before(segment) for segment in segments], dtype=np.int64)

@@ -216,7 +216,7 @@ def _solve_batch(gap_ratio: float, n_known: int, n_last: int, rel_tol: float) ->
     """Solve for F_(n_known + 1) ... F_n_last with more coefficients until all checks hold."""
     # Loads are quadratic in the coefficients' error, so their error is C rho^(-2 M). C is 1e-2 in
     # measurements, 1e-1 here. The solution with n_check coefficients checks the final one.
-    n_check = math.ceil(max(3.0, math.log(0.1 / rel_tol) / (2.0 * log_ellipse(gap_ratio))))
+    n_check = math.ceil(max(3.0, math.log(0.1 / rel_tol) / (2.0 * float(log_ellipse(gap_ratio)))))
     best, worst = None, math.inf
     while True:
         # An eighth more coefficients reduce the error by at least e^2 at the usual tolerances, so

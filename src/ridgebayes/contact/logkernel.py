@@ -13,7 +13,7 @@ import numpy as np
 from ridgebayes._types import FloatArray
 
 
-def log_ellipse(gap_ratio: float) -> float:
+def log_ellipse(gap_ratio: FloatArray | float) -> FloatArray:
     """Return ln(rho) of the largest Bernstein ellipse that contains no neighbour strip.
 
     ln(rho) = arccosh(1 + 2 b/a): pressures and fields on a strip, in its local coordinate, have
@@ -21,20 +21,27 @@ def log_ellipse(gap_ratio: float) -> float:
 
     Parameters
     ----------
-    gap_ratio : float, scalar, strip half-widths
+    gap_ratio : float or ndarray of float, shape (...), strip half-widths
         Groove width over half the ridge width, 2 b/a.
 
     Returns
     -------
-    float, scalar, dimensionless
+    ndarray of float, shape (...), dimensionless
         ln(rho), without cancellation for narrow grooves.
 
     Examples
     --------
-    >>> round(log_ellipse(0.25), 12) == round(math.log(2.0), 12)  # 5/4 = cosh(ln 2)
+    >>> round(float(log_ellipse(0.25)), 12) == round(math.log(2.0), 12)  # 5/4 = cosh(ln 2)
     True
     """
-    return math.log1p(gap_ratio + math.sqrt(gap_ratio * (2.0 + gap_ratio)))
+    value: FloatArray = np.log1p(gap_ratio + np.sqrt(gap_ratio * (2.0 + gap_ratio)))
+    return value
+
+
+def inverse_rho(excess: FloatArray) -> FloatArray:
+    """Return z = x - sqrt(x^2 - 1) at x = 1 + excess, of any shape, without cancellation."""
+    value: FloatArray = 1.0 / (1.0 + excess + np.sqrt(excess * (2.0 + excess)))
+    return value
 
 
 def influence(excess: FloatArray, n_coefficients: int) -> FloatArray:
@@ -67,8 +74,7 @@ def influence(excess: FloatArray, n_coefficients: int) -> FloatArray:
     >>> influence(np.array([0.25]), 2) / math.pi
     array([[0. , 0.5]])
     """
-    # 1/(x + root) instead of x - root avoids cancellation far away.
-    z = 1.0 / (1.0 + excess + np.sqrt(excess * (2.0 + excess)))
+    z = inverse_rho(excess)
     out = np.empty((*excess.shape, n_coefficients))
     out[...] = z[..., None]
     out[..., 0] = 1.0
@@ -112,7 +118,7 @@ def cross_blocks(gap_ratio: float, n_distances: int, n_coefficients: int) -> Flo
     """
     # The integrand is a polynomial of degree m < M times a function analytic inside the ellipse,
     # so the rule of q nodes aliases at rho^-(2q - M), which is at most the rounding error.
-    by_ellipse = -math.log(np.finfo(np.float64).eps) / log_ellipse(gap_ratio)
+    by_ellipse = -math.log(np.finfo(np.float64).eps) / float(log_ellipse(gap_ratio))
     n_nodes = 4 + math.ceil(0.5 * (by_ellipse + n_coefficients))
     theta = (np.arange(n_nodes) + 0.5) * (math.pi / n_nodes)
     trial = np.cos(np.arange(n_coefficients)[:, None] * theta) * (math.pi / n_nodes)

@@ -15,7 +15,7 @@ from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.contact.all_events import all_events
 from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL, ContactSolution, solve_contact
 from ridgebayes.contact.ridge_row import touch_order
-from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 
 _MIN_LOAD_RATIO = 1e-10  # smallest load that rounding allows, over W_max or the square of the pitch
 
@@ -96,18 +96,25 @@ def _one_by_one(
     profile: Profile, W: float, low: int, high: int, W_max: float, rel_tol: float
 ) -> Iterator[tuple[float, int, str]]:
     """Yield the events after load W, at which ridges `low` to `high` are touched; W = 0: none."""
-    last = None
+    past: list[ContactSolution] = []
+    status = "ok"
     if W == 0.0:
-        last = _smallest(profile, W_max, rel_tol)
-        first = [segment.ridge for segment in last.segments if segment.ridge is not None]
+        smallest = _smallest(profile, W_max, rel_tol)
+        first = [segment.ridge for segment in smallest.segments if segment.ridge is not None]
         # If only a floor is touched, the ridges beside it, -1 and 0, are reached next.
-        low, high, W = min(first, default=0), max(first, default=-1), last.W
-    status = "ok" if last is None else last.status
+        low, high = min(first, default=0), max(first, default=-1)
+        W, status = smallest.W, smallest.status
     while status == "ok":
         # Next ridge on the right, and on the left if the profile is not mirrored.
         sides = (high + 1,) if profile.mirrored else (high + 1, low - 1)
         ahead, touched = [profile.ridge(number) for number in sides], range(low, high + 1)
-        last = solve_contact(profile, W, rel_tol=rel_tol, start=last, ridges=touched, ahead=ahead)
+        guess, ends = (W, past[-1].covered if past else {})
+        if len(past) >= 2 * len(sides):
+            guess, ends = _expected(profile, past[-len(sides)], past[-2 * len(sides)])
+        last = solve_contact(
+            profile, guess, rel_tol=rel_tol, start=ends, ridges=touched, ahead=ahead
+        )
+        past.append(last)
         status = last.status
         if status == "ok":
             W = last.W
@@ -117,6 +124,40 @@ def _one_by_one(
             low, high = min(low, ridge), max(high, ridge)
             yield W, _count(profile, low, high), status
     yield math.nan, _count(profile, low, high + 1), status
+
+
+def _expected(
+    profile: Profile, last: ContactSolution, before: ContactSolution
+) -> tuple[float, dict[RigidSegment, tuple[float, float]]]:
+    """Return the expected load and ends of contact when each side has reached a further ridge.
+
+    From `before` to `last` each side reached one as well. With each ridge the contact grows like
+    that of the inner neighbour before, and the root of the load by a constant.
+    """
+    near, far = last.covered, before.covered
+    numbers = [profile.ridge_before(segment) for segment in near]
+    expected = {}
+    for number in range(min(numbers) - 1, max(numbers) + 2):
+        inner_number = number - 1 if number > 0 else number + 1 if number < -1 else number
+        for kind in (profile.ridge, profile.floor_after):
+            segment, inner = kind(number), kind(inner_number)
+            if segment in near:
+                low, high = near[segment]
+                before_low, before_high = far.get(inner, near[inner])
+                # Contact grows, and on a floor not up to the walls.
+                most = 0.9 if segment.ridge is None else 1.0
+                low_growth = min(
+                    max(before_low - near[inner][0], 0.0), most * (low - segment.start)
+                )
+                high_growth = min(
+                    max(near[inner][1] - before_high, 0.0), most * (segment.stop - high)
+                )
+                expected[segment] = low - low_growth, high + high_growth
+            elif inner in near:
+                low, high = near[inner]
+                shift = segment.start - inner.start
+                expected[segment] = low + shift, high + shift
+    return (2 * math.sqrt(last.W) - math.sqrt(before.W)) ** 2, expected
 
 
 def _smallest(profile: Profile, W_max: float, rel_tol: float) -> ContactSolution:

@@ -9,6 +9,7 @@ its corner or the flat of a round corner, and where a floor is touched.
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -25,7 +26,7 @@ from ridgebayes.contact.contact_solution import (
 )
 from ridgebayes.contact.edges import edge_forces
 from ridgebayes.contact.reaching import reaching_loads
-from ridgebayes.contact.rigid_profile import Profile
+from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 from ridgebayes.errors import ComputationError, InputError
 
 _N_PLACE = 25  # nodes of an interval (or decade of loads)
@@ -285,14 +286,14 @@ class _Shape:
                 for first, last in itertools.pairwise(sorted(nodes)):
                     if _free_ends(nodes[first]) != _free_ends(nodes[last]):
                         root = 0.5 * (math.sqrt(first) + math.sqrt(last))
-                        nodes |= [self._solve(Q, root**2, nodes[first])]
+                        nodes |= [self._solve(Q, root**2, nodes[first].covered)]
             places = sorted(nodes)
             values = np.array([_flat_values(nodes[place], Q) for place in places])
             self._cache[Q] = PchipInterpolator(np.sqrt(places), values)
         return self._cache[Q]
 
     def _solve(
-        self, Q: int, y: float, start: ContactSolution | None = None
+        self, Q: int, y: float, start: Mapping[RigidSegment, tuple[float, float]] | None = None
     ) -> tuple[float, ContactSolution]:
         """Return a place at y, or farther inside if that cannot be solved, and its contact."""
         low, high = self.interval(Q)

@@ -17,12 +17,10 @@ from scipy.linalg import lapack
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.contact.contact_set import N_PLACES
-from ridgebayes.contact.intervals import potentials_around
+from ridgebayes.contact.intervals import MAX_DECAY, potentials
 from ridgebayes.contact.logkernel import cross_blocks, log_ellipse, self_energies
 from ridgebayes.contact.rigid_profile import Profile
 
-# The m-th moments act on neighbours by rho^-2m. Below e^-6 the iteration of `all_events` suffices.
-_MAX_DECAY = 3.0  # m ln(rho) of the highest moments in the factor
 _N_AHEAD = 2  # ridges that no event touches: the next ridge on either side
 
 
@@ -78,7 +76,7 @@ class RidgeRow:
         row = cls(profile, numbers, half_width, reach + profile.a, by_distance, none)
         by_distance[:, 0, 0] += math.pi * row.shift
         by_distance[len(right)] = 0.0
-        m_far = min(math.ceil(_MAX_DECAY / log_ellipse(free / half_width)) + 1, m)
+        m_far = min(math.ceil(MAX_DECAY / float(log_ellipse(free / half_width))) + 1, m)
         m_far = m_far if profile.corner else m  # sharp ridges are solved without iteration
         rows, columns = row._scales(m_far)
         matrix = row._matrix(m_far) / (rows[:, None] * columns)
@@ -249,9 +247,12 @@ class RidgeRow:
 
     def potentials(self, x: FloatArray) -> FloatArray:
         """Return potentials of all moments at x, (n_x, n, m)."""
-        alone = int(self.has_own_image) if self.profile.mirrored else self.n
-        half = np.full(self.n, self.half_width)
-        sums = potentials_around(self.centre[: self.n], half, x, self.m, alone=alone)
+        places = x[:, None] - self.centre[: self.n]
+        sums = potentials(places / self.half_width, self.half_width, self.m)
+        if self.profile.mirrored:  # mirroring alternates the signs of the coefficients
+            image = slice(int(self.has_own_image), self.n)
+            places = -x[:, None] - self.centre[image]
+            sums[:, image] += potentials(places / self.half_width, self.half_width, self.m)
         sums[..., 0] += math.pi * math.log(self.unit) * self.weight
         return sums
 
