@@ -150,7 +150,7 @@ class PointIntegral:
         n_first = self.design.n_first
         normal = self.approximation(batch)
         n_outer, n_inner = self.n_points(n_point)
-        rest, log_weight = self._rest_points(normal, rng, n_outer)
+        rest, log_weight = self._rest_points(normal, batch.df, rng, n_outer)
         first, log_first = self._first_points(batch, normal, rest, rng, n_inner)
         if n_first:
             # Given the rest, the integral is a product of integrals over the textures' scores.
@@ -166,7 +166,7 @@ class PointIntegral:
         return Estimate(log_weight[0], from_half, scores)
 
     def _rest_points(
-        self, normal: Approximation, rng: np.random.Generator, n: int
+        self, normal: Approximation, df: FloatArray | None, rng: np.random.Generator, n: int
     ) -> tuple[FloatArray, FloatArray]:
         """Return points of the rest, (n, n_draw, n_rest), and log prior over proposal density."""
         corner, n_rest = normal.precision.corner, self.design.n_rest
@@ -177,7 +177,8 @@ class PointIntegral:
         # A Richtmyer sequence with a random shift for each draw, so that each point is uniform.
         u = rng.random((*pivots.shape, 1)) + np.arange(n) * self._richtmyer[:, None]
         u = np.clip(u % 1.0, _MIN_TAIL_PROBABILITY, 1 - _MIN_TAIL_PROBABILITY)
-        t = np.where(informed, _logistic(u), ndtri(u))
+        bend = 0.0 if df is None else self._tail_bend(df)
+        t = np.where(informed, _points(u, bend), ndtri(u))
         rest = normal.rest[..., None] + solve_lower(corner, t, transposed=True)
         from_prior = np.zeros(n, bool)
         if not self.rows.exact.all():
@@ -186,7 +187,7 @@ class PointIntegral:
             from_prior = np.arange(n) // 2 % _PRIOR_PAIR_PERIOD == 0
             rest = np.where(from_prior, ndtri(u), rest)
             t = np.swapaxes(corner, -1, -2) @ (rest - normal.rest[..., None])
-        log_t = np.where(informed, _log_logistic(t), -0.5 * (t * t + LOG_2PI)).sum(axis=-2)
+        log_t = np.where(informed, _log_points(t, bend), -0.5 * (t * t + LOG_2PI)).sum(axis=-2)
         log_density = log_t + np.log(pivots).sum(axis=-1)[:, None]
         log_prior = -0.5 * (rest**2 + LOG_2PI).sum(axis=-2)
         if from_prior.any():
@@ -194,6 +195,17 @@ class PointIntegral:
             terms = math.log1p(-share) + log_density, math.log(share) + log_prior
             log_density = np.logaddexp(*terms)
         return np.moveaxis(rest, -1, 0), (log_prior - log_density).T
+
+    def _tail_bend(self, df: FloatArray) -> FloatArray:
+        """Return the bend of points of the rest, with the tails of a score's Student rows.
+
+        The tail of the points is that of Student's distribution with 1/(k s) degrees of freedom, k
+        the bend and s the logistic scale; the density of m rows has m df. Tails heavier than
+        Cauchy's are not needed.
+        """
+        df = df * len(self.rows.upper) / self.design.n_rest
+        value: FloatArray = 1 / (_POINT_SCALE * np.maximum(df, 1.0))
+        return value[..., None]
 
     def _first_points(
         self,
@@ -242,14 +254,14 @@ class PointIntegral:
         stratum = np.repeat(np.arange(n_strata), min(n, 2))[:, None, None, None]
         u = (stratum + rng.random((len(stratum), *centre.shape))) / n_strata
         u = np.clip(u, _MIN_TAIL_PROBABILITY, 1 - _MIN_TAIL_PROBABILITY)
-        first = centre + _logistic(u) / precision.diagonal
+        first = centre + _points(u) / precision.diagonal
         if n_at_rows:
             first = np.concatenate([first, self._at_rows(batch, error, rng, n_at_rows)])
         shifted = error - (root.first * first)[..., self.design.first]
         log_rows = self.rows.log_density(shifted, batch.scale, self.tail, batch.df)
         joint = np.add.reduceat(log_rows[..., self._order], self._begins, axis=-1)
         t = (first - centre) * precision.diagonal
-        log_q = _log_logistic(t) + np.log(precision.diagonal)
+        log_q = _log_points(t) + np.log(precision.diagonal)
         if n_at_rows:
             top = np.maximum.reduceat(log_rows[..., self._order], self._begins, axis=-1)
             relative = np.exp(log_rows - top[..., self.rows.texture])
@@ -289,17 +301,18 @@ def _primes(n: int) -> FloatArray:
     return np.array(list(itertools.islice(primes, n)), float)
 
 
-def _logistic(u: FloatArray) -> FloatArray:
-    """Return quantiles of the points' logistic distribution at probabilities u."""
-    value: FloatArray = _POINT_SCALE * np.log(u / (1 - u))
-    return value
+def _points(u: FloatArray, bend: FloatArray | float = 0.0) -> FloatArray:
+    """Return quantiles sinh(k z)/k at probabilities u, with z logistic and k the bend."""
+    z = _POINT_SCALE * np.log(u / (1 - u))
+    return np.asarray(np.sinh(bend * z) / bend if np.any(bend) else z)
 
 
-def _log_logistic(t: FloatArray) -> FloatArray:
-    """Return the log density of the points' logistic distribution."""
-    z = np.abs(t) / _POINT_SCALE
+def _log_points(t: FloatArray, bend: FloatArray | float = 0.0) -> FloatArray:
+    """Return the log density of the points' distribution."""
+    bent = bend * t
+    z = np.abs(np.arcsinh(bent) / bend if np.any(bend) else t) / _POINT_SCALE
     value: FloatArray = -z - 2 * np.log1p(np.exp(-z)) - math.log(_POINT_SCALE)
-    return value
+    return value - 0.5 * np.log1p(bent * bent)
 
 
 def _select(scores: FloatArray, log_weight: FloatArray, rng: np.random.Generator) -> FloatArray:
