@@ -18,8 +18,9 @@ from scipy.interpolate import krogh_interpolate
 
 from ridgebayes._types import FloatArray
 from ridgebayes.fea.calculix import read_calculix
-from ridgebayes.fea.deck import RunDeck
+from ridgebayes.fea.deck import Run, read_deck
 from ridgebayes.fea.deck_text import REACTION, SURFACE, deck_text, pressed_disk
+from ridgebayes.fea.record import Given
 from ridgebayes.fea.rim import Rim
 from ridgebayes.scene.scene import Scene, Texture
 
@@ -60,14 +61,15 @@ def transitions(folder: Path, a: float, b: float, edges: float, penalty: float) 
     The load is the zero of a parabola of the gap through the last three levels before touching.
     """
     name, radius = name_of(a, b, edges, penalty), CORNER * a
-    run = RunDeck.read(folder / f"{name}.inp", SURFACE, REACTION, E=1.0, nu=NU)
-    history = read_calculix(folder / f"{name}.dat", deck=run)
-    assert history.x is not None
-    assert history.height is not None
-    load, position = np.abs(history.load), np.stack([history.x, history.height], axis=-1)
-    surface = Rim.of(run.undeformed, name, R=1.0, symmetry="half")
+    facts, deck = Given(surface=SURFACE, reaction=REACTION), read_deck(folder / f"{name}.inp")
+    history = read_calculix(Run(a, b, NU, paths=[folder / f"{name}.dat"], facts=facts, deck=deck))
+    assert history.at is not None
+    assert history.undeformed is not None
+    assert history.rigid is not None
+    load, position = np.abs(history.load), history.at
+    surface = Rim.of(history.undeformed, name, R=1.0, symmetry="half")
     far = b / 2 + (a + b) * np.arange(math.ceil(0.6 / (a + b)))
-    top = float(run.rigid[:, 1].max())
+    top = float(history.rigid[:, 1].max())
     corners = np.column_stack([far, np.full(len(far), top)])
     gaps = np.array([surface.gaps(at, corners, radius) for at in position])
     rows = []

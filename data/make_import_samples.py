@@ -8,12 +8,11 @@ elements make (seconds). Abaqus wrote none of them: its layouts are written here
 import runpy
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from ridgebayes.commands.fields import generate_fields
 from ridgebayes.fea.calculix import read_calculix
-from ridgebayes.fea.deck import RunDeck
+from ridgebayes.fea.deck import Run, read_deck
 from ridgebayes.fea.record import Given
 from ridgebayes.scene.scene import Scene
 from ridgebayes.table.table import read_table
@@ -28,11 +27,11 @@ def abaqus() -> None:
     writer, folder = runpy.run_path(str(WRITER)), FEA / "abaqus"
     folder.mkdir(exist_ok=True)
     calculix = FEA / "calculix"
-    facts = Given(deck=calculix / "ridges.inp", surface="NARC", reaction="NTOP")
-    run = RunDeck.read(facts)
-    deck, nodes = run.deck, run.undeformed
-    history = read_calculix([calculix / "ridges.dat"], facts)
-    force, moved = history.load, np.stack([history.x, history.height], axis=-1) - nodes
+    facts, deck = Given(surface="NARC", reaction="NTOP"), read_deck(calculix / "ridges.inp")
+    run = Run(0.03, 0.02, paths=[calculix / "ridges.dat"], facts=facts, deck=deck)
+    history = read_calculix(run)
+    force, nodes = history.load, history.undeformed
+    moved = history.at - nodes
     text = writer["dat_text"](force, nodes, nodes + moved, surface="RIM", reaction="TOP")
     (folder / "ridges.dat").write_text(text, encoding="ascii")
     rim = [f"{i}, {x:.13g}, {y:.13g}" for i, (x, y) in enumerate(nodes, start=1)]
