@@ -3,6 +3,7 @@
 import ast
 import importlib.metadata
 import json
+import runpy
 import subprocess
 import sys
 from importlib import import_module
@@ -172,11 +173,15 @@ def test_mechanics__never_sees_a_scene_a_table_or_a_fit():
 
 def test_no_public_function_has_the_name_of_a_module():
     # Importing a module sets it as an attribute of the package: it would replace the function.
-    package = PACKAGE
-    modules = {path.stem for path in package.iterdir() if not path.name.startswith("_")}
+    modules = {path.stem for path in PACKAGE.iterdir() if not path.name.startswith("_")}
     assert not modules & set(rb.__all__)
 
 
 def test_modules__have_400_lines_at_most():
     lines = {path: path.read_text(encoding="utf-8").count("\n") for path in PACKAGE.rglob("*.py")}
     assert {path.name: n for path, n in lines.items() if n > 400} == {}
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE.parents[1] / "data").glob("*.py")))
+def test_recipes_of_data__import_what_exists(path):
+    runpy.run_path(str(path))  # computes nothing: the name of the module is not __main__
