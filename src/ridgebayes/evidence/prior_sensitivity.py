@@ -265,12 +265,12 @@ class _Draws:
         """Return log densities under a pair with changed priors, at about 256 draws.
 
         Log K and smooth offsets are integrated out, so that their priors enter the likelihood. The
-        random points are the same for all changes.
+        random points are the same for all changes. Ratios of estimates need more points than means.
         """
         u = self.u[:: max(len(self.u) // _N_LIKELIHOOD_DRAW, 1)]
         rng = stream(self.pair.own_seed, "changed likelihood")
         integral = LatentIntegral(pair.model())
-        return integral.estimated(u, rng, QUICK.effort.n_point).log_density
+        return integral.estimated(u, rng, 4 * QUICK.effort.n_point).log_density
 
 
 def _changes(pair: Pair) -> list[_Change]:

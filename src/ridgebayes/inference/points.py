@@ -120,7 +120,7 @@ class PointIntegral:
             return n_point, 1
         # Densities of intervals are smooth, so that few points suffice; Student rows can have
         # several modes.
-        n_few = max(min(n_point // 4, _N_INNER_POINT), 2)
+        n_few = min(max(n_point // 4, _N_INNER_POINT // 2), _N_INNER_POINT)
         n_inner = _N_INNER_POINT if self.rows.exact.all() else n_few
         return max(n_point // 4, 2 * _PRIOR_PAIR_PERIOD), n_inner
 
