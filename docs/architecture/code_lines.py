@@ -27,7 +27,7 @@ BUDGETS = {
     "model": 1_553,
     "inference": 2_477,  # points with the tails of Student rows
     "predict": 1_069,  # loads over a/pitch of one count, which designs share; names of DataArrays
-    "evidence": 623,  # which evidences under changed priors are repeated
+    "evidence": 625,  # which evidences under changed priors are computed again
     "comparison": 879,
     "checks": 769,
     "friction": 861,  # draws the blocks of a scene itself

@@ -114,16 +114,19 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
         key = task.pair.key
         for change, (difference, k) in result.items():
             values[key, change], pareto_ks[key, change] = evidence[key] + difference, k
-    sides: dict[tuple[_Key, str, bool], list[_Change]] = {}
-    for key, change in _unreliable_changes(evidence, values, pareto_ks):
-        sides.setdefault((key, change[0], change[1] > 1), []).append(change)
-    again = []
-    for (key, *_), changes in sides.items():
-        best = [max(values.get((k, change), evidence[k]) for k in evidence) for change in changes]
-        lowest = min(best) - MAX_LN_EVIDENCE_GAP
-        again.append(_Task(pairs[key], changes, draws[key], lowest))
-    for task, redrawn in zip(again, in_parallel(_redrawn, again, executor), strict=True):
-        values |= {(task.pair.key, change): value for change, value in redrawn.items()}
+    # Unreliable weights can be far too large, so that other pairs matter when they are replaced.
+    while unreliable := _unreliable_changes(evidence, values, pareto_ks):
+        sides: dict[tuple[_Key, str, bool], list[_Change]] = {}
+        for key, change in unreliable:
+            sides.setdefault((key, change[0], change[1] > 1), []).append(change)
+        again = []
+        for (key, *_), changes in sides.items():
+            best = [max(values.get((k, x), evidence[k]) for k in evidence) for x in changes]
+            lowest = min(best) - MAX_LN_EVIDENCE_GAP
+            again.append(_Task(pairs[key], changes, draws[key], lowest))
+        for task, redrawn in zip(again, in_parallel(_redrawn, again, executor), strict=True):
+            values |= {(task.pair.key, change): value for change, value in redrawn.items()}
+        pareto_ks |= dict.fromkeys(unreliable, -math.inf)
     return _table(evidence, values)
 
 
