@@ -52,9 +52,9 @@ class Intervals:
         return 0.5 * (self.right - self.left)
 
     def distances(self, k: int) -> FloatArray:
-        """Return distances to the nearer of the k-th neighbours, over the half-width, (n,).
+        """Return each interval's distance to its nearer k-th neighbour, over its half-width, (n,).
 
-        They are kept within the rounding error and its inverse.
+        Distances are kept within the rounding error and its inverse.
         """
         left, right = self.left, self.right
         if self.mirrored:

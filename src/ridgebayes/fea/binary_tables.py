@@ -34,8 +34,6 @@ _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
 _PARSED = (".xml", ".rels")
 # Values that Python parses as numbers and Excel does not, like "1_000" or digits of other scripts.
 _NOT_EXCEL_NUMBER = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
-
-
 ALL = "all"  # option value for all sheets
 Grids = dict[str, list[list[str]]]  # text of cells by sheet, row and column
 
