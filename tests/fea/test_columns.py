@@ -321,7 +321,12 @@ FIXED = (
         (TWO_LOADS, {}, BODY, "'Load [N/mm]', 'Load [kPa]' could all be load"),
         ("a/R,b/R,Q,force (N),force (N)\n.03,.01,4,1,2\n", {}, BODY, "'force #5 [N]' could all"),
         ("a/R,b/R,Q=4,Q4\n.03,.01,.1,.2\n", {}, {}, "'Q=4', 'Q4' could all be load Q=4"),
-        (CONTRACT.replace("Q", "nu,Q"), {}, {"nu": "0.4"}, "given as a value, and as column 'nu'"),
+        (
+            CONTRACT.replace("Q", "nu,Q"),
+            {},
+            {"nu": "0.4"},
+            "nu is given as '0.4', and as column 'nu'",
+        ),
         (LONG, MAP, BODY | {"R": "0 mm"}, "above 0"),
         (LONG, MAP, BODY | {"R": "8 kPa"}, "a finite number above 0 and a unit of length"),
         (LONG, MAP, BODY | {"R": "1e400"}, "above 0"),

@@ -25,12 +25,16 @@ from ridgebayes.fea.delimited import (
     n_known,
     read_delimited,
 )
-from ridgebayes.fea.record import FileError, TableFile
+from ridgebayes.fea.record import SHOWN, FileError, TableFile
 from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
+from ridgebayes.runtime.text import some_of
 from ridgebayes.table.files import read_arrow
 
 MOST_CELLS = 250_000  # largest number of cells or rows of a worksheet; openpyxl takes seconds
 _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
+_HIDDEN = re.compile(
+    rb"""<(?:\w{1,50}:)?row\b(?=[^>]{0,2000}?\shidden=["'](?:1|true)["'])[^>]{0,2000}?\sr=["'](\d+)["']"""
+)
 _PARSED = (".xml", ".rels")
 # Values that Python parses as numbers and Excel does not, like "1_000" or digits of other scripts.
 _NOT_EXCEL_NUMBER = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
@@ -152,6 +156,15 @@ def _grids(content: bytes, problems: FileError) -> tuple[Grids, set[str]]:
             elif hidden := [name for name in sheets if name not in names]:
                 problems.messages.append(f"hidden sheets ignored: {', '.join(map(repr, hidden))}")
             grids = {name: _rows(sheets[name], where, typed) for name in names}
+            for name, rows in grids.items():
+                with sheets[name]._get_source() as xml:
+                    hidden = [n.decode() for n in _HIDDEN.findall(xml.read())]
+                if lines := [n for n in hidden if int(n) <= len(rows) and any(rows[int(n) - 1])]:
+                    problems.messages.append(
+                        f"sheet {name!r}: hidden rows are read too (a filter hides rows): row "
+                        f"{some_of(lines, SHOWN)}; to leave them out, copy the visible rows to a "
+                        "sheet of their own, --sheet NAME"
+                    )
         if any(cell.startswith("=") for rows in grids.values() for row in rows for cell in row):
             with _opened(openpyxl, content, data_only=True) as book:
                 for name, rows in grids.items():

@@ -107,15 +107,15 @@ class Converter:
 
     def curve(self) -> dict[str, Any]:
         """Return the columns that are constant along a curve."""
-        a, b = self._over_R("a"), self._over_R("b")
-        pitch = self._over_R("pitch") if (a is None) != (b is None) else None
+        a, b = self.over_R("a"), self.over_R("b")
+        pitch = self.over_R("pitch") if (a is None) != (b is None) else None
         if pitch is not None and a is not None:
             b = np.round(pitch - a, 12)  # removes rounding errors of a difference of decimals
             self.messages.append("b: pitch minus ridge width")
         elif pitch is not None and b is not None:
             a = np.round(pitch - b, 12)
             self.messages.append("a: pitch minus groove width")
-        columns = {"a_over_R": a, "b_over_R": b, "offset_over_R": self._over_R("offset")}
+        columns = {"a_over_R": a, "b_over_R": b, "offset_over_R": self.over_R("offset")}
         columns["nu"] = self.number("nu")
         return columns | self.texts("texture", "series", "solver", "source")
 
@@ -229,8 +229,12 @@ class Converter:
             self._units[name] = key, unit
         return np.array(number * float(factor))
 
-    def _over_R(self, key: str) -> FloatArray | None:
+    def over_R(self, key: str) -> FloatArray | None:
+        """Return a length over R, from a column or constant of the ratio or of the length."""
         ratio = self.number(f"{key}_over_R")
+        if ratio is None and (half := self.number(f"{key}_over_D")) is not None:
+            self.messages.append(f"{key} over the diameter: doubled, to be over R")
+            return 2 * half
         if ratio is not None or (length := self.number(key)) is None:
             return ratio
         return divided(length, self._needed("R"))
@@ -299,7 +303,7 @@ class Converter:
 
     def _ask_units(self, have: list[str], bare: list[str]) -> None:
         """Ask for missing units, and propose the unit of another quantity of the same dimension."""
-        units = {DIMENSIONS[key]: unit for key, unit in self._units.values() if unit}
+        units = {DIMENSIONS[key]: u for key, u in reversed(self._units.values()) if u}
         mapping, options = {}, {}
         for name in bare:
             key = self._units[name][0]

@@ -12,11 +12,10 @@ from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Run
 from ridgebayes.fea.record import HUGE, Imported
-from ridgebayes.fea.rim import Rim
+from ridgebayes.fea.rim import NEAR, Rim
 from ridgebayes.fea.transitions import transitions_of
 from ridgebayes.table.table import ContactTable
 
-NEAR = 1e-5  # distance over R below which a node counts as on a corner, or on the circle
 _REST_ERROR = 3e-6  # error over R of the height of a rim that rests on a ridge
 _CORNER_MARGIN = 0.1  # part of a ridge's width at each corner that is skipped: meshes overlap there
 # Quantile of the heights of nodes over a ridge at which the body rests, even if on a part of it.
@@ -143,7 +142,7 @@ def _on_rim(
     assert history.at is not None
     R, where, position, n = run.R or history.R, run.where, history.at, history.at.shape[1]
     if history.undeformed is None:
-        rim = Rim.deformed(position[0, :, 0], where, R=R, symmetry=run.symmetry)
+        rim = Rim.deformed(position[0], where, R=R, symmetry=run.symmetry)
     else:
         rim = Rim.of(history.undeformed, where, R=R, symmetry=run.symmetry)
     run = replace(run, R=rim.R)

@@ -31,19 +31,29 @@ BODY_KEYS = ("R", "D", "E")
 NEVER_EMPTY = ("a", "b", "pitch", *BODY_KEYS)  # columns that must not have empty cells
 ABOVE_0 = (*NEVER_EMPTY, "thickness", "p", "line", "force")  # p_over_E: by the table's rules
 _MEAN_KEYS = ("load", "load_lower", "load_sd", "load_sem", "n_mean")
-_UNLISTED_KEYS = ("gap", "thickness", *SDS, *_SEMS)
+_UNLISTED_KEYS = ("gap", "x", "thickness", *SDS, *_SEMS)
 KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _UNLISTED_KEYS), *_MEAN_KEYS)
-_MAPPED = (*KEYS, *SDS, *_SEMS)
+_OVER_D = ("a_over_D", "b_over_D", "offset_over_D")  # doubled: D is twice R
+_MAPPED = (*KEYS, *SDS, *_SEMS, *_OVER_D)
 PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", *CORNERS)
 _OF_Q = ("load", *LOADS, *CORNERS)
-_NUMERIC_KEYS = (*NUMBERS, *DIMENSIONS, *_MEAN_KEYS, *SDS, *_SEMS, "gap_over_R", "pressure")
+_NUMERIC_KEYS = (
+    *NUMBERS,
+    *DIMENSIONS,
+    *_MEAN_KEYS,
+    *SDS,
+    *_SEMS,
+    "gap_over_R",
+    "pressure",
+    *_OVER_D,
+)
 _NEVER_CONSTANT = ("Q", "p_over_E", "p_over_E_lower", "source")
 _CONSTANT = ("R", "D", "E", "thickness", "load_se", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
 CONSTANTS = tuple(name for name in _CONSTANT if name not in _NEVER_CONSTANT)
 _WIDE_HEADER = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _CORNER_KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
 _ALTERNATIVES = (
-    *(("a", "a_over_R"), ("b", "b_over_R"), ("offset", "offset_over_R")),
+    *((key, f"{key}_over_R", f"{key}_over_D") for key in ("a", "b", "offset")),
     *((*LOADS, "load"), (*LOWERS, "load_lower"), (*SDS, "load_sd"), (*_SEMS, "load_sem")),
 )
 
@@ -163,9 +173,6 @@ class _Columns:
             if key not in CONSTANTS:
                 raise problems.error(f"value {key!r}: expected one of {', '.join(CONSTANTS)}")
         self._split = {header: split_header(header) for header in headers}  # words and unit
-        for header in headers:
-            if header in problems.values:
-                raise self._duplicate(header, header)
 
     def map(self, name: str, text: str) -> None:
         """Add the columns of an entry ``name=text`` of the mapping."""
@@ -217,8 +224,10 @@ class _Columns:
                 # "force [N/mm]" is a line load by its unit.
                 is_other = key in LOADS[1:] and unit and not unit_factor(unit, DIMENSIONS[key])
                 has_key = _alternatives(key) & keys or (key == "Q" and has_Q)
-                if key in names and not has_key and not is_other:
-                    self.uses.append(Use(key, header, how="named"))
+                if key in names and not is_other:
+                    self._refuse_value(key, header)
+                    if not has_key:
+                        self.uses.append(Use(key, header, how="named"))
 
     def name_corners(self, *, required: bool) -> None:
         """Add columns with headers such as ``Q=4``, or with headers that differ in one number."""
@@ -246,6 +255,7 @@ class _Columns:
         for header, words, unit in free:
             key = "n_mean" if of_mean and plain(words) in N_MEAN else key_of(words)
             of_each_Q = is_wide and (key == "Q" or (key in PER_Q and key != "rel_se"))
+            self._refuse_value(key, header)
             if not key or _alternatives(key) & keys or of_each_Q:
                 continue
             of_R = key in ("a", "b", "offset") and unit.startswith("%")
@@ -257,8 +267,7 @@ class _Columns:
         places: dict[tuple[str, int | None], list[Use]] = {}
         for use in self.uses:
             rivals = {use.key} if use.key in CORNERS else _alternatives(use.key)
-            if constant := rivals & set(self.problems.values):
-                raise self._duplicate(min(constant), use.header)
+            self._refuse_value(use.key, use.header)
             is_corner = use.Q is not None and use.key in CORNERS
             places.setdefault(("corner" if is_corner else min(rivals), use.Q), []).append(use)
         self.uses = [use for uses in places.values() for use in self._settled(uses)]
@@ -292,10 +301,14 @@ class _Columns:
         names = ", ".join(map(repr, [*self._split][:50]))
         return self.problems.error(f"{message}; the columns are {names}")
 
-    def _duplicate(self, key: str, header: str) -> InputError:
-        return self.problems.error(
-            f"{key} is given as a value, and as column {header!r}; expected once"
-        )
+    def _refuse_value(self, key: str, header: str) -> None:
+        """Record an error if the user also gives a value of the quantity in a column."""
+        rivals = _alternatives(key) | ({"R"} if key == "D" else set())
+        for name in sorted(rivals & self.problems.values.keys() - set(TEXTS)):
+            text = f"{name} is given as {self.problems.values[name]!r}, and as column {header!r}: "
+            text += "expected one of the two; leave the value out, or rename the column"
+            if text not in self.problems.wrong:
+                self.problems.wrong.append(text)
 
 
 def _alternatives(key: str) -> set[str]:

@@ -11,10 +11,11 @@ import numpy as np
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Run
-from ridgebayes.fea.history import NEAR, ContactHistory
+from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.mesh_files import is_beside, parse_xml, read_vtu, read_xdmf
 from ridgebayes.fea.record import FARTHEST, HUGE, SHOWN
+from ridgebayes.fea.rim import NEAR
 from ridgebayes.runtime.text import clipped
 
 

@@ -1,17 +1,20 @@
 """Reader for tables of node results of any program, with a row for each node at each step."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from ridgebayes.fea.binary_tables import TABLES
+from ridgebayes.fea.convert import Converter
 from ridgebayes.fea.deck import Run
 from ridgebayes.fea.delimited import table_content
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.record import FileError, parse_map
+from ridgebayes.fea.mapping import Use
+from ridgebayes.fea.record import FileError
 from ridgebayes.fea.transitions import last_digit
-from ridgebayes.fea.words import OF_NODES, STATUS_RULE, plain, split_header, touching
+from ridgebayes.fea.words import OF_NODES, STATUS_RULE, load_kind, plain, split_header, touching
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import as_text
@@ -26,53 +29,69 @@ def read_node_table(run: Run) -> ContactHistory:
     Parameters
     ----------
     run : Run
-        One file of a format of `ridgebayes.fea.read.read_columns`, in a consistent system of
-        units. Columns are ``load``, ``x`` (across the ridges), one of ``gap`` (to the ridges'
-        tops), ``pressure`` and ``status``, and ``step`` and ``node`` if loads and coordinates do
-        not distinguish steps and nodes. Used facts are the format of the file, headers by key
-        (`map`), and codes of a status that mean contact (`closed_is`).
+        One file of a format of `ridgebayes.fea.read.read_columns`. Columns are ``load``, ``x``
+        (across the ridges), one of ``gap`` (to the ridges' tops), ``pressure`` and ``status``, and
+        ``step`` and ``node`` if loads and coordinates do not distinguish steps and nodes. All
+        lengths, loads, R and E have units, or none has. Used facts are the format of the file,
+        headers by key (`map`), R, E, the thickness, and codes of a status that mean contact
+        (`closed_is`).
 
     Returns
     -------
     ContactHistory
+        In units of the radius.
 
     Raises
     ------
     InputError
-        If a column is missing or ambiguous, a cell is invalid, or nodes differ between steps.
+        If a column is missing or ambiguous, a cell is invalid, units are missing, or nodes differ
+        between steps.
     """
-    facts, problems = run.facts, FileError(run.where, run.facts)
-    content = table_content(run.path, problems)
-    source = TABLES[run.path.suffix.lower()](content, problems)
-    columns = _columns(source.headers, parse_map(facts.map), problems)
-    kind = next((key for key in _CONTACT if key in columns), "")
+    mapping, values = run.facts.columns_and_values()
+    body = {key: text for key, text in values.items() if key in ("R", "E", "thickness")}
+    problems = FileError(run.where, run.facts, body)
+    source = TABLES[run.path.suffix.lower()](table_content(run.path, problems), problems)
+    uses = _columns(source.headers, mapping, problems)
+    kind = next((key for key in _CONTACT if key in uses), "")
     if not kind:
         problems.need("no column gap, pressure or status: name it with --map 'gap=HEADER'")
     for key, what in _REQUIRED.items():
-        if key not in columns:
+        if key not in uses:
             problems.need(f"no column {key} ({what}): name it with --map '{key}=HEADER'")
     problems.raise_all()
-    numeric = {columns[key] for key in columns if key not in ("status", "node", "step")}
+    numeric = {use.header for key, use in uses.items() if key not in ("status", "node", "step")}
     cells = source.read(numeric, problems)
     for header in numeric:
         problems.cells(cells.index[cells[header].isna()], header, "expected a number in each row")
+    load_unit = uses["load"].own_unit
+    load = Use(load_kind(load_unit) or "force", uses["load"].header, uses["load"].unit)
+    if load.key == "force" and not load_unit:
+        body.setdefault("thickness", "1")  # a slice of unit thickness, as in other runs
+    converter = Converter(
+        cells, [load, *(uses[key] for key in ("x", "gap") if key in uses)], problems
+    )
+    p_over_E, x = converter.load(), converter.over_R("x")
     if kind == "status":
-        gap, bad = touching(as_text(cells[columns[kind]]), facts.closed_is)
-        problems.cells(cells.index[bad | np.isnan(gap)], columns[kind], STATUS_RULE)
+        gap, bad = touching(as_text(cells[uses[kind].header]), run.facts.closed_is)
+        problems.cells(cells.index[bad | np.isnan(gap)], uses[kind].header, STATUS_RULE)
         if bad.any():
             problems.options["closed_is"] = "?"
-        values = -gap
+        value = -gap
+    elif kind == "gap":
+        value = converter.over_R("gap")
     else:
-        values = cells[columns[kind]].to_numpy(dtype=float)
+        value = cells[uses[kind].header].to_numpy(dtype=float)
+    converter.summarize()
     problems.raise_all(source)
-    step = cells[columns.get("step", columns["load"])]
+    half = load.key == "force" and run.symmetry == "half"
+    named = {key: cells[use.header].to_numpy() for key, use in uses.items()}
     frame = pd.DataFrame(
         {
-            "step": pd.factorize(step)[0],
-            "node": cells[columns.get("node", columns["x"])].to_numpy(),
-            "x": cells[columns["x"]].to_numpy(),
-            "load": cells[columns["load"]].to_numpy(),
-            "value": values,
+            "step": pd.factorize(named.get("step", named["load"]))[0],
+            "node": named.get("node", named["x"]),
+            "x": x,
+            "load": p_over_E,
+            "value": value,
         }
     )
     loads = frame.groupby("step")["load"]
@@ -83,26 +102,35 @@ def read_node_table(run: Run) -> ContactHistory:
     wide = frame.pivot_table(index="step", columns="node", values=["x", "value"])
     if wide.isna().to_numpy().any():
         raise problems.error("the steps have different nodes: expected the same nodes in all steps")
-    load, x, values = (np.asarray(part) for part in (loads.first(), wide["x"], wide["value"]))
-    messages = [*problems.messages, f"{len(load)} steps of {x.shape[1]} nodes, by {kind}"]
-    if kind == "gap":
-        at, digits = np.stack([x, values], axis=-1), last_digit(values) / 2
-        return ContactHistory(load, at, digits=digits, messages=messages)
-    return ContactHistory(load, x[..., None], closed=values > 0, messages=messages)
+    at, values_at = (wide[name].to_numpy() for name in ("x", "value"))
+    how = f"{len(at)} steps of {at.shape[1]} nodes, by {kind}{', load times 2' if half else ''}"
+    history = ContactHistory(
+        (2.0 if half else 1.0) * loads.first().to_numpy(),
+        R=1.0,
+        load_is="p_over_E",
+        messages=[*problems.messages, how],
+    )
+    if kind != "gap":
+        return replace(history, at=at[..., None], closed=values_at > 0)
+    printed = named["gap"]
+    digits = last_digit(printed) / 2 * np.ptp(value) / max(np.ptp(printed), 1e-300)
+    return replace(history, at=np.stack([at, values_at], axis=-1), digits=float(digits))
 
 
 def _columns(
-    headers: tuple[str, ...], mapping: Mapping[str, str], problems: FileError
-) -> dict[str, str]:
-    """Return the header of each key, by mapping or by words."""
-    columns = dict(mapping)
-    for key, header in mapping.items():
+    headers: Sequence[str], mapping: Mapping[str, str], problems: FileError
+) -> dict[str, Use]:
+    """Return the column of each key, by mapping or by words."""
+    columns: dict[str, Use] = {}
+    for key, text in mapping.items():
+        header, _, unit = (text, "", None) if text in headers else text.rpartition(";")
         if key not in OF_NODES or header not in headers:
             names = some_of(map(repr, headers), MOST_SHOWN)
             raise problems.error(
-                f"--map {key}={header}: expected one of {', '.join(OF_NODES)}, and one of the "
+                f"--map {key}={text}: expected one of {', '.join(OF_NODES)}, and one of the "
                 f"columns {names}"
             )
+        columns[key] = Use(key, header, unit)
     for key, words in OF_NODES.items():
         likely = [header for header in headers if plain(split_header(header)[0]) in words]
         if len(likely) > 1 and key not in mapping:
@@ -111,5 +139,5 @@ def _columns(
                 f"columns {shown} could all be {key}: name one with --map", {key: likely[0]}
             )
         if likely:
-            columns.setdefault(key, likely[0])
+            columns.setdefault(key, Use(key, likely[0], how="guessed"))
     return columns

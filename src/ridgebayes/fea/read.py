@@ -246,9 +246,10 @@ def read_columns(path: Path, facts: Given) -> Imported:
         if use.header not in cells:
             rule = "expected numbers or text"
             raise problems.error(f"column {use.header!r}, {use.name}: {rule}")
-        _check_cells(cells, use, problems)
     if needed := lacking(uses, values):
         ask_columns(needed, cells, uses, problems)
+    for use in uses:
+        _check_cells(cells, use, problems)
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
     if not corners and any(use.label is not None for use in uses):
         cells, uses = melted(cells, uses, problems)

@@ -243,8 +243,9 @@ class FileError(InputError):
         lines = [*self.wrong, *self.needs]
         if len(lines) == 1:
             return lines[0] if lines[0].startswith(self.where) else f"{self.where}: {lines[0]}"
-        counts = ((len(self.wrong), "rules broken"), (len(self.needs), "values missing or unclear"))
-        head = " and ".join(f"{n} {what}" for n, what in counts if n)
+        n_rule, n_value = (count(len(self.wrong), "rule"), count(len(self.needs), "value"))
+        heads = [f"{n_rule} broken"] * bool(self.wrong)
+        head = " and ".join([*heads, *[f"{n_value} missing or unclear"] * bool(self.needs)])
         more = [f"and {len(lines) - MOST_SHOWN} more"] if len(lines) > MOST_SHOWN else []
         shown = [line.removeprefix(self.where).lstrip(",: ") for line in lines[:MOST_SHOWN]]
         return "\n  ".join([f"{self.where}: {head}", *shown, *more])

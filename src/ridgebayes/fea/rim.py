@@ -12,6 +12,8 @@ from ridgebayes.fea.record import FARTHEST, HUGE
 
 _MAX_OFF_CIRCLE = 2e-3  # largest distance over R of a surface node from the fitted circle
 _MIN_NODES = 5
+_FLAT = 1.5  # departure from a circle, over that of a flat, from which a surface is none
+NEAR = 1e-5  # distance over R below which a node counts as on a corner, or on the circle
 _AXIS_TOL = 1e-9  # nodes within this angle from the axis belong to both sides
 
 
@@ -70,17 +72,33 @@ class Rim:
         return cls(float(R), centre, _sides(angle, where, symmetry))
 
     @classmethod
-    def deformed(cls, x: FloatArray, where: str, *, R: float | None, symmetry: str) -> "Rim":
-        """Find the sides of nodes at x, shape (n_node,), about an axis at x = 0, for a given R.
+    def deformed(cls, at: FloatArray, where: str, *, R: float | None, symmetry: str) -> "Rim":
+        """Find the sides of nodes about an axis at x = 0, for a given R.
+
+        Parameters
+        ----------
+        at : ndarray of float, shape (n_node, 1) or (n_node, 2), length
+            Coordinates across the ridges in the first state and, if they are known, heights.
+        where, R, symmetry
+            As in `of`.
 
         Raises
         ------
         InputError
-            If R is None, there are too few nodes, or they are not on the sides that `symmetry`
-            requires.
+            If R is None, there are too few nodes, they are not on the sides that `symmetry`
+            requires, or their heights are surely not those of the lower side of the circle.
         """
         if R is None:
             raise InputError(f"{where}: no undeformed surface: expected --R, the body's radius")
+        x, *heights = at.T
+        # Contact only flattens the circle; on its upper side, heights differ from it by twice that.
+        circle = R - np.sqrt(np.maximum(R * R - x * x, 0.0))
+        if heights and np.ptp(heights[0] - circle) > _FLAT * np.ptp(circle) + NEAR * R:
+            raise InputError(
+                f"{where}: the surface is not the lower side of a circle of R = {R:.6g} about "
+                "x = 0: expected the body above the ridges, with y upwards, and --R in the unit of "
+                "the coordinates"
+            )
         return cls(R, np.array([0.0, R]), _sides(x / R, where, symmetry))
 
     def check_reach(self, what: str, distance: float, where: str) -> None:

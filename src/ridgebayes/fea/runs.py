@@ -19,7 +19,7 @@ from ridgebayes.fea.node_table import read_node_table
 from ridgebayes.fea.record import FileError, Given, Imported, provenance
 
 _WITH_DECK = ("calculix", "abaqus-dat")
-_WITHOUT_PLACES = ("febio", "ansys", "nodes")  # formats whose files may lack R
+_WITHOUT_PLACES = ("febio", "ansys")  # formats whose files may lack R
 _READERS: dict[str, Callable[[Run], ContactHistory]] = {
     "calculix": read_calculix,
     "abaqus-dat": read_abaqus_dat,
@@ -54,7 +54,7 @@ def read_run(name: str, paths: Sequence[Path], facts: Given) -> Imported:
         file = beside
     deck = Deck() if file is None else read_deck(file)
     facts = _completed(name, deck, problems)
-    run = _run(paths, facts, deck)
+    run = _run(name, paths, facts, deck)
     deck.check_material(run.E, run.nu)
     history = _READERS[name](run)
     named = {"deck": file and file.name, "surface": facts.surface, "reaction": facts.reaction}
@@ -97,7 +97,8 @@ def _completed(name: str, deck: Deck, problems: FileError) -> Given:
 def _needed(name: str, facts: Given, deck: Deck, where: str) -> dict[str, str]:
     """Return the facts that a run needs, from the user or its deck: option and description."""
     is_placed, has_deck = name not in _WITHOUT_PLACES, name in _WITH_DECK
-    is_load = name != "series" or facts.time == "line"  # and not p/E
+    # A table of nodes may have R and E in columns, and units; it asks itself.
+    is_load = name != "nodes" and (name != "series" or facts.time == "line")  # and not p/E
     has_E = deck.E is not None or (has_deck and deck.path is None)  # which is asked for
     needed = {
         "surface": (has_deck, "the node set of the body's surface"),
@@ -114,10 +115,12 @@ def _needed(name: str, facts: Given, deck: Deck, where: str) -> dict[str, str]:
     return {key: what for key, (is_needed, what) in needed.items() if is_needed}
 
 
-def _run(paths: Sequence[Path], facts: Given, deck: Deck) -> Run:
+def _run(name: str, paths: Sequence[Path], facts: Given, deck: Deck) -> Run:
     assert facts.texture is not None
     numbers = {}
     for key, text in facts.numbers().items():
+        if name == "nodes" and key != "nu":
+            continue
         try:
             numbers[key] = float(text)
         except ValueError:

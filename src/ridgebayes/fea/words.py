@@ -222,8 +222,8 @@ def key_of(words: str) -> str:
     if match := _RATIO.fullmatch(text):
         key, under = (_key_of(part) for part in match.groups())
         over_R = key if key in ("a", "b", "offset") else match[1] if match[1] in ("a", "b") else ""
-        if under == "R" and over_R:
-            return f"{over_R}_over_R"
+        if (under := "D" if match[2] == "d" else under) in ("R", "D") and over_R:
+            return f"{over_R}_over_{under}"
         is_line = re.fullmatch(r"\(?2 ?\*? ?r ?\*? ?e\)?", match[2]) is not None
         if key in _LOADS and (under == "E" or is_line):
             return "p_over_E"
