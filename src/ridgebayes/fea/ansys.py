@@ -20,7 +20,6 @@ from ridgebayes.fea.transitions import last_digit
 from ridgebayes.fea.words import ANSYS_CLOSED
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 
-MARK = re.compile(rb"\*\*\*\*\* POST1 .* LISTING|LIST (?:ALL )?SELECTED NODES|PRINT .* PER NODE")
 # Start of a number that follows another without a blank, as in columns of fixed width.
 _NUMBER_START = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")
 # Rows start with a node and a number; lines of page headers do not.

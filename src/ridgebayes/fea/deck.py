@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.cluster.hierarchy import DisjointSet
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
@@ -129,12 +130,13 @@ class Deck:
 
     def rigid_nodes(self, body: Sequence[int]) -> list[int]:
         """Return the nodes that no chain of elements connects to the given nodes of the body."""
-        joined = DisjointSet({*self.nodes, *body, *chain(*self.elements.values())})
-        for first, *others in self.elements.values():
-            for node in others:
-                joined.merge(first, node)
-        bodies = {joined[node] for node in body}
-        return [node for node in self.nodes if joined[node] not in bodies]
+        links = [(first, node) for first, *others in self.elements.values() for node in others]
+        numbers = sorted({*self.nodes, *body, *chain(*links)})
+        ends = np.searchsorted(numbers, np.reshape(links, (-1, 2))).T
+        graph = coo_array((np.ones(ends.shape[1]), tuple(ends)), (len(numbers), len(numbers)))
+        part = dict(zip(numbers, connected_components(graph)[1].tolist(), strict=True))
+        bodies = {part[node] for node in body}
+        return [node for node in self.nodes if part[node] not in bodies]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,6 @@ from ridgebayes.fea.lines import Line
 from ridgebayes.fea.printed import Increment, MissingError, Printed, on
 from ridgebayes.fea.transitions import last_digit
 
-MARK = re.compile(rb"^\*Step\s*=\s*\d+\s*$", re.M)
-
 
 def read_febio(run: Run) -> ContactHistory:
     """Read log data of FEBio.

@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import CautionWarning, InputError
-from ridgebayes.fea import ansys, febio
 from ridgebayes.fea.binary_tables import TABLES
 from ridgebayes.fea.convert import Converter, listed
 from ridgebayes.fea.delimited import SUFFIXES, table_content
@@ -46,7 +45,6 @@ from ridgebayes.fea.record import (
     broken_rule,
     provenance,
 )
-from ridgebayes.fea.runs import read_run
 from ridgebayes.fea.words import COUNTS, NOT_READ, OPTIONS
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.runtime.text import LONGEST_VALUE, count
@@ -61,8 +59,12 @@ FORMATS = tuple(OPTIONS)
 _RECOGNISED: tuple[tuple[str, tuple[str, ...], re.Pattern[bytes]], ...] = (
     ("series", (".vtu", ".pvd", ".xdmf", ".xmf"), re.compile(b"")),
     ("calculix", (".frd",), re.compile(b"")),
-    ("febio", (), febio.MARK),
-    ("ansys", (), ansys.MARK),
+    ("febio", (), re.compile(rb"^\*Step\s*=\s*\d+\s*$", re.M)),
+    (
+        "ansys",
+        (),
+        re.compile(rb"\*{5} POST1 .* LISTING|LIST (?:ALL )?SELECTED NODES|PRINT .* PER NODE"),
+    ),
     ("abaqus-rpt", (), re.compile(b"Field Output Report")),
     ("abaqus-dat", (".dat",), re.compile(b"THE FOLLOWING TABLE IS PRINTED|A B A Q U S|Abaqus")),
     ("calculix", (".dat",), re.compile(rb"(?:displacements|contact stress) \(|\) for set ")),
@@ -172,7 +174,12 @@ def import_files(
         rule = f"expected one (several of {', '.join(_MULTI_FILE_FORMATS)})"
         raise InputError(f"{len(paths)} files of format {name}: {rule}")
     _check_given(name, facts)
-    imported = read_columns(path, facts) if name == "table" else read_run(name, paths, facts)
+    if name == "table":
+        imported = read_columns(path, facts)
+    else:
+        from ridgebayes.fea.runs import read_run  # slow imports that tables do not need
+
+        imported = read_run(name, paths, facts)
     table, messages = imported.table, (f"format: {name}", *imported.messages)
     if role is not None:
         table = ContactTable.from_frame(table.frame.assign(role=role), where=table.where)
@@ -283,10 +290,10 @@ def read_columns(path: Path, facts: Given) -> Imported:
     bodies = [use for use in uses if use.key in BODY_KEYS and len(cells[use.header].unique()) > 1]
     del cells, converter  # for a million rows this frees 0.2 GB for the validation
     table = _validated(RawTable(frame, source.where, lines), rows, problems, source, bodies)
-    Q = table.column("Q")
+    Q, labels = table.column("Q"), table.labels
     n_bracket = int(np.isfinite(table.column("p_over_E_lower")).sum())
     problems.messages += [
-        f"textures: {len(table.labels)}: {listed(table.labels)}",
+        f"textures: {len(labels)}: {listed(labels)}",
         f"kept: {len(table)} rows, Q = {Q.min()} to {Q.max()}, {n_bracket} as brackets",
     ]
     if n_not_ok := len(table.left_out):

@@ -367,7 +367,8 @@ class Imported:
             "a curve begins here; loads of lower Q are missing": first[first["Q"] > FIRST],
         }
         return [
-            f"{count(len(rows), 'row')}, {some_of(map(_shown, rows.itertuples()), 3)}: {what}"
+            f"{count(len(rows), 'row')}, "
+            f"{some_of(map(_shown, rows[:SHOWN].itertuples()), SHOWN, len(rows))}: {what}"
             for what, rows in doubtful.items()
             if len(rows)
         ]

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.interpolate import krogh_interpolate
 
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
@@ -150,6 +149,8 @@ def _extrapolated(
         return None
     slope = (g[2] - g[1]) / (p[2] - p[1])
     straight = p[2] - g[2] / slope
+    from scipy.interpolate import krogh_interpolate  # slow import that tables do not need
+
     # Inverse quadratic extrapolation: the load as a parabola of the gap, at gap 0.
     curved = float(krogh_interpolate(g, p, 0.0))
     doubt = math.hypot(curved - straight, error[last[-1]] / abs(slope))

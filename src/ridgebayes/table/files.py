@@ -301,10 +301,12 @@ def lossless(cells: "pd.Series[str]") -> "pd.Series[str] | pd.Series[float]":
     >>> lossless(pd.Series(["1", ""])).tolist(), lossless(pd.Series(["007"])).tolist()
     ([1.0, nan], ['007'])
     """
-    empty = cells == ""
-    if empty.all() or not cells.str.fullmatch(_PLAIN_NUMBER).all():
+    codes, distinct = pd.factorize(cells)  # each distinct text is converted once
+    words = pd.Series(distinct)
+    empty = words == ""
+    if empty.all() or not words.str.fullmatch(_PLAIN_NUMBER).all():
         return cells
-    whole = not empty.any() and cells.str.fullmatch(r"-?\d+").all()
-    words = cells.mask(empty, "nan").to_numpy(dtype=object)
-    values = words.astype(np.int64 if whole else np.float64)
-    return cells if np.isinf(values).any() else pd.Series(values, index=cells.index)
+    whole = not empty.any() and words.str.fullmatch(r"-?\d+").all()
+    numbers = words.mask(empty, "nan").to_numpy(dtype=object)
+    values = numbers.astype(np.int64 if whole else np.float64)
+    return cells if np.isinf(values).any() else pd.Series(values[codes], index=cells.index)
