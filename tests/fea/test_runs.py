@@ -611,7 +611,7 @@ def test_import__of_what_cannot_be_understood_is_refused(tmp_path, kind, change,
         ("calculix", {"surface": "ARC"}, "no node set 'ARC'; the node sets are"),
         ("calculix", {"surface": "TOP"}, "no increment with displacements of TOP"),
         ("febio", {"R": None}, "--R: missing"),
-        ("nodes", {"map": ("gap=Nothing",)}, "--map gap=Nothing: expected one of step, node, x"),
+        ("nodes", {"map": ("gap=Nothing",)}, "mapping gap=Nothing: no column"),
     ],
 )
 def test_import__of_what_contradicts_the_user_is_refused(tmp_path, kind, given, message):

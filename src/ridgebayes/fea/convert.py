@@ -14,11 +14,13 @@ from ridgebayes.fea.words import (
     COUNTS,
     DIMENSIONS,
     ERRORS,
+    STATUS_RULE,
     column_unit,
     divided,
     load_kind,
     number_and_unit,
     split_header,
+    touching,
     unit_factor,
 )
 from ridgebayes.runtime.text import some_of
@@ -156,6 +158,16 @@ class Converter:
                 self._used_values[key] = None
                 columns[key] = self._values[key]
         return columns
+
+    def status(self, use: Use, *, may_be_empty: bool = True) -> FloatArray:
+        """Return gaps of -inf (closed), inf (open) or NaN (empty) of a column of status."""
+        self.tell(use)
+        gap, bad = touching(as_text(self.cells[use.header]), self.facts.closed_is)
+        if bad.any():
+            self.problems.options.setdefault("closed_is", "?")
+        bad |= np.isnan(gap) & (not may_be_empty)
+        self.problems.cells(self.cells.index[bad], use.header, STATUS_RULE)
+        return gap
 
     def number(self, key: str, Q: int | None = None) -> FloatArray | None:
         """Return a column or constant in SI units, or None if there is none."""

@@ -297,10 +297,9 @@ def export_deck(
     >>> "*STEP" in text, len(disk.cells) > 100
     (True, True)
     """
-    if isinstance(scene, str | os.PathLike):
-        where, scene = f"{scene}: ", Scene.from_toml(scene)
-    else:
-        where = ""
+    where, scene = (
+        ("", scene) if isinstance(scene, Scene) else (f"{scene}: ", Scene.from_toml(scene))
+    )
     try:
         disk = pressed_disk(scene, edges=edges)
         text = deck_text(disk, program)

@@ -118,9 +118,8 @@ def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:
         frame, odd = transitions_of(p_over_E, gaps, Q, brackets=run.facts.brackets, **errors)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    frame.insert(0, "a_over_R", run.a_over_R)
-    frame.insert(1, "b_over_R", run.b_over_R)
-    frame = frame.assign(nu=run.nu, **columns)
+    texture = {"a_over_R": run.a_over_R, "b_over_R": run.b_over_R}
+    frame = frame.assign(**texture, nu=run.nu, **columns)
     n_bracket = int(frame["p_over_E_lower"].notna().sum())
     name = {"line": "line load", "p_over_E": "p/E"}.get(history.load_is, "force")
     messages = (

@@ -12,7 +12,7 @@ from ridgebayes.fea.convert import Converter, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, NEVER_EMPTY, Use
 from ridgebayes.fea.record import FileError
 from ridgebayes.fea.transitions import last_digit, middle_loads, transitions_of_runs
-from ridgebayes.fea.words import MOST_DISTINCT, STATUS_RULE, divided, touching
+from ridgebayes.fea.words import MOST_DISTINCT, divided
 from ridgebayes.runtime.text import count
 from ridgebayes.table.columns import OK
 from ridgebayes.table.rules import as_text, row_codes
@@ -233,17 +233,11 @@ def _transitions(
 
 def _gap(converter: Converter, use: Use) -> FloatArray:
     """Return the gap of a corner at each increment; -inf or inf for a status or a pressure."""
-    cells, problems = converter.cells, converter.problems
     if use.key == "status":
-        converter.tell(use)
-        gap, bad = touching(as_text(cells[use.header]), converter.facts.closed_is)
-        problems.cells(cells.index[bad], use.header, STATUS_RULE)
-        if bad.any():
-            problems.options.setdefault("closed_is", "?")
-        return gap
+        return converter.status(use)
     if use.key == "pressure":
         converter.tell(use, ", contact pressure")
-        numbers = cells[use.header].to_numpy(dtype=float)
+        numbers = converter.cells[use.header].to_numpy(dtype=float)
         return np.where(np.isnan(numbers), np.nan, np.where(numbers > 0, -np.inf, np.inf))
     distance = converter.number(use.key, use.Q)
     assert distance is not None

@@ -1,9 +1,8 @@
 """Matching of a file's columns with contract columns: by mapping, by name, or by header words."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.record import FileError
@@ -125,7 +124,7 @@ def assign(
         Headers of the file.
     mapping : mapping of str to str
         Headers by key, with ``;unit`` if the header has no unit. A header with ``*`` maps one
-        column per Q, and ``Q=*`` maps headers such as ``Q=4``. Other columns are recognised.
+        column per Q. Other columns are recognised.
     problems : FileError
         The import, with constants; collects columns whose meaning is unclear.
 
@@ -143,16 +142,12 @@ def assign(
         If a key of a column or constant is unknown, a header is missing, or two columns are mapped
         to one key.
     """
-    columns = _Columns(headers, problems)
-    is_wide = False
+    columns = Columns(headers, problems)
     for name, text in mapping.items():
-        if name.strip() == "Q" and text.strip() in ("*", "Q=*"):
-            is_wide = True
-        else:
-            columns.map(name, " ".join(text.split()))
-    columns.name(is_wide)
+        columns.map(name, " ".join(text.split()))
+    columns.name()
     if not any(use.key == "Q" or (use.Q is not None and use.key in _OF_Q) for use in columns.uses):
-        columns.name_corners(required=is_wide)
+        columns.name_corners()
     columns.guess()
     columns.settle()
     # Counts that were recognised by words may be counts of edges, ridges or segments.
@@ -162,10 +157,23 @@ def assign(
     return [as_load(use, columns.uses, problems) for use in columns.uses], term
 
 
-class _Columns:
-    """The columns of a file, and the keys assigned so far."""
+class Columns:
+    """The columns of a file, and the keys assigned so far.
 
-    def __init__(self, headers: Sequence[str], problems: FileError) -> None:
+    Parameters
+    ----------
+    headers : sequence of str
+        Headers of the file.
+    problems : FileError
+        The import, with constants; collects columns whose meaning is unclear.
+    keys : collection of str, optional
+        Keys of the mapping; those of a contact table if not given.
+    """
+
+    def __init__(
+        self, headers: Sequence[str], problems: FileError, keys: Collection[str] = _MAPPED
+    ) -> None:
+        self.mapped = keys
         self.uses: list[Use] = []
         self.terms: set[str] = set()
         self.problems = problems
@@ -183,10 +191,11 @@ class _Columns:
         match = None if key in _MAPPED or star else _CORNER_KEY.fullmatch(key)
         if match is not None:
             key, Q = match[1] or "load", int(match[2])
-        if key not in (PER_Q if star or match else _MAPPED):
+        if key not in (PER_Q if star or match else self.mapped):
+            corners = f", or of {', '.join(CORNERS)} with a corner, as 'gap Q=4'"
+            keys = ", ".join(KEYS) + corners if self.mapped is _MAPPED else ", ".join(self.mapped)
             raise self.problems.error(
-                f"mapping {name}={text}: key {name!r}: expected one of {', '.join(KEYS)}, or of "
-                f"{', '.join(CORNERS)} with a corner, as 'gap Q=4'"
+                f"mapping {name}={text}: key {name!r}: expected one of {keys}"
             )
         if star:
             pattern = re.compile(rf"{re.escape(before)}(\d{{1,6}}){re.escape(after)}")
@@ -199,23 +208,16 @@ class _Columns:
                 raise self._missing(f"mapping {name}={text}: no such column")
             self.uses += columns
             return
-        headers = [header] if header in self._split else self._with_words(header)
+        headers = [name for name, (words, _) in self._split.items() if words == header]
+        headers = [header] if header in self._split else headers
         if len(headers) != 1:
             several = "several columns" if headers else "no column"
-            error = self._missing(f"mapping {name}={text}: {several} {header!r}")
-            if not (near := get_close_matches(header, [w for w, _ in self._split.values()], 1)):
-                raise error
-            headers = self._with_words(near[0])[-1:]
-            meant = replace(Use(key, headers[0]), unit=unit).typed
-            self.problems.need(f"{error}; did you mean {headers[0]!r}?", {name: meant})
+            raise self._missing(f"mapping {name}={text}: {several} {header!r}")
         self.uses.append(Use(key, headers[0], unit, Q))
 
-    def _with_words(self, text: str) -> list[str]:
-        return [header for header, (words, _) in self._split.items() if words == text]
-
-    def name(self, is_wide: bool) -> None:
+    def name(self) -> None:
         """Add columns whose header is a contract column or a key with a dimension."""
-        has_Q = is_wide or any(use.Q is not None for use in self.uses)
+        has_Q = any(use.Q is not None for use in self.uses)
         for names in (NAMES, set(KEYS) - {"Q", *TEXTS}):
             keys = self._keys()
             for header, words, unit in self._free():
@@ -229,7 +231,7 @@ class _Columns:
                     if not has_key:
                         self.uses.append(Use(key, header, how="named"))
 
-    def name_corners(self, *, required: bool) -> None:
+    def name_corners(self) -> None:
         """Add columns with headers such as ``Q=4``, or with headers that differ in one number."""
         n, free = len(self.uses), self._free()
         for header, words, _ in free:
@@ -244,16 +246,14 @@ class _Columns:
                     key, Q, term = corners[words]
                     self.uses.append(Use(key, header, Q=Q, how="guessed"))
                     self.terms.add(term)
-        if required and len(self.uses) == n:
-            raise self._missing("no column with a header such as 'Q=4'")
 
-    def guess(self) -> None:
+    def guess(self, recognise: Callable[[str], str] = key_of) -> None:
         """Add columns that are recognised by the words in their headers."""
         keys, free = self._keys(), self._free()
         is_wide = any(use.Q is not None for use in self.uses)
-        of_mean = sum(key_of(words) in ("load_sd", "load_sem", "Q") for _, words, _ in free) > 2
+        of_mean = sum(recognise(words) in ("load_sd", "load_sem", "Q") for _, words, _ in free) > 2
         for header, words, unit in free:
-            key = "n_mean" if of_mean and plain(words) in N_MEAN else key_of(words)
+            key = "n_mean" if of_mean and plain(words) in N_MEAN else recognise(words)
             of_each_Q = is_wide and (key == "Q" or (key in PER_Q and key != "rel_se"))
             self._refuse_value(key, header)
             if not key or _alternatives(key) & keys or of_each_Q:
@@ -280,7 +280,7 @@ class _Columns:
             return uses
         if are_guessed and first.key in PER_Q and first.Q is None and (n := repeats_of(headers)):
             return [replace(use, key=first.key, repeat=n[use.header]) for use in uses]
-        if not (are_guessed and first.key in TEXTS):
+        if not (are_guessed and first.key in TEXTS and self.mapped is _MAPPED):
             text = f"columns {', '.join(map(repr, headers))} could all be {first.name}"
             if any(use.how == "mapped" for use in uses[1:]):
                 raise self.problems.error(f"{text}; expected one column")

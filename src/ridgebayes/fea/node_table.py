@@ -1,6 +1,5 @@
 """Reader for tables of node results of any program, with a row for each node at each step."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +10,10 @@ from ridgebayes.fea.convert import Converter
 from ridgebayes.fea.deck import Run
 from ridgebayes.fea.delimited import table_content
 from ridgebayes.fea.history import ContactHistory
-from ridgebayes.fea.mapping import Use
+from ridgebayes.fea.mapping import Columns, Use
 from ridgebayes.fea.record import FileError
 from ridgebayes.fea.transitions import last_digit
-from ridgebayes.fea.words import OF_NODES, STATUS_RULE, load_kind, plain, split_header, touching
-from ridgebayes.runtime.text import some_of
-from ridgebayes.table.columns import SHOWN as MOST_SHOWN
-from ridgebayes.table.rules import as_text
+from ridgebayes.fea.words import OF_NODES, load_kind, node_key
 
 _CONTACT = ("gap", "pressure", "status")
 _REQUIRED = {"load": "the load of the step, the same in its rows", "x": "where the node is"}
@@ -51,7 +47,12 @@ def read_node_table(run: Run) -> ContactHistory:
     body = {key: text for key, text in values.items() if key in ("R", "E", "thickness")}
     problems = FileError(run.where, run.facts, body)
     source = TABLES[run.path.suffix.lower()](table_content(run.path, problems), problems)
-    uses = _columns(source.headers, mapping, problems)
+    columns = Columns(source.headers, problems, OF_NODES)
+    for name, text in mapping.items():
+        columns.map(name, text)
+    columns.guess(node_key)
+    columns.settle()
+    uses = {use.key: use for use in columns.uses}
     kind = next((key for key in _CONTACT if key in uses), "")
     if not kind:
         problems.need("no column gap, pressure or status: name it with --map 'gap=HEADER'")
@@ -72,15 +73,10 @@ def read_node_table(run: Run) -> ContactHistory:
     )
     p_over_E, x = converter.load(), converter.over_R("x")
     if kind == "status":
-        gap, bad = touching(as_text(cells[uses[kind].header]), run.facts.closed_is)
-        problems.cells(cells.index[bad | np.isnan(gap)], uses[kind].header, STATUS_RULE)
-        if bad.any():
-            problems.options["closed_is"] = "?"
-        value = -gap
-    elif kind == "gap":
-        value = converter.over_R("gap")
+        value = -converter.status(uses[kind], may_be_empty=False)
     else:
-        value = cells[uses[kind].header].to_numpy(dtype=float)
+        gap = converter.over_R("gap")
+        value = cells[uses[kind].header].to_numpy(dtype=float) if gap is None else gap
     converter.summarize()
     problems.raise_all(source)
     half = load.key == "force" and run.symmetry == "half"
@@ -103,7 +99,7 @@ def read_node_table(run: Run) -> ContactHistory:
     if wide.isna().to_numpy().any():
         raise problems.error("the steps have different nodes: expected the same nodes in all steps")
     at, values_at = (wide[name].to_numpy() for name in ("x", "value"))
-    how = f"{len(at)} steps of {at.shape[1]} nodes, by {kind}{', load times 2' if half else ''}"
+    how = f"{len(at)} steps of {at[0].size} nodes, by {kind}{', load times 2' if half else ''}"
     history = ContactHistory(
         (2.0 if half else 1.0) * loads.first().to_numpy(),
         R=1.0,
@@ -115,29 +111,3 @@ def read_node_table(run: Run) -> ContactHistory:
     printed = named["gap"]
     digits = last_digit(printed) / 2 * np.ptp(value) / max(np.ptp(printed), 1e-300)
     return replace(history, at=np.stack([at, values_at], axis=-1), digits=float(digits))
-
-
-def _columns(
-    headers: Sequence[str], mapping: Mapping[str, str], problems: FileError
-) -> dict[str, Use]:
-    """Return the column of each key, by mapping or by words."""
-    columns: dict[str, Use] = {}
-    for key, text in mapping.items():
-        header, _, unit = (text, "", None) if text in headers else text.rpartition(";")
-        if key not in OF_NODES or header not in headers:
-            names = some_of(map(repr, headers), MOST_SHOWN)
-            raise problems.error(
-                f"--map {key}={text}: expected one of {', '.join(OF_NODES)}, and one of the "
-                f"columns {names}"
-            )
-        columns[key] = Use(key, header, unit)
-    for key, words in OF_NODES.items():
-        likely = [header for header in headers if plain(split_header(header)[0]) in words]
-        if len(likely) > 1 and key not in mapping:
-            shown = ", ".join(map(repr, likely))
-            problems.need(
-                f"columns {shown} could all be {key}: name one with --map", {key: likely[0]}
-            )
-        if likely:
-            columns.setdefault(key, Use(key, likely[0], how="guessed"))
-    return columns

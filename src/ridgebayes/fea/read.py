@@ -45,7 +45,7 @@ from ridgebayes.fea.record import (
     broken_rule,
     provenance,
 )
-from ridgebayes.fea.words import COUNTS, NOT_READ, OPTIONS
+from ridgebayes.fea.words import COUNTS, NOT_READ, OPTIONS, RECOGNISED
 from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.runtime.text import LONGEST_VALUE, count
 from ridgebayes.scene.typed import parse_texture
@@ -55,21 +55,6 @@ from ridgebayes.table.table import ContactTable
 
 _HEAD_BYTES = 20_000  # bytes at the beginning of a file that are searched for marks of a format
 FORMATS = tuple(OPTIONS)
-# Format, suffixes and mark; the format is the first whose suffixes and mark match the file.
-_RECOGNISED: tuple[tuple[str, tuple[str, ...], re.Pattern[bytes]], ...] = (
-    ("series", (".vtu", ".pvd", ".xdmf", ".xmf"), re.compile(b"")),
-    ("calculix", (".frd",), re.compile(b"")),
-    ("febio", (), re.compile(rb"^\*Step\s*=\s*\d+\s*$", re.M)),
-    (
-        "ansys",
-        (),
-        re.compile(rb"\*{5} POST1 .* LISTING|LIST (?:ALL )?SELECTED NODES|PRINT .* PER NODE"),
-    ),
-    ("abaqus-rpt", (), re.compile(b"Field Output Report")),
-    ("abaqus-dat", (".dat",), re.compile(b"THE FOLLOWING TABLE IS PRINTED|A B A Q U S|Abaqus")),
-    ("calculix", (".dat",), re.compile(rb"(?:displacements|contact stress) \(|\) for set ")),
-    ("table", SUFFIXES, re.compile(b"")),
-)
 _MULTI_FILE_FORMATS = ("febio", "ansys", "series")
 
 
@@ -255,8 +240,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
             raise problems.error(f"column {use.header!r}, {use.name}: {rule}")
     if needed := lacking(uses, values):
         ask_columns(needed, cells, uses, problems)
-    for use in uses:
-        _check_cells(cells, use, problems)
+    _check_cells(cells, uses, problems)
     corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
     if not corners and any(use.label is not None for use in uses):
         cells, uses = melted(cells, uses, problems)
@@ -301,26 +285,25 @@ def read_columns(path: Path, facts: Given) -> Imported:
     return Imported(table, tuple(problems.messages), problems.known)
 
 
-def _check_cells(cells: pd.DataFrame, use: Use, problems: FileError) -> None:
+def _check_cells(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> None:
     """Report the cells that break a rule of their column, and set them to NaN."""
-    if use.key not in (*ABOVE_0, *LOWERS, "pressure"):
-        return
-    numbers = cells[use.header].to_numpy(dtype=float)
-    if use.key in LOADS[1:] and len(numbers) > 1 and np.nanmax(numbers, initial=-np.inf) <= 0:
-        cells[use.header] = -numbers
-        problems.messages.append(
-            f"column {use.header!r}: no load above 0, so compression is negative: sign turned"
-        )
-        return
-    sign = "above 0" if use.key in ABOVE_0 else "0 or above"
-    sign = "0 where open, above 0 where closed" if use.key == "pressure" else sign
-    # A load of 0 is valid in increments; for other rows the table rules check the load.
-    is_low = numbers <= 0 if use.key in ABOVE_0 and use.key not in LOADS else numbers < 0
-    is_lost = np.isnan(numbers) & (use.key in NEVER_EMPTY and use.Q is None)
-    for rule, bad in (("not empty", is_lost), (sign, is_low)):
-        problems.cells(cells.index[bad], use.header, f"expected {rule}")
-    if is_low.any():
-        cells[use.header] = np.where(is_low, np.nan, numbers)
+    for use in (use for use in uses if use.key in (*ABOVE_0, *LOWERS, "pressure")):
+        numbers = cells[use.header].to_numpy(dtype=float)
+        if use.key in LOADS[1:] and len(numbers) > 1 and np.nanmax(numbers, initial=-np.inf) <= 0:
+            cells[use.header] = -numbers
+            problems.messages.append(
+                f"column {use.header!r}: no load above 0, so compression is negative: sign turned"
+            )
+            continue
+        sign = "above 0" if use.key in ABOVE_0 else "0 or above"
+        sign = "0 where open, above 0 where closed" if use.key == "pressure" else sign
+        # A load of 0 is valid in increments; for other rows the table rules check the load.
+        is_low = numbers <= 0 if use.key in ABOVE_0 and use.key not in LOADS else numbers < 0
+        is_lost = np.isnan(numbers) & (use.key in NEVER_EMPTY and use.Q is None)
+        for rule, bad in (("not empty", is_lost), (sign, is_low)):
+            problems.cells(cells.index[bad], use.header, f"expected {rule}")
+        if is_low.any():
+            cells[use.header] = np.where(is_low, np.nan, numbers)
 
 
 def _validated(
@@ -380,9 +363,11 @@ def recognise(path: Path) -> str:
     for kind in NOT_READ.values():
         if suffix in kind.get("suffixes", ()) or name in kind.get("names", ()):
             raise InputError(f"{path}: {kind['is']} is not read; {kind['instead']}")
-    for program, suffixes, mark in _RECOGNISED:
-        if (not suffixes or suffix in suffixes) and mark.search(head):
-            return program
+    for kind in RECOGNISED:  # the first whose suffixes and mark fit
+        if suffix in kind.get("suffixes", [suffix]) and re.search(kind["mark"].encode(), head):
+            return str(kind["format"])
+    if suffix in SUFFIXES:
+        return "table"
     raise InputError(
         f"{path}: its format is not recognised; expected --format {', '.join(FORMATS)}, or a "
         f"suffix of {', '.join(SUFFIXES)}, .frd, .vtu, .pvd or .xdmf"

@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.abaqus_dat import read_abaqus_dat
-from ridgebayes.fea.abaqus_rpt import read_abaqus_rpt
-from ridgebayes.fea.ansys import read_ansys
+from ridgebayes.fea.abaqus import read_abaqus_dat, read_abaqus_rpt
 from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.deck import Deck, Run, read_deck
-from ridgebayes.fea.febio import read_febio
 from ridgebayes.fea.history import ContactHistory, table_of
-from ridgebayes.fea.mesh_series import read_series
+from ridgebayes.fea.listings import read_ansys, read_febio
+from ridgebayes.fea.meshes import read_series
 from ridgebayes.fea.node_table import read_node_table
 from ridgebayes.fea.record import FileError, Given, Imported, provenance
 

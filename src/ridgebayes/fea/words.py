@@ -176,6 +176,7 @@ _PATTERNS = [
 ]
 _TERMS = {term: _any_of(count["words"]) for term, count in _WORDS["counts"].items()}
 NOT_READ, DISGUISES, OPTIONS = (_WORDS[name] for name in ("not_read", "disguises", "options"))
+RECOGNISED = _WORDS["recognised"]
 OF_NODES, ANSYS_CLOSED = _WORDS["nodes"], _WORDS["status"]["ansys_closed"]
 N_PLANE_FACES = _WORDS["calculix"]["n_plane_faces"]
 PLANE_CORNERS = _WORDS["calculix"]["plane_corners"]
@@ -263,6 +264,17 @@ def corner_key(words: str) -> str:
     """
     vocabulary = _WORDS["corners"].items()
     return next((key for key, names in vocabulary if plain(words) in names), "")
+
+
+def node_key(words: str) -> str:
+    """Return the column of a table of node results that words name, or an empty text.
+
+    Examples
+    --------
+    >>> node_key("Node Label"), node_key("COPEN"), node_key("Note")
+    ('node', 'gap', '')
+    """
+    return next((key for key, names in OF_NODES.items() if plain(words) in names), "")
 
 
 def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
