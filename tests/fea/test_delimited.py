@@ -40,7 +40,7 @@ def refusal(text, **options):
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
-@pytest.mark.parametrize("tail", ["", "\n\n", "  \n", ",,\n,,\n", f"\n{GOOD.splitlines()[0]}\n"])
+@pytest.mark.parametrize("tail", ["", "\n\n", "  \n", ",,\n,,\n"])
 def test_read__separators_line_ends_and_blank_lines_change_nothing(separator, end, mark, tail):
     text = (GOOD + tail).replace(",", separator).replace("\n", end)
     cells = read(mark + text.encode())

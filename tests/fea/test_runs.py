@@ -173,19 +173,6 @@ def before_row(new):
     return put(rf"^(?= {100:10d} )", new)
 
 
-def all_nodes(_):
-    """Tables of all nodes, in place of the sets'."""
-    text, n = "", N + 5  # the rim, the driven node and the first ridge
-    for k, force in enumerate(FORCE, start=1):
-        moved, forces = np.zeros((n, 2)), np.zeros((n, 2))
-        moved[:N], forces[N, 1] = POSITION[k - 1] - NODES, force
-        text += f"    INCREMENT {k:5d} SUMMARY\n"
-        for columns, values in ((("U1", "U2"), moved), (("RF1", "RF2"), forces)):
-            table = writer._table("X", columns, range(1, n + 1), values, total=False)
-            text += "\n".join(table).replace("NODES BELONGING TO NODE SET X", "ALL NODES") + "\n"
-    return text
-
-
 def increment_twice(text):
     """Put a wrong increment before the one of its number."""
     head = r" {32}INCREMENT     "
@@ -285,7 +272,6 @@ SAME = [
     ("abaqus-dat", before_row(ABAQUS_PAGE + TITLE), {}, ""),
     ("abaqus-dat", put("NODE SET RIM", "NODE SET\n   RIM", count=0), {}, ""),
     ("abaqus-dat", put(r"\n (MAXIMUM|MINIMUM|AT NODE).*", "", count=0), {}, ""),
-    ("abaqus-dat", all_nodes, {}, ""),
     ("abaqus-dat", increment_twice, {}, "1 increments printed again: the later one counts"),
     (
         "abaqus-dat",
@@ -336,6 +322,24 @@ def test_import__pressure_is_as_status(tmp_path, whole):
     text = runs.node_table(RUN, "Inc,Node,F,Place,CPRESS", pressure)
     read = imported(tmp_path, "nodes", lambda _: text, map=("load=F", "x=Place"), top=None)
     np.testing.assert_array_equal(loads_of(read), loads_of(whole("nodes, status")))
+
+
+@pytest.mark.parametrize(
+    ("load", "given", "E"),
+    [
+        # p/E = 2 F / (2 R E L), with R = 8 mm and L = 1 mm.
+        ("RF2 (N)", {"thickness": "1 mm"}, 125.0 * RUN["E"]),
+        ("RF2", {"map": ("load=RF2;kPa",)}, RUN["E"]),
+    ],
+)
+def test_nodes__units_in_headers_are_converted(tmp_path, whole, load, given, E):
+    run = RUN | {"position": 8 * POSITION}
+    rows = runs.node_table(run, f"Step,Node,{load},X (mm),COPEN (um)", 8e3 * runs.gaps(RUN))
+    given = given | {"R": "0.8 cm", "E": f"{E:.9g} kPa"}
+    read = imported(tmp_path, "nodes", lambda _: rows, **given)
+    np.testing.assert_allclose(loads_of(read), loads_of(whole("nodes")), rtol=1e-6)  # printed
+    with pytest.raises(InputError, match=r"in um, but R without a unit; expected units"):
+        imported(tmp_path, "nodes", lambda _: rows, **given | {"R": "8"})
 
 
 def test_calculix__displacements_tell_more_than_contact(tmp_path, whole):
@@ -554,6 +558,11 @@ REFUSED = [
         r"of BODY-1\.RIM, BODY-2\.RIM; name one",
     ),
     ("febio", lambda text: text + runs.febio(POSITION, "x;y"), "x stands twice in an increment"),
+    (
+        "febio",
+        lambda _: runs.febio(POSITION * [1, -1], "x;y"),
+        "not the lower side of a circle .* above the ridges",
+    ),
     ("febio", lambda text: text + "7,1\n", r"rim\.txt, line \d+: .*node, x, y"),
     ("febio", put(r"0\.1", "0,1"), "expected node, x, y"),
     ("febio", lambda _: "*Step = 1\n1,2\n", "line 2: '1,2'; expected"),

@@ -70,6 +70,14 @@ def test_spreadsheet__a_header_may_stand_below_blank_rows_and_break_its_line(rea
     assert found.table.column("a_over_R").tolist() == [0.03]
 
 
+def test_spreadsheet__rows_that_a_filter_hides_are_read_and_said(read):
+    hidden = changed(workbook(), "sheet1", lambda d: d.replace(b'r="3"', b'hidden="1" r="3"', 1))
+    found = read(hidden)
+    assert len(found.table) == 2
+    assert any("sheet 'loads': hidden rows are read too" in line for line in found.messages)
+    assert not any("hidden" in line for line in read(workbook()).messages)
+
+
 @pytest.mark.parametrize("column", [1, 4])
 @pytest.mark.parametrize("formula", ["=0.01", "=A2/8", "=SUM(A2:A3)"])
 def test_spreadsheet__formulas_are_refused_with_their_cells(refusal, formula, column):

@@ -14,7 +14,6 @@ from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, 
 from ridgebayes.fea.record import SHOWN
 from ridgebayes.runtime.text import some_of
 
-_ALL_NODES = "ALL NODES"
 _ALL_ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
 
 
@@ -48,13 +47,11 @@ def read_abaqus_dat(run: Run) -> ContactHistory:
     digits = [0.0]
 
     def state(increment: Increment) -> tuple[float, FloatArray]:
-        rim = increment.table(("U1", "U2"), surface, _ALL_NODES)
+        rim = increment.table(("U1", "U2"), surface)
         digits.append(_last_digit(rim))
-        forces = increment.table(("RF2",), reaction, _ALL_NODES)
-        for table, numbers in ((rim, nodes), (forces, driven)):
-            _fill(table, list(run.deck.nodes) if table.nodes == _ALL_NODES else numbers)
-        if forces.nodes == _ALL_NODES:
-            forces.below.pop("TOTAL", None)
+        forces = increment.table(("RF2",), reaction)
+        _fill(rim, nodes)
+        _fill(forces, driven)
         return forces.force(driven, "RF2"), rim.of(nodes, "U1", "U2")
 
     rule = f"expected *NODE PRINT of both; the tables are {printed.shown}"
@@ -145,12 +142,10 @@ class _Tables(Printed):
     def _perturbation(self, line: Line, match: re.Match[str]) -> None:
         self._ignored = "a perturbation step"
 
-    @on(
-        r"THE FOLLOWING TABLE IS PRINTED FOR (?:(ALL NODES)|NODES BELONGING TO NODE SET ?(\S*))\s*$"
-    )
+    @on(r"THE FOLLOWING TABLE IS PRINTED FOR (?:NODES BELONGING TO NODE SET ?(\S*)|(ALL NODES))")
     def _title(self, line: Line, match: re.Match[str]) -> None:
         self.table = None
-        self._name = match[1] or match[2].upper() or "\n"  # a long name follows on the next line
+        self._name = match[2] or match[1].upper() or "\n"  # a long name follows on the next line
 
     @on(r"NODE\s+FOOT-\s+(\S.*)$")
     def _header(self, line: Line, match: re.Match[str]) -> None:

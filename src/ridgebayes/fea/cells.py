@@ -134,10 +134,6 @@ def body_cells(
         rows = [row for row in rows if row[0] not in lines]
     rows = _without_notes(rows, width, problems)
     names, units = list(headers), dict[str, tuple[str, bool]]()
-    again = [line for line, cells in rows if [*map(str.strip, cells)] == names]
-    if again:
-        problems.messages.append(f"{where}: header again in {some_of(map(str, again), 3)}")
-        rows = [row for row in rows if row[0] not in again]
     for i, match in enumerate(map(WITH_UNIT.fullmatch, first[:width])):
         if match and (match[1] == "%" or is_unit(match[1])):
             unit = split_header(names[i])[1]

@@ -335,8 +335,7 @@ class TextTable(TableFile):
         lines = even_lines(body, separator, len(self.headers))
         begin, last = body.lstrip("\n").partition("\n")[0], body.rpartition("\n")[2]
         is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # or a short row
-        is_odd = is_note or separator.join(self.headers) in body  # the header again
-        if lines is None or is_odd or any(map(WITH_UNIT.fullmatch, begin.split(separator))):
+        if lines is None or is_note or any(map(WITH_UNIT.fullmatch, begin.split(separator))):
             return ""
         self.lines = lines + first + self._facts.skip_rows
         return body

@@ -9,11 +9,12 @@ from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import (
     DIMENSIONS,
     N_MEAN,
-    corner_key,
+    OF_CORNERS,
     corners_of,
     count_term,
     key_of,
     load_kind,
+    named,
     plain,
     repeats_of,
     split_header,
@@ -237,7 +238,7 @@ class Columns:
         for header, words, _ in free:
             match = _WIDE_HEADER.fullmatch(words)
             key = (match[1] or "load").strip(" _") if match else ""
-            if match and (key := key if key in PER_Q else corner_key(key)):
+            if match and (key := key if key in PER_Q else named(key, OF_CORNERS)):
                 self.uses.append(Use(key, header, Q=int(match[2]), how="named"))
         if len(self.uses) == n:
             corners = corners_of([words for _, words, _ in free])

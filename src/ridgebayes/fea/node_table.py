@@ -13,7 +13,7 @@ from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.mapping import Columns, Use
 from ridgebayes.fea.record import FileError
 from ridgebayes.fea.transitions import last_digit
-from ridgebayes.fea.words import OF_NODES, load_kind, node_key
+from ridgebayes.fea.words import OF_NODES, load_kind, named
 
 _CONTACT = ("gap", "pressure", "status")
 _REQUIRED = {"load": "the load of the step, the same in its rows", "x": "where the node is"}
@@ -50,7 +50,7 @@ def read_node_table(run: Run) -> ContactHistory:
     columns = Columns(source.headers, problems, OF_NODES)
     for name, text in mapping.items():
         columns.map(name, text)
-    columns.guess(node_key)
+    columns.guess(lambda words: named(words, OF_NODES))
     columns.settle()
     uses = {use.key: use for use in columns.uses}
     kind = next((key for key in _CONTACT if key in uses), "")
@@ -80,11 +80,11 @@ def read_node_table(run: Run) -> ContactHistory:
     converter.summarize()
     problems.raise_all(source)
     half = load.key == "force" and run.symmetry == "half"
-    named = {key: cells[use.header].to_numpy() for key, use in uses.items()}
+    parts = {key: cells[use.header].to_numpy() for key, use in uses.items()}
     frame = pd.DataFrame(
         {
-            "step": pd.factorize(named.get("step", named["load"]))[0],
-            "node": named.get("node", named["x"]),
+            "step": pd.factorize(parts.get("step", parts["load"]))[0],
+            "node": parts.get("node", parts["x"]),
             "x": x,
             "load": p_over_E,
             "value": value,
@@ -108,6 +108,6 @@ def read_node_table(run: Run) -> ContactHistory:
     )
     if kind != "gap":
         return replace(history, at=at[..., None], closed=values_at > 0)
-    printed = named["gap"]
+    printed = parts["gap"]
     digits = last_digit(printed) / 2 * np.ptp(value) / max(np.ptp(printed), 1e-300)
     return replace(history, at=np.stack([at, values_at], axis=-1), digits=float(digits))

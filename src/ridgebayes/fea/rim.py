@@ -13,8 +13,7 @@ from ridgebayes.fea.record import FARTHEST, HUGE
 _MAX_OFF_CIRCLE = 2e-3  # largest distance over R of a surface node from the fitted circle
 _MIN_NODES = 5
 _FLAT = 1.5  # departure from a circle, over that of a flat, from which a surface is none
-NEAR = 1e-5  # distance over R below which a node counts as on a corner, or on the circle
-_AXIS_TOL = 1e-9  # nodes within this angle from the axis belong to both sides
+NEAR = 1e-5  # distance over R below which a node is on a corner, the circle or the axis
 
 
 @dataclass(frozen=True)
@@ -144,7 +143,7 @@ class Rim:
 def _sides(along: FloatArray, where: str, symmetry: str) -> tuple[tuple[IntArray, float], ...]:
     """Return the nodes of each side, sorted outwards by angle, and the sign of their x."""
     outwards = {sign: np.argsort(sign * along, kind="stable") for sign in (1.0, -1.0)}
-    halves = [(nodes[sign * along[nodes] >= -_AXIS_TOL], sign) for sign, nodes in outwards.items()]
+    halves = [(nodes[sign * along[nodes] >= -NEAR], sign) for sign, nodes in outwards.items()]
     sides = tuple(half for half in halves if len(half[0]) >= _MIN_NODES)
     if len(sides) != (1 if symmetry == "half" else 2):
         there = ("no side of the axis", "one side of the axis only", "both sides of the axis")

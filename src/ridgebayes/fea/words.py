@@ -4,7 +4,7 @@ import functools
 import math
 import re
 import unicodedata
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from fractions import Fraction
 from pathlib import Path
 
@@ -177,7 +177,8 @@ _PATTERNS = [
 _TERMS = {term: _any_of(count["words"]) for term, count in _WORDS["counts"].items()}
 NOT_READ, DISGUISES, OPTIONS = (_WORDS[name] for name in ("not_read", "disguises", "options"))
 RECOGNISED = _WORDS["recognised"]
-OF_NODES, ANSYS_CLOSED = _WORDS["nodes"], _WORDS["status"]["ansys_closed"]
+OF_NODES, OF_CORNERS = _WORDS["nodes"], _WORDS["corners"]
+ANSYS_CLOSED = _WORDS["status"]["ansys_closed"]
 N_PLANE_FACES = _WORDS["calculix"]["n_plane_faces"]
 PLANE_CORNERS = _WORDS["calculix"]["plane_corners"]
 PRINTED_ROUNDING = _WORDS["calculix"]["rounding"]
@@ -254,27 +255,15 @@ def count_term(words: str) -> str:
     return next((term for term, regex in _TERMS.items() if re.search(regex, plain(words))), "")
 
 
-def corner_key(words: str) -> str:
-    """Return the result at a corner that words name: "gap", "pressure", "status" or "".
+def named(words: str, vocabulary: Mapping[str, Collection[str]]) -> str:
+    """Return the key whose words, without signs and capitals, are these; empty if there is none.
 
     Examples
     --------
-    >>> corner_key("STAT"), corner_key("Contact pressure"), corner_key("Note")
-    ('status', 'pressure', '')
+    >>> named("STAT", OF_CORNERS), named("Node Label", OF_NODES), named("Note", OF_NODES)
+    ('status', 'node', '')
     """
-    vocabulary = _WORDS["corners"].items()
-    return next((key for key, names in vocabulary if plain(words) in names), "")
-
-
-def node_key(words: str) -> str:
-    """Return the column of a table of node results that words name, or an empty text.
-
-    Examples
-    --------
-    >>> node_key("Node Label"), node_key("COPEN"), node_key("Note")
-    ('node', 'gap', '')
-    """
-    return next((key for key, names in OF_NODES.items() if plain(words) in names), "")
+    return next((key for key, names in vocabulary.items() if plain(words) in names), "")
 
 
 def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
