@@ -10,8 +10,8 @@ columns by the vocabulary of `words` and `words.toml`, `missing` proposes column
 quantities, and `convert` converts to SI units. `layouts` reads tables without a row for each load:
 merged cells, wide tables, and increments of load-stepped runs.
 
-Runs: `calculix`, `abaqus_dat`, `abaqus_rpt`, `febio`, `ansys`, `node_table` and `mesh_series` (with
-`mesh_files`) each read one format into a `history.ContactHistory`. `runs` collects the facts that
+Runs: `calculix`, `abaqus`, `listings` (FEBio and ANSYS), `node_table` and `meshes` read each format
+into a `history.ContactHistory`. `runs` collects the facts that
 the files lack, and `history.table_of` computes transition loads with `rim` and `transitions`.
 
 Decks: `deck` reads the input deck of a run, and `deck_text` writes a scene as a deck.
