@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 import ridgebayes as rb
-from tests.fea.tables import imported
 
 LONG = (
     "Ridge width [mm],Groove width (um),Q,Load (N/mm),Note\n"
@@ -21,30 +20,6 @@ CONTRACT = "a_over_R,b_over_R,Q,p_over_E\n0.03,0.01,4,0.001\n0.03,0.01,6,0.004\n
 RATIOS = "a/R,b/R,Q,p/E\n"
 # 0.0021 N/mm = 2.1 N/m; over 2 x 0.008 m x 60,000 Pa.
 P_OVER_E = [2.1 / 960, 8.7 / 960, 3.0 / 960]
-
-
-@pytest.fixture
-def read(tmp_path):
-    def read_text(text, mapping=None, name="mine.csv", **facts):
-        path = tmp_path / name
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return imported(path, mapping, **facts)
-
-    return read_text
-
-
-@pytest.fixture
-def refusal(read):
-    def words(*args, **facts):
-        with pytest.raises(rb.InputError) as caught:
-            read(*args, **facts)
-        text = str(caught.value)
-        assert "mine." in text
-        assert "\n\n" not in text
-        words.error = caught.value
-        return text
-
-    return words
 
 
 def column(table, name):
@@ -554,3 +529,26 @@ def test_import__a_pickle_in_disguise_is_not_opened(refusal, name, protocol):
 )
 def test_import__files_that_are_no_tables_are_refused(refusal, name, content, said):
     assert said in refusal(content, name=name)
+
+
+# X-Y report of Abaqus/Viewer: a table of blanks, whose names hold single blanks.
+REPORT = (
+    "\n     X     a_over_R     b_over_R     Q     LOAD PI: P N: 1\n"
+    "----------------------------------------------------------------\n\n"
+    "    0.     0.03     10.E-03     4.     0.001\n    1.     0.03     10.E-03     6.     0.004\n\n"
+)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        REPORT,
+        "\ufeff" + REPORT.replace("\n", "\r\n"),
+        "X;a_over_R;b_over_R;Q;LOAD\n\n\n0;0.03;0.01;4;0.001\n1;0.03;0.01;6;0.004\n",
+    ],
+)
+def test_read_columns__a_report_of_curves_is_a_table(read, refusal, text):
+    mapping = {"p_over_E": "LOAD PI: P N: 1" if "PI" in text else "LOAD"}
+    assert column(read(text, mapping, name="mine.rpt"), "p_over_E") == [0.001, 0.004]
+    said = refusal(text.replace("0.03", "-.03"), mapping, name="mine.rpt")
+    assert re.search(r"mine\.rpt.*\(line [45]\).* = -0\.03", said)

@@ -233,14 +233,15 @@ def test_read__a_long_cell_of_digits_is_refused_soon():
     assert "column 'a'" in refusal(f"a,b,Q\n{130_000 * '9'}x,1,4\n")
 
 
-def test_read__a_column_without_name_or_cells_is_passed_over():
-    assert list(read("a,b,\n1,2,\n", ("a", "b")).frame) == ["a", "b"]
-
-
-def test_read__headers_that_stand_twice_get_the_number_of_their_column():
-    assert list(read("a, a ,p [Pa],p [Pa]\n1,2,3,4\n", ("a",)).frame) == [
-        *("a", "a #2", "p [Pa]", "p #4 [Pa]"),
-    ]
+@pytest.mark.parametrize(
+    ("text", "headers"),
+    [
+        ("a,b,\n1,2,\n", ["a", "b"]),
+        ("a, a ,p [Pa],p [Pa]\n1,2,3,4\n", ["a", "a #2", "p [Pa]", "p #4 [Pa]"]),
+    ],
+)
+def test_read__headers_that_are_empty_or_stand_twice_stay_apart(text, headers):
+    assert list(read(text, ("a",)).frame) == headers
 
 
 @pytest.mark.parametrize(

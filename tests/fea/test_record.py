@@ -1,4 +1,4 @@
-"""Warnings of doubtful rows that break no rule."""
+"""Mappings as people write them, and warnings of doubtful rows that break no rule."""
 
 import re
 
@@ -6,9 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ridgebayes import ContactTable
+import ridgebayes as rb
 from ridgebayes.contact.hertz import load_of_half_width
-from ridgebayes.fea.record import Imported
+from ridgebayes.fea.record import Imported, parse_map, read_mapping
+from tests.fea.tables import imported
 
 A, B, NU = 0.04, 0.02, 0.49
 
@@ -28,5 +29,63 @@ def test_cautions__name_doubtful_rows(Q, times, rel_se, said):
     """Loads are multiples of a smooth body's, whose contact reaches the next ridge."""
     load = times * load_of_half_width(B / 2 + (A + B) * (np.array(Q) / 2 - 1), nu=NU)
     columns = {"a_over_R": A, "b_over_R": B, "nu": NU, "Q": Q, "p_over_E": load, "rel_se": rel_se}
-    table = ContactTable.from_frame(pd.DataFrame(columns))
+    table = rb.ContactTable.from_frame(pd.DataFrame(columns))
     assert re.search(said, "".join(Imported(table, ()).cautions))
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "header"),
+    [
+        ("a=Ridge width [mm]", "a", "Ridge width [mm]"),
+        ("a = Ridge width;mm", "a", "Ridge width;mm"),
+        ("gap Q=4=Gap=1", "gap Q=4", "Gap=1"),
+        ("gap:4=First", "gap:4", "First"),
+        ("p=Q=*", "p", "Q=*"),
+        ("Q=Count", "Q", "Count"),
+        ("Q=4=four", "Q=4", "four"),
+        ("line=N=4 [N/mm]", "line", "N=4 [N/mm]"),
+    ],
+)
+def test_parse_map__splits_keys_from_headers(text, key, header):
+    assert parse_map([text]) == {key: header}
+
+
+@pytest.mark.parametrize("texts", [["a"], ["=x"], ["a="], ["a=x", "a=y"], [""]])
+def test_parse_map__refuses_what_is_no_pair(texts):
+    with pytest.raises(rb.InputError, match=r"^--map .*expected "):
+        parse_map(texts)
+
+
+def test_read_mapping__columns_and_values_are_those_read_columns_takes(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        '[columns]\na = "Ridge;um"\nb = "Groove;um"\n"status Q=4" = "first"\n'
+        '[values]\nR = "8 mm"\nnu = 0.49\n'
+    )
+    mapping, values = read_mapping(path)
+    assert values == {"R": "8 mm", "nu": "0.49"}
+    data = tmp_path / "mine.csv"
+    data.write_text("Ridge,Groove,p_over_E,first\n240,80,0.001,open\n240,80,0.002,closed\n")
+    table = imported(data, mapping, **values).table
+    assert table.textures == ((0.03, 0.01),)
+    assert table.column("p_over_E").tolist() == [0.002]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a = ",
+        'a = "x"',
+        "[columns]\na = 1",
+        "[columns]\na = ['x']",
+        "[values]\nR = true",
+        "[other]",
+        "x = " + "[" * 5000,
+        "\0",
+    ],
+)
+def test_read_mapping__refuses_other_content_in_words(tmp_path, text):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(rb.InputError, match=r"mine\.toml"):
+        read_mapping(path)

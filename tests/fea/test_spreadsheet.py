@@ -9,9 +9,7 @@ import zipfile
 import openpyxl
 import pytest
 
-import ridgebayes as rb
-from tests.fea.tables import imported
-
+FILE_NAME = "mine.xlsx"
 HEADER = ["a_over_R", "b_over_R", "Q", "p_over_E", "n"]
 ROWS = [HEADER, [0.03, 0.01, 4, 0.001, "x"], [0.03, 0.01, 6, 0.004, None]]
 
@@ -36,26 +34,6 @@ def changed(content, part, change):
             data = old.read(name)
             new.writestr(name, change(data) if part in name else data)
     return out.getvalue()
-
-
-@pytest.fixture
-def read(tmp_path):
-    def read_bytes(content, **options):
-        path = tmp_path / "mine.xlsx"
-        path.write_bytes(content)
-        return imported(path, **options)
-
-    return read_bytes
-
-
-@pytest.fixture
-def refusal(read):
-    def words(content, **options):
-        with pytest.raises(rb.InputError, match=r"mine\.xlsx") as caught:
-            read(content, **options)
-        return str(caught.value)
-
-    return words
 
 
 def test_spreadsheet__values_come_back_as_they_are(read):

@@ -301,12 +301,10 @@ def lossless(cells: "pd.Series[str]") -> "pd.Series[str] | pd.Series[float]":
     >>> lossless(pd.Series(["1", ""])).tolist(), lossless(pd.Series(["007"])).tolist()
     ([1.0, nan], ['007'])
     """
-    codes, distinct = pd.factorize(cells)  # each distinct text is converted once
-    words = pd.Series(distinct)
+    codes, words = pd.factorize(cells)  # each distinct text is converted once
     empty = words == ""
     if empty.all() or not words.str.fullmatch(_PLAIN_NUMBER).all():
         return cells
     whole = not empty.any() and words.str.fullmatch(r"-?\d+").all()
-    numbers = words.mask(empty, "nan").to_numpy(dtype=object)
-    values = numbers.astype(np.int64 if whole else np.float64)
+    values = words.where(~empty, "nan").to_numpy(dtype=object).astype(int if whole else float)
     return cells if np.isinf(values).any() else pd.Series(values[codes], index=cells.index)
