@@ -36,9 +36,8 @@ def ask_columns(
         Collects the questions.
     """
     taken = {use.header for use in uses}
-    names = [
-        name for name in map(str, cells) if not (name in taken or COUNTER.search(name.lower()))
-    ]
+    headers = [*map(str, cells)]
+    names = [name for name in headers if not (name in taken or COUNTER.search(name.lower()))]
     texts = {name: cells[name].astype(str).str.replace(",", ".") for name in names}
     numbers = {name: pd.to_numeric(text, errors="coerce") for name, text in texts.items()}
     is_text = {name: cells[name].dtype.kind not in "if" for name in names}
@@ -46,12 +45,13 @@ def ask_columns(
     kinds = {name: _kind(name, column) for name, column in free.items()}
     if any(use.key == "Q" for use in uses):  # the table already has a column of counts
         kinds = {name: kind.replace("Q", "") for name, kind in kinds.items()}
+    is_bare = not any(split_header(name)[1] for name in headers)  # no unit tells lengths
     for key in lacking:
         problems.columns = ", ".join(map(repr, list(cells)[:50]))
         text = f"no column {_KEY_NAMES[key]}; name it with --map '{key}=HEADER'"
         kind = {"a": "length", "b": "length"}.get(key, key)
         likely = [name for name in free if kinds[name] == kind]
-        likely = likely or [name for name in free if not kinds[name] and key != "Q"]
+        likely = likely or [name for name in free if is_bare and key != "Q" and not kinds[name]]
         # Several loads are ambiguous: only the user knows whether Fx or Fz presses.
         header = likely[0] if likely and (key != "load" or len(likely) == 1) else None
         if header is None and kind == "length":
