@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import logsumexp, ndtri
 
 from ridgebayes.contact.hertz import transition_load
 from ridgebayes.contact.two_scale import REACH
@@ -37,7 +37,6 @@ _CHECK = "Check that widths are over R and loads are p/E"
 # Distance of a load from the fit over the median distance; six sds. Normal loads exceed it in 1 %
 # of tables with six rows, and in 0.06 % with 41 rows.
 _MAX_DISTANCE = 8.9
-_98_PERCENT = 2.326  # sds; half-width of a 98 % interval of a normal
 
 
 def cautions(
@@ -142,7 +141,7 @@ def _contradicted(fit: Posterior) -> list[str]:
     worst = max(scores, key=lambda name: abs(scores[name]))
     if not abs(scores[worst]) > _MAX_PRIOR_SDS:
         return []
-    low, high = (float(priors[worst].value_at(score)) for score in (-_98_PERCENT, _98_PERCENT))
+    low, high = (float(priors[worst].value_at(ndtri(p))) for p in (0.01, 0.99))
     return [
         f"The loads contradict a prior: {worst} of {fit.form.name} is "
         f"{means[worst]:.3g}, expected {low:.3g} to {high:.3g} (98 %). "
