@@ -14,7 +14,6 @@ from scipy.special import ndtr, ndtri
 
 from ridgebayes._types import BATCH_SIZE, FloatArray, IntArray
 from ridgebayes.errors import InputError
-from ridgebayes.inference.chains import N_KEPT
 
 NEGLIGIBLE_PROBABILITY = 1e-6  # larger counts are left out once P(Q >= n) is below it
 MAX_Q = 20_000  # larger counts raise an error
@@ -111,10 +110,10 @@ def survival(columns: Callable[[IntArray], Columns], y: FloatArray, where: str =
         If counts exceed 20,000.
     """
     steps = [np.ones(len(y))]
+    n = 0
     while (first := len(steps) - 1) < MAX_Q // 2:
-        # A call takes longer than the arithmetic of a few more counts, which may be too many.
-        last = min(2 * first + 3, first + BATCH_SIZE // N_KEPT, MAX_Q // 2)
-        for mean, sd in zip(*(x.T for x in columns(np.arange(first, last))), strict=True):
+        n += 1  # more counts in each call, as a call takes longer than the arithmetic of a count
+        for mean, sd in zip(*(x.T for x in columns(np.arange(first, first + n))), strict=True):
             # The probability of reaching a ridge cannot exceed that of the ridge before it.
             steps.append(np.minimum(_interpolated_cdf(y, mean, sd), steps[-1]))
             if steps[-1].max() < NEGLIGIBLE_PROBABILITY:
