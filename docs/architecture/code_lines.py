@@ -26,10 +26,10 @@ BUDGETS = {
     "fea": 4_040,
     "model": 1_553,
     "inference": 2_477,  # points with the tails of Student rows
-    "predict": 1_069,  # loads over a/pitch of one count, which designs share; names of DataArrays
+    "predict": 1_068,  # loads over a/pitch of one count, which designs share; names of DataArrays
     "evidence": 625,  # which evidences under changed priors are computed again
-    "comparison": 879,
-    "checks": 769,
+    "comparison": 878,
+    "checks": 768,
     "friction": 861,  # draws the blocks of a scene itself
     "texture_design": 1_111,
     "report": 1_466,
