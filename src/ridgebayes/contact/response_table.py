@@ -29,7 +29,7 @@ from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 from ridgebayes.errors import ComputationError, InputError
 
-_N_PLACE = 25  # nodes of an interval (or decade of loads)
+_N_PLACE, _N_PLACE_OFFSETS = 25, 9  # nodes of an interval (or decade of loads)
 # Distance of loads from the ends of an interval, over its length. Also the lowest load of the table
 # over the load at which the count first changes.
 CLOSEST = 1e-4
@@ -120,7 +120,7 @@ class ResponseTable:
         profiles = [_profile(row, over_ridge=over_ridge) for row in rows]
         if self._axes:
             _refuse_narrow(profiles)
-        self._shapes = [_Shape(choice) for choice in profiles]
+        self._shapes = [_Shape(choice, self._margin) for choice in profiles]
 
     def _weights(self, shapes: FloatArray) -> FloatArray:
         """Return the weight of each shape, (n, n_shape)."""
@@ -243,10 +243,13 @@ def _refuse_narrow(profiles: list[Profile]) -> None:
 
 
 class _Shape:
-    """Loads and interpolated contacts of a profile, for each count."""
+    """Loads and interpolated contacts of a profile, for each count.
 
-    def __init__(self, profile: Profile) -> None:
-        self._profile = profile
+    Places in an interval are inside it by a margin.
+    """
+
+    def __init__(self, profile: Profile, margin: float) -> None:
+        self._profile, self._margin = profile, margin
         self._events: tuple[FloatArray, IntArray] = np.empty(0), np.empty(0, dtype=np.int64)
         self._cache: dict[int, PchipInterpolator] = {}
 
@@ -278,10 +281,15 @@ class _Shape:
         if Q not in self._cache:
             low, high = self.interval(Q)
             # The first interval covers decades of loads and has more nodes.
-            n = _N_PLACE * max(round(math.log10(high / low)), 1)
-            nodes = dict(self._solve(Q, root**2) for root in np.linspace(0.0, 1.0, n).tolist())
+            n = _N_PLACE if self._margin == CLOSEST else _N_PLACE_OFFSETS
+            n *= max(round(math.log10(high / low)), 1)
+            nodes: dict[float, ContactSolution] = {}
+            start: Mapping[RigidSegment, tuple[float, float]] = {}
+            for place in np.linspace(*np.sqrt([self._margin, 1 - self._margin]), n) ** 2:
+                at, solution = self._solve(Q, float(place), start)
+                nodes[at], start = solution, solution.covered
             apart = 1.0 / n
-            while apart > CLOSEST:  # bisect towards the places where free ends change
+            while apart > self._margin:  # bisect towards the places where free ends change
                 apart *= 0.5
                 for first, last in itertools.pairwise(sorted(nodes)):
                     if _free_ends(nodes[first]) != _free_ends(nodes[last]):
@@ -293,7 +301,7 @@ class _Shape:
         return self._cache[Q]
 
     def _solve(
-        self, Q: int, y: float, start: Mapping[RigidSegment, tuple[float, float]] | None = None
+        self, Q: int, y: float, start: Mapping[RigidSegment, tuple[float, float]]
     ) -> tuple[float, ContactSolution]:
         """Return a place at y, or farther inside if that cannot be solved, and its contact."""
         low, high = self.interval(Q)
@@ -303,7 +311,7 @@ class _Shape:
             place = min(max(y, inside), 1 - inside)
             W = low * (high / low) ** place
             solution = solve_contact(self._profile, W, start=start)
-            if start is not None and solution.status != "ok":  # the start may cause a cycle
+            if start and solution.status != "ok":  # the start may cause a cycle
                 solution = solve_contact(self._profile, W)
             inside *= 4
             is_solved = solution.status == "ok" and solution.Q == Q
