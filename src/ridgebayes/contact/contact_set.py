@@ -175,6 +175,7 @@ class ContactSet:
             else:
                 half = math.sqrt(-segment.corner * gap) or 0.02 * (stop - start)
                 if segment.ridge is None:
+                    # Both ends start off the walls, or they would count as ends at a corner.
                     at = min(max(at, start + 1.1 * half), stop - 1.1 * half)
                 self._ends[segment] = self._within(segment, at - half, at + half)
         return len(self._ends) > before

@@ -285,9 +285,10 @@ class _Shape:
             n *= max(round(math.log10(high / low)), 1)
             nodes: dict[float, ContactSolution] = {}
             start: Mapping[RigidSegment, tuple[float, float]] = {}
-            for place in np.linspace(*np.sqrt([self._margin, 1 - self._margin]), n) ** 2:
-                at, solution = self._solve(Q, float(place), start)
-                nodes[at], start = solution, solution.covered
+            ends = math.sqrt(self._margin), math.sqrt(1 - self._margin)
+            for root in np.linspace(*ends, n).tolist():
+                place, solution = self._solve(Q, root**2, start)
+                nodes[place], start = solution, solution.covered
             apart = 1.0 / n
             while apart > self._margin:  # bisect towards the places where free ends change
                 apart *= 0.5
