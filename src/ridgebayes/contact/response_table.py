@@ -29,7 +29,7 @@ from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile, RigidSegment
 from ridgebayes.errors import ComputationError, InputError
 
-_N_PLACE, _N_PLACE_OFFSETS = 25, 9  # nodes of an interval (or decade of loads)
+_N_PLACE = 25  # nodes of an interval (or decade of loads)
 # Distance of loads from the ends of an interval, over its length. Also the lowest load of the table
 # over the load at which the count first changes.
 CLOSEST = 1e-4
@@ -280,8 +280,9 @@ class _Shape:
         """Return an interpolator of `_flat_values` by the root of the place in the interval."""
         if Q not in self._cache:
             low, high = self.interval(Q)
-            # The first interval covers decades of loads and has more nodes.
-            n = _N_PLACE if self._margin == CLOSEST else _N_PLACE_OFFSETS
+            # The first interval covers decades of loads and has more nodes. Between offsets the
+            # linear interpolation errs as much as that between a third of the nodes.
+            n = _N_PLACE if self._margin == CLOSEST else _N_PLACE // 3
             n *= max(round(math.log10(high / low)), 1)
             nodes: dict[float, ContactSolution] = {}
             start: Mapping[RigidSegment, tuple[float, float]] = {}

@@ -37,7 +37,7 @@ _SAFETY = 1.5  # bound of a change over its estimate
 _FINITE_STRAIN_FACTOR = 0.3
 # CPU seconds of a contact, and the number of its intervals that doubles them; measured for sharp
 # and round ridges, with and without floors, on up to 130 ridges. The loads of all transitions take
-# as long as two contacts; over floors as ten, and another for each transition: within a factor of 3.
+# as long as two contacts; over floors as ten, and one more for each: within a factor of three.
 _CONTACT_S, _TWICE_AS_LONG = 8e-3, 30
 _MAX_TRANSITIONS = 64  # transitions per texture
 _FE_TRANSITION_S = 5.0  # CPU seconds per transition, by finite elements
@@ -244,11 +244,10 @@ def _decide(base: _Base, effects: list[Effect], allowance: float) -> list[Effect
 
 def _ridges(base: _Base) -> Effect:
     a, b, n = base.sharp.a, base.sharp.b, len(base.W)
-    Q = 2 + 2 * np.arange(1, n + 1)
-    smooth = hertz.transition_load(Q, a, b, nu=0.0) * load_factor(0)
+    smooth = hertz.transition_load(4 + 2 * np.arange(n), a, b, nu=0.0) * load_factor(0)
     estimate = float(np.max(np.abs(smooth / base.W - 1)))
-    cost = base.cost(1, n)
-    return Effect("ridges", b / (a + b), estimate, True, "b/pitch; against smooth Hertz", cost)
+    reason = "b/pitch; against smooth Hertz"
+    return Effect("ridges", b / (a + b), estimate, True, reason, base.cost(1, n))
 
 
 def _partial_contact(base: _Base) -> Effect:
@@ -266,8 +265,7 @@ def _offset(base: _Base) -> Effect:
     # The offset moves one ridge of the first pair away; loads grow with the distance squared.
     first = 0.5 * sharp.b + sharp.pitch
     estimate = (1 + number * sharp.pitch / first) ** 2 - 1
-    cost = base.cost(2, 2 * n)
-    return Effect("offset", number, estimate, True, "fraction of a pitch", cost)
+    return Effect("offset", number, estimate, True, "fraction of a pitch", base.cost(2, 2 * n))
 
 
 def _floor(base: _Base) -> Effect:
