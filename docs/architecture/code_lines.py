@@ -19,10 +19,10 @@ BUDGETS = {
     "runtime": 759,
     "distributions": 485,  # with those of SciPy, and a refusal of arrays
     "drawing": 946,
-    "contact": 3_305,  # few orders solved together, events started from the last two: floors
+    "contact": 3_292,  # few orders solved together, events started from the last two: floors
     "table": 642,  # with the check for plain CSV that import uses too: pandas reads it faster
     "scene": 1_300,  # with loads as they are typed, which were in commands and texture_design
-    "simulate": 497,
+    "simulate": 496,
     "fea": 4_027,  # with units in tables of nodes, ratios over D, hidden rows
     "model": 1_554,
     "inference": 2_481,  # points with the tails of Student rows

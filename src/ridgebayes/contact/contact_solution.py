@@ -172,6 +172,8 @@ def solve_contact(
     state = ContactSet(profile, within, rel_tol)
     state.begin(W, start or {}, 0.5 * profile.a - half_width)
     solution = no_solution(profile, "not converged: contact ends still move")
+    # Pressures that end at zero need fewer coefficients than sharp ends: four fifths at first, and
+    # a fifth more whenever the last coefficients have not decayed.
     least, step, share, m = 0.25 * W, 0.0, 0.8, np.empty(0, dtype=np.int64)
     most = 8 * m_ridge  # between a floor and its wall contact may need far less than its gap says
     for _ in range(MAX_ITERATIONS):
@@ -223,7 +225,8 @@ def too_many(profile: Profile, unknowns: float) -> ContactSolution:
 def bearing_half_width(profile: Profile, W: float) -> float:
     """Return the expected half-width of contact on a ridge, reduced by round corners.
 
-    Equation (19) of docs/derivations/contact.md, for a pressure a fifth above Hertz's maximum.
+    Equation (19) of docs/derivations/contact.md, for a pressure a fifth above Hertz's maximum. This
+    is a margin: `all_events` starts again if a contact turns out wider.
     """
     corner, pitch = profile.corner, profile.pitch
     flat = corner + 0.5 * profile.b  # distance from a groove's middle

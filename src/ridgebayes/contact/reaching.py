@@ -144,7 +144,8 @@ def _expected(
             if segment in near:
                 low, high = near[segment]
                 before_low, before_high = far.get(inner, near[inner])
-                # Contact grows, and on a floor not up to the walls.
+                # Contact grows, on a floor to a tenth of the way from the walls: an end at a wall
+                # would start as one at a corner.
                 most = 0.9 if segment.ridge is None else 1.0
                 low_growth = min(
                     max(before_low - near[inner][0], 0.0), most * (low - segment.start)

@@ -120,7 +120,7 @@ class ResponseTable:
         profiles = [_profile(row, over_ridge=over_ridge) for row in rows]
         if self._axes:
             _refuse_narrow(profiles)
-        self._shapes = [_Shape(choice) for choice in profiles]
+        self._shapes = [_Shape(choice, self._margin) for choice in profiles]
 
     def _weights(self, shapes: FloatArray) -> FloatArray:
         """Return the weight of each shape, (n, n_shape)."""
@@ -243,10 +243,13 @@ def _refuse_narrow(profiles: list[Profile]) -> None:
 
 
 class _Shape:
-    """Loads and interpolated contacts of a profile, for each count."""
+    """Loads and interpolated contacts of a profile, for each count.
 
-    def __init__(self, profile: Profile) -> None:
-        self._profile = profile
+    Places in an interval are inside it by a margin.
+    """
+
+    def __init__(self, profile: Profile, margin: float) -> None:
+        self._profile, self._margin = profile, margin
         self._events: tuple[FloatArray, IntArray] = np.empty(0), np.empty(0, dtype=np.int64)
         self._cache: dict[int, PchipInterpolator] = {}
 
@@ -277,11 +280,18 @@ class _Shape:
         """Return an interpolator of `_flat_values` by the root of the place in the interval."""
         if Q not in self._cache:
             low, high = self.interval(Q)
-            # The first interval covers decades of loads and has more nodes.
-            n = _N_PLACE * max(round(math.log10(high / low)), 1)
-            nodes = dict(self._solve(Q, root**2) for root in np.linspace(0.0, 1.0, n).tolist())
+            # The first interval covers decades of loads and has more nodes. Between offsets the
+            # linear interpolation errs as much as that between a third of the nodes.
+            n = _N_PLACE if self._margin == CLOSEST else _N_PLACE // 3
+            n *= max(round(math.log10(high / low)), 1)
+            nodes: dict[float, ContactSolution] = {}
+            start: Mapping[RigidSegment, tuple[float, float]] = {}
+            ends = math.sqrt(self._margin), math.sqrt(1 - self._margin)
+            for root in np.linspace(*ends, n).tolist():
+                place, solution = self._solve(Q, root**2, start)
+                nodes[place], start = solution, solution.covered
             apart = 1.0 / n
-            while apart > CLOSEST:  # bisect towards the places where free ends change
+            while apart > self._margin:  # bisect towards the places where free ends change
                 apart *= 0.5
                 for first, last in itertools.pairwise(sorted(nodes)):
                     if _free_ends(nodes[first]) != _free_ends(nodes[last]):
@@ -293,7 +303,7 @@ class _Shape:
         return self._cache[Q]
 
     def _solve(
-        self, Q: int, y: float, start: Mapping[RigidSegment, tuple[float, float]] | None = None
+        self, Q: int, y: float, start: Mapping[RigidSegment, tuple[float, float]]
     ) -> tuple[float, ContactSolution]:
         """Return a place at y, or farther inside if that cannot be solved, and its contact."""
         low, high = self.interval(Q)
@@ -303,7 +313,7 @@ class _Shape:
             place = min(max(y, inside), 1 - inside)
             W = low * (high / low) ** place
             solution = solve_contact(self._profile, W, start=start)
-            if start is not None and solution.status != "ok":  # the start may cause a cycle
+            if start and solution.status != "ok":  # the start may cause a cycle
                 solution = solve_contact(self._profile, W)
             inside *= 4
             is_solved = solution.status == "ok" and solution.Q == Q

@@ -22,6 +22,7 @@ DEFAULT_RELATIVE = DEFAULT_REL_TOL
 BEYOND_HALF_PLANE = ("finite body and large deformation", "friction")
 # Relative error of finite elements, which therefore cannot resolve a smaller effect.
 FINITE_ELEMENT_ERROR = 0.002
+N_OFFSETS = 8  # curves that represent a uniform offset
 HIGHEST_LOAD = 0.1  # p/E, of finite elements: docs/validation/cylinder.md
 
 

@@ -15,7 +15,7 @@ from ridgebayes.contact import halfplane, hertz, two_scale
 from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL, load_factor
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
-from ridgebayes.scene.effects import FINITE_ELEMENT_ERROR, Plan, full_profile
+from ridgebayes.scene.effects import FINITE_ELEMENT_ERROR, N_OFFSETS, Plan, full_profile
 from ridgebayes.scene.scene import Scene, Texture
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 SOLVERS = ("auto", "hertz", "half-plane", "two-scale", "cylinder-linear", "cylinder-fe")
 # More transitions in a texture indicate wrong units; above the solver's cap rows have no load.
 _MAX_TRANSITIONS = 65_536
-_N_OFFSETS = 8  # curves that represent a uniform offset
 
 
 @dataclass(frozen=True)
@@ -179,7 +178,7 @@ def transition_curves(
         yield _curve(task, _linear(task), solver, f"{effects}+finite-body", edges=edges)
         return
     is_any = profile.offset and texture.offset == "uniform"
-    offsets = offsets_between(_N_OFFSETS) if is_any else [profile.offset]
+    offsets = offsets_between(N_OFFSETS) if is_any else [profile.offset]
     for offset in offsets:
         here = replace(profile, offset=offset)
         if by_elements:
