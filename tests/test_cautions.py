@@ -44,7 +44,6 @@ def test_cautions__rows_that_are_taken_as_independent(paper, tmp_path):
     assert told.startswith("Errors of rows were taken as independent, and no other error model")
 
 
-@pytest.mark.slow
 def test_cautions__rows_that_the_evidence_says_are_independent(paper):
     frame = paper.calibration.frame
     places = (frame[name].to_numpy() for name in ("Q", "a_over_R", "b_over_R"))
