@@ -20,6 +20,7 @@ from tests.columns import COLUMNS
 # Ends at its first check, where no autocorrelation time can have settled: never converged.
 QUICK = rb.SampleSettings(n_walker=16, n_step_max=100)
 FORMS = ["modified", "hybrid"]
+EVERY_FORM = ["classic", "power-law", "modified", "hybrid", "half-plane"]
 COMPARE = "ridgebayes.commands.run.compared"
 STANDARD = {"noise": "iid", "accuracy": "standard", "priors": None, "time_limit": None}
 STANDARD |= {"prior_odds": None}
@@ -264,11 +265,10 @@ def default(tmp_path_factory):
 
 def test_default__compares_every_form_on_the_finite_element_rows(default):
     folder, _, pages = default
-    forms = ["classic", "power-law", "modified", "hybrid", "half-plane"]
-    expected = COMPARED | posteriors(*forms) | {"bands.csv", "loads.csv"}
+    expected = COMPARED | posteriors(*EVERY_FORM) | {"bands.csv", "loads.csv"}
     assert names(folder / "reference-fe") == expected
     again = rb.read_run(folder / "reference-fe")
-    assert list(again.fits) == forms
+    assert list(again.fits) == EVERY_FORM
     assert again.table.digest() == rb.reference_fe().digest()
     assert pages.asked[0][1].table.where == again.table.where == "finite-element reference rows"
 
@@ -288,13 +288,7 @@ def test_default__unfinished_fits_of_the_second_comparison_are_failures_too(defa
     assert not done.complete
     content = about(folder)
     assert content["verdicts"]["failures"] == {}
-    assert set(content["reference-fe"]["verdicts"]["probabilities"]) == {
-        "classic",
-        "power-law",
-        "modified",
-        "hybrid",
-        "half-plane",
-    }
+    assert set(content["reference-fe"]["verdicts"]["probabilities"]) == set(EVERY_FORM)
 
 
 # --- fit, compare, report -------------------------------------------------------------------------
@@ -321,7 +315,7 @@ def test_compare__default_forms_are_the_four_printed_ones(tmp_path, table, monke
     monkeypatch.setattr(COMPARE, compare)
     with pytest.raises(rb.ComputationError, match="enough"):
         compare_job(tmp_path / "out", table)
-    assert asked == ["classic", "power-law", "modified", "hybrid"]
+    assert asked == EVERY_FORM[:4]
 
 
 def test_fit__writes_one_posterior_with_its_evidence(tmp_path, table):
