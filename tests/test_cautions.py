@@ -46,11 +46,15 @@ def test_cautions__rows_that_are_taken_as_independent(paper, tmp_path):
 
 def test_cautions__rows_that_the_evidence_says_are_independent(paper):
     frame = paper.calibration.frame
-    places = (frame[name].to_numpy() for name in ("Q", "a_over_R", "b_over_R"))
+    places = [frame[name].to_numpy() for name in ("Q", "a_over_R", "b_over_R")]
     errors = 0.01 * np.random.default_rng(2).standard_normal(len(frame))
-    drawn = _compared(frame.assign(p_over_E=rb.Modified().load(*places) * np.exp(errors)), "auto")
+    loads = rb.Modified().load(*places) * np.exp(errors)
+    drawn = _compared(frame.assign(p_over_E=loads), "auto")
     assert drawn.noise.name == "iid"
     assert drawn.cautions == ()
+    loads[8] *= 1.3  # at accuracy quick only normal errors are weighed
+    (told,) = _compared(frame.assign(p_over_E=loads), "auto").cautions
+    assert f"The load of Q = {places[0][8]} at a/R = {places[1][8]:g}" in told
 
 
 def test_cautions__of_counts_whose_loads_are_closer_than_offsets_of_steps():

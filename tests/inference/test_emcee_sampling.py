@@ -88,10 +88,11 @@ def test_walk__and_bridge_agree_with_importance_draws(observed, noise):
     assert (ours.sampler, other.sampler) == ("emcee", "importance")
     assert ours.converged
     a, b = (np.log(one.draws) for one in (ours, other))
-    # Monte Carlo: effective numbers are above 2,000 of each, those of walks a fifth of all.
-    z = (a.mean(axis=0) - b.mean(axis=0)) / (b.std(axis=0) * np.sqrt(2 / 2_000))
-    assert np.abs(z).max() < 4
-    np.testing.assert_allclose(a.std(axis=0) / b.std(axis=0), 1, atol=0.1)
+    # Monte Carlo error of means and variances: effective numbers are above 2,000 of each, those of
+    # walks a fifth of all.
+    for x, y in ((a, b), ((a - b.mean(axis=0)) ** 2, (b - b.mean(axis=0)) ** 2)):
+        z = (x.mean(axis=0) - y.mean(axis=0)) / (y.std(axis=0) * np.sqrt(2 / 2_000))
+        assert np.abs(z).max() < 4
 
 
 def test_walk__same_seed_same_bytes_other_seed_others_and_more_ensembles_the_same_first():

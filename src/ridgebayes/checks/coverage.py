@@ -136,13 +136,12 @@ def covered_rows(fit: Posterior, data: Observations, probs: Sequence[float]) -> 
     """
     if not len(data):
         return _NO_ROWS
-    frames, load = [], row_loads(fit, data)
-    for prob in probs:
-        lower, upper = (np.log(end) for end in load.interval(prob))
-        covered = (lower <= data.log_load) & (data.log_load <= upper)
-        columns = (prob, data.texture, covered, upper - lower, load.extrapolation)
-        frames.append(pd.DataFrame(dict(zip(_ROW_COLUMNS, columns, strict=True))))
-    return pd.concat(frames)
+    load, prob = row_loads(fit, data), np.reshape(probs, (-1, 1))
+    lower, upper = np.log(load.interval(prob))
+    covered = (lower <= data.log_load) & (data.log_load <= upper)
+    arrays = np.broadcast_arrays(prob, data.texture, covered, upper - lower, load.extrapolation)
+    columns = (array.ravel() for array in arrays)
+    return pd.DataFrame(dict(zip(_ROW_COLUMNS, columns, strict=True)))
 
 
 def count_covered(

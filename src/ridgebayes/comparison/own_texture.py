@@ -113,21 +113,20 @@ def _nodes(calibrated: tuple[float, float]) -> FloatArray:
 def _log_quantiles(
     model: Predictive, ratio: FloatArray, Q: np.ndarray, prob: FloatArray
 ) -> FloatArray:
-    """Return quantiles of ln(p/E) at a pitch of R, shape (n_ratio, n_Q, n_prob).
+    """Return quantiles of ln(p/E) at a pitch of R, shape (n_ratio n_Q, n_prob).
 
     Each draw gets several error scores. Steps of the golden ratio over the draws, sorted by load,
     spread the scores evenly.
     """
     load = model.predict_load(ratio[:, None], 1 - ratio[:, None], Q)
-    n = -(-_N_SAMPLE // len(load.weight)), len(load.weight), 1
+    n = -(-_N_SAMPLE // len(load.weight)), len(load.weight)
     score = ndtri((np.arange(math.prod(n)) + 0.5) / golden % 1).reshape(n)
-    value = np.empty((*load.shape, len(prob)))
+    value = np.empty((load.place.size, len(prob)))
     columns = load.columns(load.place.ravel())  # one call, which takes most of the time
-    log_mean, log_sd = (np.reshape(x, (len(load.weight), *load.shape)) for x in columns)
-    for i in range(len(ratio)):
-        order = np.argsort(log_mean[:, i], axis=0)
-        mean, sd = (np.take_along_axis(x[:, i], order, axis=0) for x in (log_mean, log_sd))
-        weights = np.tile(load.weight[order], (n[0], 1))
-        y = (mean + sd * score).reshape(-1, len(Q))
-        value[i] = np.quantile(y, prob, axis=0, weights=weights, method="inverted_cdf").T
+    for i, (mean, sd) in enumerate(zip(*map(np.transpose, columns), strict=True)):
+        order = np.argsort(mean)
+        y = (mean[order] + sd[order] * score).ravel()
+        rising = np.argsort(y)
+        share = np.cumsum(np.tile(load.weight[order], n[0])[rising])
+        value[i] = y[rising[np.searchsorted(share, prob * share[-1])]]
     return value

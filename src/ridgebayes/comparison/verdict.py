@@ -231,7 +231,7 @@ def _why(grade: str, ln_bf: float, low: float, weakest: str) -> str:
     if grade != "undecided":
         return lead + at
     if ln_bf < MIN_LN_BF_LEANS:
-        return f"ln BF {ln_bf:.1f} over the next form is under {MIN_LN_BF_LEANS:g}"
+        return f"ln BF {ln_bf:.2f} over the next form is under {MIN_LN_BF_LEANS:g}"
     return f"ln BF {ln_bf:.1f}, but another form is ahead under another prior or error model{at}"
 
 

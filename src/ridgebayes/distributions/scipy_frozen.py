@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from ridgebayes.distributions.bounded import Truncated, Uniform
 from ridgebayes.distributions.distribution import (
     Distribution,
@@ -46,8 +48,13 @@ def from_scipy(value: object, where: str) -> object:
         return value
     shapes, loc, scale = frozen._parse_args(*value.args, **value.kwds)  # type: ignore[attr-defined]
     kind = _KINDS.get(frozen.name)
-    numbers = [float(number) for number in (loc, scale, *shapes)]
-    same = None if kind is None else kind(*numbers)
+    parameters = (loc, scale, *shapes)
+    if any(map(np.ndim, parameters)):
+        raise InputError(
+            f"{where}: expected one number for each parameter of scipy.stats' {frozen.name}, got "
+            f"arrays of shapes {', '.join(str(np.shape(x)) for x in parameters)}"
+        )
+    same = None if kind is None else kind(*map(float, parameters))
     if same is None:
         names = ", ".join(_KINDS)
         raise InputError(

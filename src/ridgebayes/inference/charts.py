@@ -26,7 +26,6 @@ from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.noise import SMOOTH
 
 _MAX_ROUNDING = 1e-13  # rounding error of log loads, relative if they are above 1
-_LEAST_SQUARES_TOLERANCES = dict.fromkeys(("ftol", "xtol", "gtol"), np.finfo(float).eps)
 # Number of random subsets of k + 1 rows. With two groups of equal size and two coefficients, each
 # group contains one of the subsets completely in nine of ten cases.
 _N_CANDIDATE = 24
@@ -182,7 +181,7 @@ def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray
         return all(np.abs(u - other).max() > _MIN_DISTANCE for other in (base, *minima))
 
     for start in np.concatenate([np.eye(len(base)), -np.eye(len(base))]) * _START_DISTANCE:
-        near = _least_squares(integral, start, scale=max(best, _MAX_ROUNDING), n_pass=1)
+        near = _least_squares(integral, start, scale=max(best, _MAX_ROUNDING), n_pass=1, tol=1e-3)
         if is_new(near):
             u = _least_squares(integral, near)
             size = float(np.sqrt(np.mean(_linearised(integral, u)[1] ** 2)))
@@ -217,31 +216,34 @@ def _least_squares(
     rows: IntArray | None = None,
     scale: float = 0.1,
     n_pass: int = 3,
+    tol: float = np.finfo(float).eps,
 ) -> FloatArray:
     """Return the scores that minimise the penalised sum of squared residuals of selected rows.
 
-    The penalty is the prior, scaled by the residuals' own size. A larger scale would pull the
-    reference of nearly exact rows away by many of their standard errors.
+    If the form has no rates at the start, the start is returned. The penalty is the prior, scaled
+    by the residuals' own size. A larger scale would pull the reference of nearly exact rows away by
+    many of their standard errors.
     """
     selected = slice(None) if rows is None else rows
 
     def residual(u: FloatArray) -> FloatArray:
-        return np.append(_linearised(integral, u)[1][selected], scale * u)
+        value = _linearised(integral, u)[1][selected]
+        return np.append(np.nan_to_num(value, nan=1e99, posinf=1e99, neginf=-1e99), scale * u)
 
     def jacobian(u: FloatArray) -> FloatArray:
         return np.vstack([_linearised(integral, u)[0][selected], scale * np.eye(len(u))])
 
     u = start
-    for _ in range(n_pass):
-        with np.errstate(all="ignore"):
-            try:
-                u = optimize.least_squares(
-                    residual, u, jacobian, x_scale="jac", max_nfev=50, **_LEAST_SQUARES_TOLERANCES
-                ).x
-            except ValueError:  # the start has no positive rates: use it as the reference
+    with np.errstate(all="ignore"):
+        remaining = _linearised(integral, u)[1][selected]
+        for _ in range(n_pass):
+            if not np.isfinite(remaining).all():  # no positive rates: use it as the reference
                 return u
-            remaining = _linearised(integral, u)[1][selected]
-        scale = max(math.sqrt(float(np.mean(remaining**2))), _MAX_ROUNDING)
+            fit = optimize.least_squares(
+                residual, u, jacobian, method="lm", max_nfev=50, ftol=tol, xtol=tol, gtol=tol
+            )
+            u, remaining = fit.x, fit.fun[: -len(u)]
+            scale = max(math.sqrt(float(np.mean(remaining**2))), _MAX_ROUNDING)
     return u
 
 

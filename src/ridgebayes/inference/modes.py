@@ -14,7 +14,7 @@ _DIFFERENCE = 1e-3  # step of numerical gradients, in normal scores
 _MAX_STEP_LENGTH = 2.0  # normal scores
 _STEP_FACTORS = (1.0, 0.4, 0.1, 0.01)  # fractions of a step that are evaluated in one call
 _MIN_DISTANCE = 0.1  # normal scores: a climb this near to a higher one ends
-_MIN_GAIN = 1e-4  # nats: a climb ends after a step with a smaller gain
+_MIN_GAIN = 1e-3  # nats: a climb ends after a step with a smaller gain
 _MIN_DIP = 1.0  # nats: two maxima are one mode if the density between them dips less
 _MAX_MODES = 3
 _MIN_CURVATURE = 0.25  # bounds the variance of a normal approximation; the prior alone has 1
@@ -132,12 +132,15 @@ def _gradients(log_density: Density, x: FloatArray) -> FloatArray:
 def _normal_approximation(log_density: Density, x: FloatArray, value: float) -> FoundMode:
     """Return a mode whose covariance is the inverse Hessian, by differences."""
     d, size = len(x), 0.02
-    i, j = np.tril_indices(d)
-    along, across = size * (np.eye(d)[i] + np.eye(d)[j]), size * (np.eye(d)[i] - np.eye(d)[j])
-    densities = log_density(x + np.concatenate([along, -along, across, -across])).reshape(4, -1)
-    densities = np.where(np.isfinite(densities), densities, value - 1.0)
-    hessian = np.zeros((d, d))
-    hessian[i, j] = densities.T @ [1, 1, -1, -1] / (4 * size**2)
+    steps = size * np.eye(d)
+    i, j = np.tril_indices(d, -1)
+    moved = np.concatenate([steps, steps[i] + steps[j]])
+    densities = log_density(np.concatenate([x[None], x + moved, x - moved]))
+    densities = np.where(np.isfinite(densities), densities, value - 1.0) - densities[0]
+    change = densities[1 : 1 + len(moved)] + densities[1 + len(moved) :]
+    hessian = np.diag(change[:d])
+    hessian[i, j] = 0.5 * (change[d:] - change[i] - change[j])
+    hessian /= size**2
     curvature, vectors = np.linalg.eigh(-hessian)  # eigh reads the lower triangle only
     variance = 1 / np.maximum(curvature, _MIN_CURVATURE)
     factor = np.linalg.cholesky((vectors * variance) @ vectors.T)

@@ -4,7 +4,7 @@ import math
 from contextlib import suppress
 
 import numpy as np
-from scipy.linalg import blas
+from scipy.linalg import blas, lapack
 
 from ridgebayes._types import FloatArray
 
@@ -15,10 +15,12 @@ def cholesky_or_nan(matrix: FloatArray) -> FloatArray:
     """Return the lower Cholesky factors of a batch; NaN if a matrix is not positive definite."""
     with suppress(np.linalg.LinAlgError):
         return np.linalg.cholesky(matrix).astype(np.float64, copy=False)
-    factors = np.full(matrix.shape, np.nan)
-    for place in np.ndindex(matrix.shape[:-2]):
-        with suppress(np.linalg.LinAlgError):
-            factors[place] = np.linalg.cholesky(matrix[place])
+    factors = matrix.copy(order="C")
+    for factor in factors.reshape(-1, *matrix.shape[-2:]):
+        # LAPACK stores arrays by column, so that it returns, in place, the upper factor.
+        _, info = lapack.dpotrf(factor.T, overwrite_a=1)
+        if info:
+            factor[:] = np.nan
     return factors
 
 

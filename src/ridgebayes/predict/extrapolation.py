@@ -144,8 +144,7 @@ class CalibratedRange:
 def common_flags(flags: Flags) -> Flags:
     """Return the flags that are set in more than 1 % of the draws, the first axis."""
     is_common = [((flags & bit) > 0).mean(axis=0) > MIN_SHARE for bit in _BITS]
-    value: Flags = np.bitwise_or.reduce(list(map(_flag, is_common, _BITS)))
-    return value
+    return np.asarray(np.bitwise_or.reduce(list(map(_flag, is_common, _BITS))))
 
 
 def names_of(flags: Flags) -> np.ndarray:

@@ -110,12 +110,14 @@ def survival(columns: Callable[[IntArray], Columns], y: FloatArray, where: str =
         If counts exceed 20,000.
     """
     steps = [np.ones(len(y))]
-    for i in range(MAX_Q // 2):
-        mean, sd = (column[:, 0] for column in columns(np.array([i])))
-        # The probability of reaching a ridge cannot exceed that of the ridge before it.
-        steps.append(np.minimum(_interpolated_cdf(y, mean, sd), steps[-1]))
-        if steps[-1].max() < NEGLIGIBLE_PROBABILITY:
-            return np.stack(steps, axis=-1)
+    n = 0
+    while (first := len(steps) - 1) < MAX_Q // 2:
+        n += 1  # more counts in each call, as a call takes longer than the arithmetic of a count
+        for mean, sd in zip(*(x.T for x in columns(np.arange(first, first + n))), strict=True):
+            # The probability of reaching a ridge cannot exceed that of the ridge before it.
+            steps.append(np.minimum(_interpolated_cdf(y, mean, sd), steps[-1]))
+            if steps[-1].max() < NEGLIGIBLE_PROBABILITY:
+                return np.stack(steps, axis=-1)
     raise InputError(f"p_over_E: expected counts up to {MAX_Q}, got more{where}")
 
 

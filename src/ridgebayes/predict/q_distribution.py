@@ -324,11 +324,9 @@ def shares(weights: Sequence[float]) -> FloatArray:
     values = np.asarray(weights, dtype=float)
     if not (np.all(values >= 0) and 0 < values.sum() < math.inf):
         raise InputError(f"weights: expected finite numbers >= 0, not all 0, got {weights!r}")
-    value: FloatArray = values / values.sum()
-    return value
+    return np.asarray(values / values.sum())
 
 
 def heavy_parts(share: FloatArray) -> BoolArray:
     """Return which parts of a mixture are heavy enough to flag the mixture as extrapolated."""
-    value: BoolArray = (share > MIN_SHARE) | (share == share.max())
-    return value
+    return np.asarray((share > MIN_SHARE) | (share == share.max()))
