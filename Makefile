@@ -28,7 +28,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes: none of them has to compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run lint types fast pytest test test-long coverage docs notebooks gallery dist studies hard-cases mutation architecture clean
+.PHONY: setup run lint types fast fast-tests pytest test test-long coverage docs notebooks gallery dist studies hard-cases mutation architecture clean
 
 setup: $(VENV)/.installed
 
@@ -51,7 +51,11 @@ lint: setup
 types: setup
 	$(BIN)/mypy
 
-fast: lint types
+# Types are checked beside the first tests, so that no core waits for them.
+fast: setup
+	$(MAKE) --no-print-directory --jobs=2 lint types fast-tests
+
+fast-tests: setup
 	$(PYTEST) -q -m "not slow and not process and not ccx and not long"
 
 # With --jobs=2 types are checked beside docs and the first tests, so that no core waits for them.

@@ -45,6 +45,7 @@ SLOW_FOLDERS = {
     "hard_cases",
     "report",
     "results.py",
+    "test_cautions.py",
     "test_notebooks.py",
     "test_pages.py",
     "test_readme.py",

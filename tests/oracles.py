@@ -154,7 +154,7 @@ def rows_log_density(model, coefficients, eta, offset, error=None):
     return value
 
 
-def log_density_by_grid(model, u, *, error=None, n=1201, reach=9.0):
+def log_density_by_grid(model, u, *, error=None, n=601, reach=9.0):
     """Return the log density with one or two offsets integrated out on a grid of their scores."""
     coefficients, eta = split(model, u)
     variance, vectors = np.linalg.eigh(covariance(model, eta))

@@ -370,13 +370,7 @@ def test_fit__done_is_exit_0_and_says_the_coefficients(command):
     files = "evidence.csv, posterior-modified.nc, run.json, summary.csv, table.csv"
     assert said.out.endswith(f"\nWritten: out: {files}\n")
     assert all(re.fullmatch(r".+: \d+\.\d\d s", line) for line in said.err.splitlines())
-    assert {path.name for path in Path("out").iterdir()} == {
-        "table.csv",
-        "posterior-modified.nc",
-        "summary.csv",
-        "evidence.csv",
-        "run.json",
-    }
+    assert ", ".join(sorted(path.name for path in Path("out").iterdir())) == files
     assert everything(Path("out")).keys() == everything().keys() - {Path("out")}
 
 
@@ -765,10 +759,7 @@ def test_friction__of_round_corners_leaves_interlocking_out_and_says_so(command,
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (
-            ("--loads", "3", "--p-over-E", "0.01:0.02:3"),
-            "--p-over-E and --loads: expected only one",
-        ),
+        (("--loads", "3", "--p-over-E", "1:2:3"), "--p-over-E and --loads: expected only one"),
         (("--loads", "0"), "--loads"),
         (("-o", "x.txt"), "expected a file of .nc, .parquet, .csv"),
     ],

@@ -32,13 +32,13 @@ def test_table__is_small_and_plain(made):
     assert made["knows"] is made["power_law"] is False
 
 
-@pytest.mark.parametrize(("pitch", "nu"), [(0.042, 0.5), (0.011, 0.3), (0.3, 0.49)])
+@pytest.mark.parametrize(("pitch", "nu"), [(0.042, 0.5), (0.3, 0.3)])
 def test_table__is_what_predict_load_gives_at_any_pitch_and_poissons_ratio(
     comparison, made, pitch, nu
 ):
     found = quantiles(made)
     shift = 2 * math.log(pitch) - math.log((1 - nu**2) / 0.75)
-    for i in (0, 9, 15, len(found) - 1):
+    for i in (0, 9, len(found) - 1):
         a = made["ratio"][i] * pitch
         loads = comparison.predict_load(a, pitch - a, made["Q"], nu=nu)
         expected = np.log([loads.quantile(p) for p in made["prob"]]).T

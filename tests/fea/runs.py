@@ -3,6 +3,7 @@
 The first file of a kind is the one that tests change.
 """
 
+import functools
 import os
 import tempfile
 from pathlib import Path
@@ -262,6 +263,11 @@ BRACKETS = ("contact", "ansys, status", "nodes, status")
 _PROGRAMS = {"contact": "calculix", "frd": "calculix"}
 
 
+@functools.cache
+def usual_files(kind):
+    return KINDS[kind](RUN)
+
+
 def given_of(kind, run, folder):
     """Return what a user gives beside the files."""
     full = bool((run["nodes"][:, 0] < 0).any())
@@ -290,7 +296,9 @@ def paths_of(kind, files, folder):
 
 def imported(folder, kind, change=None, *, run=RUN, files=None, program=None, **given):
     """Write the files of a kind, the first of them changed, and import them."""
-    files = dict(KINDS[kind](run) if files is None else files)
+    if files is None:
+        files = usual_files(kind) if run is RUN else KINDS[kind](run)
+    files = dict(files)
     if change is not None:
         first = next(iter(files))
         files[first] = change(files[first])

@@ -52,14 +52,7 @@ def assert_frequencies(counts, pmf, n):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "texture",
-    [
-        (0.022, 0.02),
-        pytest.param((0.012, 0.03), marks=pytest.mark.long),
-        pytest.param((0.032, 0.01), marks=pytest.mark.long),
-        (0.018, 0.045),
-        pytest.param((0.025, 0.015), marks=pytest.mark.long),
-    ],
+    "texture", [(0.022, 0.02), pytest.param((0.018, 0.045), marks=pytest.mark.long)]
 )
 def test_friction_inputs__counts_are_those_of_predict(average, texture):
     n, nu = 10_000, 0.4

@@ -64,7 +64,9 @@ def test_walk__reproduces_means_and_spreads_of_a_normal():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("noise", ["iid", "texture", "texture:student"])
+@pytest.mark.parametrize(
+    "noise", ["iid", pytest.param("texture", marks=pytest.mark.long), "texture:student"]
+)
 def test_walk__and_bridge_agree_with_importance_draws(observed, noise):
     """Under Student errors with offsets each walker keeps an estimate of its density."""
     rng = np.random.default_rng(1)
@@ -102,7 +104,7 @@ def test_walk__same_seed_same_bytes_other_seed_others_and_more_ensembles_the_sam
     assert not np.any(six.chains.u[4] == six.chains.u[5])
 
 
-@pytest.mark.parametrize("noise", ["iid", "texture:student"])
+@pytest.mark.parametrize("noise", ["iid", pytest.param("texture:student", marks=pytest.mark.slow)])
 def test_walk__that_is_resumed_takes_the_same_steps(observed, tmp_path, noise):
     model = Model(
         observed([0, 0, 1], [4, 6, 4], [-7.0, -5.6, -6.9]), rb.Modified(), Noise.named(noise)
@@ -164,7 +166,7 @@ def test_walk__goes_on_until_the_rule_is_met_and_is_checked_seldom_where_far_too
     assert np.all(chains.n_step > 50 * chains.tau)
     assert lines[-1].startswith(f"{chains.n_step} steps x 4 ensembles, tau ")
     lengths = []
-    settings = replace(SHORT, n_step_max=2_000, n_tau=800)
+    settings = replace(SHORT, n_step_max=600, n_tau=800)
     walked(settings, progress=lambda text: lengths.append(int(text.split()[0])))
     assert lengths[:5] == [100, 150, 225, 337, 505]
 

@@ -190,6 +190,7 @@ def moments(table):
     return theta.mean(axis=0), theta.std(axis=0)
 
 
+@pytest.mark.slow
 def test_brackets__have_no_bias_and_tend_to_the_exact_loads(paper):
     exact, sd = moments(paper)
 
@@ -210,6 +211,7 @@ def test_brackets__have_no_bias_and_tend_to_the_exact_loads(paper):
     assert np.log(late[0] / exact[0]) == pytest.approx(-np.log(1.05) / 4, rel=0.3)
 
 
+@pytest.mark.slow
 def test_counts__alone_recover_the_coefficients(paper):
     rng, loads, apart = np.random.default_rng(0), np.geomspace(5e-4, 0.02, 24), []
     for _ in range(4):

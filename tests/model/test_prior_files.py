@@ -125,6 +125,7 @@ PRIORS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PRIORS)
 def test_model__is_sampled_integrated_written_and_read_back_under_it(data, tmp_path, name):
     model = model_of(data, rb.Modified(), priors=PRIORS[name])

@@ -38,8 +38,10 @@ def test_predict__of_an_uncertain_modulus_is_the_average_over_moduli(fit):
     assert fit.predict(scene.at_medians()).at_least(8) < 1e-6
 
 
-def test_predict__radius_and_widths_are_drawn_as_friction_inputs_draw_them(fit):
-    texture = {"ridge_width": "0.3 mm ± 3 %", "groove_width": "0.25 mm"}
+@pytest.mark.slow
+@pytest.mark.parametrize("width", ["0.3 mm", pytest.param("0.3 mm ± 3 %", marks=pytest.mark.long)])
+def test_predict__radius_and_widths_are_drawn_as_friction_inputs_draw_them(fit, width):
+    texture = {"ridge_width": width, "groove_width": "0.25 mm"}
     scene = scene_of({"radius": "8 mm ± 5 %", "youngs_modulus": "60 kPa ± 20 %"}, texture)
     drawn = rb.friction_inputs(fit, scene, 1, n=4000, rng=3)["Q"].to_numpy()
     for n in (6, 8):
@@ -115,14 +117,13 @@ def test_predict__off_centre_is_flagged(fit):
     assert found.to_dataframe()["offset_pitches"].tolist() == [0.25]
 
 
-def test_predict__of_a_comparison_is_the_mixture():
-    found = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+def test_predict__of_a_comparison_is_the_mixture(comparison):
     parts = [
-        (fit.predict(scene_of()).at_least(8), w)
-        for fit, w in zip(found.fits.values(), found.probabilities.values(), strict=True)
+        (fit.predict(scene_of()).at_least(8), comparison.probabilities[name])
+        for name, fit in comparison.fits.items()
     ]
     expected = sum(share * weight for share, weight in parts)
-    assert found.predict(scene_of()).at_least(8) == pytest.approx(expected, abs=0.02)
+    assert comparison.predict(scene_of()).at_least(8) == pytest.approx(expected, abs=0.02)
 
 
 @pytest.mark.parametrize(
