@@ -158,13 +158,14 @@ def _outlying(fit: Posterior) -> list[str]:
     log_density = logsumexp(of_draws[:, exact], axis=0) - np.log(len(of_draws))
     # In sds if errors are normal; outliers hardly change the median.
     distance = np.sqrt(2 * (log_density.max() - log_density))
-    times = float(distance.max() / np.median(distance))
-    if not times > _MAX_DISTANCE:
+    farthest, median = float(distance.max()), float(np.median(distance))
+    if not farthest > max(_MAX_DISTANCE * median, 1.0):  # within one sd no load is an outlier
         return []
     data, worst = fit.model.data, int(exact[distance.argmax()])
     a, b = data.textures[data.texture[worst]]
     return [
-        f"The load of Q = {data.Q[worst]} at a/R = {a:g}, b/R = {b:g} is {times:.0f} times as far "
-        "from the fit as the median load, and only normal errors were weighed. Check this row; "
-        "accuracy `standard`, or an error model that ends in `:student`, gives it little weight."
+        f"The load of Q = {data.Q[worst]} at a/R = {a:g}, b/R = {b:g} is {farthest:.1f} sds from "
+        f"the fit, the median load {median:.2g}, and only normal errors were weighed. Check this "
+        "row; accuracy `standard`, or an error model that ends in `:student`, gives it little "
+        "weight."
     ]

@@ -11,10 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL
-from ridgebayes.contact.logkernel import log_ellipse
+from ridgebayes.contact.logkernel import log_ellipse, self_energies
 from ridgebayes.contact.ridge_row import RidgeRow
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
@@ -154,6 +155,47 @@ def transition_loads(
     n_table = 1 << (int(n_transitions) - 1).bit_length()
     table = _table(2.0 * groove_width / ridge_width, n_table, float(rel_tol))
     return table.part(slice(0, n_transitions))
+
+
+def smooth_load(half_width_over_R: ArrayLike, *, nu: float = 0.5) -> FloatArray:
+    """Compute the load of a smooth flat by the strip method, the limit of vanishing grooves.
+
+    One strip [-w, w] replaces all ridges. The condition at the next corner, at a distance b -> 0
+    from its edge, becomes zero pressure at the edge.
+
+    Parameters
+    ----------
+    half_width_over_R : array_like of float, shape (...), dimensionless
+        Contact half-width over radius.
+    nu : float, scalar, dimensionless
+        Poisson's ratio.
+
+    Returns
+    -------
+    ndarray of float, shape (...), dimensionless
+        p/E.
+
+    Notes
+    -----
+    *Accuracy.* Rounding error: three coefficients give the exact solution, which equals
+    `hertz.load_of_half_width`.
+
+    Examples
+    --------
+    >>> round(float(smooth_load(0.1, nu=0.0)) / (math.pi / 800.0), 12)
+    1.0
+    """
+    half_width = 0.5  # of the length unit: capacity 1/4
+    energies = self_energies(3)
+    energies[0] -= math.pi**2 * math.log(half_width)
+    load = np.array([math.pi, 0.0, 0.0])
+    parabola = half_width**2 * math.pi * np.array([0.25, 0.0, 0.125])
+    # Pressure at s = 1 is the sum of the coefficients over sqrt(1-s^2); a zero sum determines d.
+    approach = np.sum(parabola / energies) / np.sum(load / energies)
+    coefficients = (approach * load - parabola) / energies
+    F = 0.25 * math.pi * math.pi * coefficients[0] / half_width**2
+    value: FloatArray = np.asarray(half_width_over_R, dtype=np.float64) ** 2 * F / (1.0 - nu**2)
+    return value
 
 
 def forget_loads() -> None:

@@ -91,6 +91,40 @@ def load_of_half_width(half_width_over_R: ArrayLike, *, nu: ArrayLike = 0.5) -> 
     return (np.asarray(half_width_over_R, dtype=np.float64) / hertz_constant(nu)) ** 2
 
 
+def ridge_units(
+    p_over_E: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike, *, nu: ArrayLike = 0.5
+) -> FloatArray:
+    """Express the smooth contact length d in ridges, eqs (1, 2): Q' = 2 + (d-b)/(a+b).
+
+    Parameters
+    ----------
+    p_over_E : array_like of float, shape (...), dimensionless
+        Load per projected area over Young's modulus.
+    a_over_R, b_over_R : array_like of float, shape (...), dimensionless
+        Ridge and groove width over radius.
+    nu : array_like of float, shape (...), dimensionless
+        Poisson's ratio.
+
+    Returns
+    -------
+    ndarray of float, shape (...), dimensionless
+        Continuous count Q', by broadcasting; below 2 while the contact is shorter than a groove.
+
+    References
+    ----------
+    doi:10.1016/j.ijssolstr.2019.06.026, eqs (1, 2).
+
+    Examples
+    --------
+    d = R: (1 - 0.01)/0.033 = 30 pitches beyond the first pair.
+
+    >>> round(float(ridge_units(np.pi / 32.0, 0.023, 0.01, nu=0.0)), 9)
+    32.0
+    """
+    a, b = np.asarray(a_over_R, dtype=np.float64), np.asarray(b_over_R, dtype=np.float64)
+    return 2.0 + (2.0 * half_width(p_over_E, nu=nu) - b) / (a + b)
+
+
 def transition_load(
     Q: ArrayLike, a_over_R: ArrayLike, b_over_R: ArrayLike, *, nu: ArrayLike = 0.5
 ) -> FloatArray:
