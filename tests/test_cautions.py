@@ -51,8 +51,8 @@ def test_cautions__rows_that_the_evidence_says_are_independent(paper):
     loads = rb.Modified().load(*places) * np.exp(errors)
     drawn = _compared(frame.assign(p_over_E=loads), "auto")
     assert (drawn.noise.name, drawn.cautions) == ("iid", ())
-    loads[8] *= 1.3  # at accuracy quick only normal errors are weighed
-    (told,) = _compared(frame.assign(p_over_E=loads), "auto").cautions
+    loads[8] *= 1.3
+    (told,) = _compared(frame.assign(p_over_E=loads)).cautions  # only normal errors are weighed
     assert f"The load of Q = {places[0][8]} at a/R = {places[1][8]:g}" in told
 
 

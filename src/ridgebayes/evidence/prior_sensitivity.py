@@ -121,8 +121,8 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
             sides.setdefault((key, change[0], change[1] > 1), []).append(change)
         again = []
         for (key, *_), changes in sides.items():
-            best = [max(values.get((k, x), evidence[k]) for k in evidence) for x in changes]
-            lowest = min(best) - MAX_LN_EVIDENCE_GAP
+            best = min(max(_under(change, evidence, values).values()) for change in changes)
+            lowest = best - MAX_LN_EVIDENCE_GAP
             again.append(_Task(pairs[key], changes, draws[key], lowest))
         for task, redrawn in zip(again, in_parallel(_redrawn, again, executor), strict=True):
             values |= {(task.pair.key, change): value for change, value in redrawn.items()}
@@ -130,15 +130,21 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     return _table(evidence, values)
 
 
+def _under(
+    change: _Change, evidence: Mapping[_Key, float], values: Mapping[_PairChange, float]
+) -> dict[_Key, float]:
+    """Return the log evidence of each pair under a change; unchanged without this prior."""
+    return {key: values.get((key, change), default) for key, default in evidence.items()}
+
+
 def _table(evidence: Mapping[_Key, float], values: Mapping[_PairChange, float]) -> pd.DataFrame:
     """Return log evidences of forms, averaged over error models with equal prior odds."""
     log_n = math.log(len({noise for _, noise in evidence}))
     rows = []
     for change in dict.fromkeys(change for _, change in values):
+        under = _under(change, evidence, values)
         for form in dict.fromkeys(form for form, _ in evidence):
-            summed = [
-                values.get((key, change), evidence[key]) for key in evidence if key[0] == form
-            ]
+            summed = [value for key, value in under.items() if key[0] == form]
             rows.append((*change, form, float(logsumexp(summed)) - log_n))
     return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
 
@@ -152,9 +158,8 @@ def _unreliable_changes(
     unreliable = []
     for change in dict.fromkeys(change for _, change in values):
         best: dict[str, float] = {}
-        for key in evidence:
-            value = values.get((key, change), evidence[key])
-            best[key[0]] = max(best.get(key[0], -math.inf), value)
+        for (form, _), value in _under(change, evidence, values).items():
+            best[form] = max(best.get(form, -math.inf), value)
         for key in evidence:
             # `most` is an upper estimate: weights that miss a mode are too low, and the prior may
             # have no effect on this pair.
