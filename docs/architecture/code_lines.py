@@ -27,10 +27,10 @@ BUDGETS = {
     "model": 1_554,
     "inference": 2_481,  # points with the tails of Student rows
     "predict": 1_068,  # loads over a/pitch of one count, which designs share; names of DataArrays
-    "evidence": 625,  # which evidences under changed priors are computed again
+    "evidence": 627,  # which evidences under changed priors are computed again
     "comparison": 878,
     "checks": 768,
-    "friction": 861,  # draws the blocks of a scene itself
+    "friction": 863,  # draws the blocks of a scene itself, with one BLAS thread
     "texture_design": 1_111,
     "report": 1_466,
     "commands": 2_188,

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from ridgebayes._types import FloatArray, IntArray, Rng, __version__
 from ridgebayes.comparison.comparison import Comparison
@@ -135,7 +136,9 @@ def friction_inputs(
     >>> drawn["Q"].median("draw").values.tolist()
     [4.0, 8.0]
     """
-    return joined(list(InputDraws(source, scene, loads, n=n, rng=rng, edges=edges).blocks()))
+    # One BLAS thread, as in workers: several slow many small systems down.
+    with threadpool_limits(1, user_api="blas"):
+        return joined(list(InputDraws(source, scene, loads, n=n, rng=rng, edges=edges).blocks()))
 
 
 def joined(blocks: list[xr.Dataset]) -> xr.Dataset:
