@@ -215,7 +215,7 @@ def nearest_gaps(
         i = np.clip(np.argmin(gap, axis=1), 1, N_PLACES - 2)
         start, stop = x[rows, i - 1], x[rows, i + 1]
     around = gap[rows, [i - 1, i, i + 1]]
-    # The least value of a parabola through three places
+    # The least value of a parabola through three places.
     slope, bend = 0.5 * (around[2] - around[0]), np.diff(around, n=2, axis=0)[0]
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.nan_to_num(np.clip(-slope / np.maximum(bend, 0.0), -1.0, 1.0))

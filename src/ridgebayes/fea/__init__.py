@@ -11,8 +11,8 @@ quantities, and `convert` converts to SI units. `layouts` reads tables without a
 merged cells, wide tables, and increments of load-stepped runs.
 
 Runs: `calculix`, `abaqus`, `listings` (FEBio and ANSYS), `node_table` and `meshes` read each format
-into a `history.ContactHistory`. `runs` collects the facts that
-the files lack, and `history.table_of` computes transition loads with `rim` and `transitions`.
+into a `history.ContactHistory`. `runs` collects the facts that the files lack, and
+`history.table_of` computes transition loads with `rim` and `transitions`.
 
 Decks: `deck` reads the input deck of a run, and `deck_text` writes a scene as a deck.
 

@@ -15,6 +15,12 @@ from ridgebayes.fea.record import SHOWN
 from ridgebayes.runtime.text import some_of
 
 _ALL_ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
+_DASHES = re.compile(r"\s*-{9,}\s*$")
+_COLUMN_GAP = re.compile(r"\s{2,}")  # column names contain single blanks
+# Tolerance for rounded printed values, relative to the sum of absolute forces or to the largest
+# displacement.
+_PRINTED_RTOL = 1e-4
+_U, _COORD, _RF = ("U.U1", "U.U2"), ("COORD.COOR1", "COORD.COOR2"), "RF.RF2"
 
 
 def read_abaqus_dat(run: Run) -> ContactHistory:
@@ -176,14 +182,6 @@ class _Tables(Printed):
     def _is_count(self, line: Line) -> bool:
         """Return whether the line counts warnings, as at the end of a file, and is not a row."""
         return self._is_below and not all(NUMBER.fullmatch(word) for word in line.words)
-
-
-_DASHES = re.compile(r"\s*-{9,}\s*$")
-_COLUMN_GAP = re.compile(r"\s{2,}")  # column names contain single blanks
-# Tolerance for rounded printed values, relative to the sum of absolute forces or to the largest
-# displacement.
-_PRINTED_RTOL = 1e-4
-_U, _COORD, _RF = ("U.U1", "U.U2"), ("COORD.COOR1", "COORD.COOR2"), "RF.RF2"
 
 
 def read_abaqus_rpt(run: Run) -> ContactHistory:

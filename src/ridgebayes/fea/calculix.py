@@ -21,6 +21,17 @@ COLUMNS = {"DISP": ["vx", "vy", "vz"], "FORC": ["fx", "fy", "fz"]}
 # Step, increment, attempt (with a U if it did not converge), iterations, three times.
 _ATTEMPT = re.compile(r"\s*\d{1,9}\s+\d{1,9}\s+\d{1,9}(U?)\s+\d{1,9}\s+(\S+)\s+(\S+)\s+(\S+)\s*$")
 _HEADERS = ("SUMMARY OF JOB INFORMATION", "STEP")
+_FACES = "slave element+face"
+_STRESS = ("element", "face", "press", "tang1", "tang2")
+_FORCES, _MOVED = (tuple(COLUMNS[name]) for name in ("FORC", "DISP"))
+_COLUMNS = {
+    "total force": _FORCES,
+    "forces": _FORCES,
+    "displacements": _MOVED,
+    "contact stress": _STRESS,
+}
+# CalculiX expands a plane element to one layer of solid elements. Faces 1 and 2 of the solid are
+# the front and back of the plane; face i + 2 is side i of the plane element.
 
 
 class Frd(Printed):
@@ -105,19 +116,6 @@ def ignore_unconverged(printed: Printed, path: Path) -> None:
     for (time,), increment in printed.increments.items():
         if not any(math.isclose(time, end, rel_tol=PRINTED_ROUNDING["sta"]) for end in ends):
             increment.ignored = "it did not converge"
-
-
-_FACES = "slave element+face"
-_STRESS = ("element", "face", "press", "tang1", "tang2")
-_FORCES, _MOVED = (tuple(COLUMNS[name]) for name in ("FORC", "DISP"))
-_COLUMNS = {
-    "total force": _FORCES,
-    "forces": _FORCES,
-    "displacements": _MOVED,
-    "contact stress": _STRESS,
-}
-# CalculiX expands a plane element to one layer of solid elements. Faces 1 and 2 of the solid are
-# the front and back of the plane; face i + 2 is side i of the plane element.
 
 
 def read_calculix(run: Run) -> ContactHistory:

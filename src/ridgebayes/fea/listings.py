@@ -20,6 +20,13 @@ from ridgebayes.fea.transitions import last_digit
 from ridgebayes.fea.words import ANSYS_CLOSED
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 
+# Start of a number that follows another without a blank, as in columns of fixed width.
+_NUMBER_START = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")
+# Rows start with a node and a number; lines of page headers do not.
+_ROW = re.compile(r"\s*\d+(?:\s+|(?=-))[-+.]*\d")
+_CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
+_COORDINATES = ("X", "Y")
+
 
 def read_febio(run: Run) -> ContactHistory:
     """Read log data of FEBio.
@@ -81,14 +88,6 @@ class _Log(Printed):
         if self.table is None:
             raise line.unexpected("*Step, *Time, *Data, and rows below *Data")
         self.table.lines.append(line._replace(text=line.text.replace(",", " ")))
-
-
-# Start of a number that follows another without a blank, as in columns of fixed width.
-_NUMBER_START = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")
-# Rows start with a node and a number; lines of page headers do not.
-_ROW = re.compile(r"\s*\d+(?:\s+|(?=-))[-+.]*\d")
-_CORNER = re.compile(r"(?:status|pressure)\W*Q\W*(\d{1,6})")
-_COORDINATES = ("X", "Y")
 
 
 def read_ansys(run: Run) -> ContactHistory:
