@@ -10,7 +10,6 @@ from scipy.special import softmax
 
 from ridgebayes import drawing
 from ridgebayes._types import Tabular
-from ridgebayes.cautions import cautions
 from ridgebayes.comparison.bayes_factors import summed_evidence
 from ridgebayes.comparison.same_loads import same_loads
 from ridgebayes.comparison.verdict import Verdict, ranked_forms, verdict_of
@@ -148,9 +147,8 @@ class Comparison(Predictive, Tabular):
     @property
     def cautions(self) -> tuple[str, ...]:
         """Reasons to doubt the result, one sentence each: units, copies, independence, priors."""
-        shares, noises = self.probabilities, set(self.evidence["noise"])
-        best = max(self.fits, key=lambda name: shares.get(name, -1.0))
-        return cautions(self.table, noises, self.noise, {best: self.fits[best]})[best]
+        shares = self.probabilities
+        return self.fits[max(self.fits, key=lambda name: shares.get(name, -1.0))].cautions
 
     @property
     def own_evidence(self) -> pd.DataFrame:
