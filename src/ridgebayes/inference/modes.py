@@ -137,8 +137,7 @@ def _normal_approximation(log_density: Density, x: FloatArray, value: float) -> 
     moved = np.concatenate([steps, steps[i] + steps[j]])
     densities = log_density(np.concatenate([x[None], x + moved, x - moved]))
     densities = np.where(np.isfinite(densities), densities, value - 1.0)
-    densities -= densities[0]
-    change = densities[1 : 1 + len(moved)] + densities[1 + len(moved) :]
+    change = densities[1 : 1 + len(moved)] + densities[1 + len(moved) :] - 2 * densities[0]
     hessian = np.diag(change[:d])
     hessian[i, j] = 0.5 * (change[d:] - change[i] - change[j])
     hessian /= size**2
