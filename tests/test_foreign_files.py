@@ -35,6 +35,7 @@ def test_foreign_files__are_at_least_25():
     assert len({one.name for one in FILES}) == len(FILES) >= 25
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("one", SOUND, ids=lambda one: one.name)
 def test_import__of_a_foreign_file_takes_two_commands(one, command):
     Path(one.name).write_bytes(one.content)

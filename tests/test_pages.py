@@ -7,6 +7,8 @@ before a block says more of it:
 `<!-- long -->`: it takes a minute, and is left to `make test-long`, with all others of its page.
 `<!-- long: MODULE -->`: it needs a module of the extra `samplers` too.
 
+Pages of `LONG_PAGES` repeat commands that other tests run; all are left to `make test-long`.
+
 A command that has to fail says `exit code 2` in its comment. What no test can run, such as the
 tests themselves, stands in a table of commands, and not in a block.
 """
@@ -58,6 +60,7 @@ BLOCK = re.compile(
 )
 DIRECTIVE = re.compile(r"^(```+)\{.*?^\1$", flags=re.MULTILINE | re.DOTALL)
 RUN = {"python", "sh", "console"}
+LONG_PAGES = {"commands", "design", "index", "start"}
 FILES = {"text", "toml"}
 INSTALL = "pip install ."  # run in an environment of its own
 PORT = "8786"  # of Dask on the pages; here a free one
@@ -195,7 +198,9 @@ def pages_to_run(*, long):
     pages = [path for path in PAGES if runnable(path, long=long)]
     if long:
         pages = [path for path in pages if runnable(path, long=True) != runnable(path, long=False)]
-    return pytest.mark.parametrize("path", pages, ids=[path.stem for path in pages])
+    marks = {True: pytest.mark.long, False: ()}
+    pages = [pytest.param(path, marks=marks[path.stem in LONG_PAGES]) for path in pages]
+    return pytest.mark.parametrize("path", pages, ids=lambda path: path.stem)
 
 
 @pytest.mark.usefixtures("made_once")

@@ -155,6 +155,7 @@ def test_bayes_factors_in_the_text__to_the_digits_shown(fits, on_elements):
     assert abs(spread - sd) < 5e-5 + 4 * row.loc["c", "mcse_mean"]
 
 
+@pytest.mark.long
 def test_prior_sensitivity_in_the_text__to_the_digits_shown(fits):
     model = {name: fits[name].model for name in ("hybrid", "modified")}
     default = {name: evidence_of(model[name])[0] for name in model}

@@ -775,6 +775,7 @@ GOAL = "P(Q >= 8) >= 0.9"
 SIZES = ("--a", "120 um:280 um", "--b", "80 um:240 um", "--step", "40 um")
 
 
+@pytest.mark.long
 def test_design__is_what_the_library_finds(command, run, finger):
     words = ("design", run, "--scene", finger, "--goal", GOAL, *SIZES)
     words += ("--tolerance", "5 um", "--objective", "max-pitch", "--seed", 5)

@@ -189,7 +189,11 @@ FLOORS = [(Profile(0.03, 0.05, depth=3e-3, corner=2e-3, offset=o), 0.05) for o i
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("profile", "W_max"), [*scenes(9, 3), *FLOORS], ids=str)
+@pytest.mark.parametrize(
+    ("profile", "W_max"),
+    [*(pytest.param(*scene, marks=pytest.mark.long) for scene in scenes(9, 3)), *FLOORS],
+    ids=str,
+)
 def test_reaching_loads__found_together_are_those_found_one_by_one(profile, W_max, monkeypatch):
     """By `solve_contact`: actual contacts instead of moments of ridges, event by event."""
     together = reaching_loads(profile, W_max=W_max)

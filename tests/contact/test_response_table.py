@@ -49,6 +49,7 @@ def worst(bodies, Q, n=6, seed=1):
     return max(errors)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changed", "Q"),
     [
@@ -64,8 +65,8 @@ def test_response_table__of_one_body_is_its_contact(changed, Q):
     assert worst(profiles(**changed), Q) < 3e-4
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("Q", [pytest.param(2, marks=pytest.mark.long), 6])
+@pytest.mark.long
+@pytest.mark.parametrize("Q", [2, 6])
 def test_response_table__of_many_textures_is_the_contact_of_each(Q):
     rng, n = np.random.default_rng(2), 500
     spread = np.exp(0.1 * rng.standard_normal((2, n)))
@@ -78,7 +79,7 @@ def test_solved__names_the_values_of_a_contact_that_cannot_be():
         solved(profiles()[0], 6, 1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_response_table__of_round_ridges_whose_grooves_may_close_is_the_contact_of_each():
     bodies = profiles(100, b=np.linspace(1e-6, B, 100), corner=0.002)
     assert worst(bodies, 4, n=8) < 3e-4

@@ -24,6 +24,7 @@ def test_quantiles__are_the_samples(sample):
         assert np.mean(sample < seen) == pytest.approx(share, abs=0.006)
 
 
+@pytest.mark.slow
 def test_density__is_that_of_the_transform_and_integrates_to_one(sample):
     own, u, h = Empirical.of(sample), np.linspace(-6, 6, 49), 1e-5
     x = own.value_at(u)

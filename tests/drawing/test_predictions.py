@@ -50,6 +50,7 @@ def test_increments__are_drawn_and_named():
     assert "increment" not in [text.get_text() for text in without.legends[0].get_texts()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "most",
     [

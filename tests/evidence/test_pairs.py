@@ -58,7 +58,10 @@ def few():
     return weigh_pairs(planted("texture"), forms, noises, seed=3, accuracy=QUICK)
 
 
-@pytest.mark.parametrize("structure", ["texture", "step-smooth", "iid:student"])
+@pytest.mark.parametrize(
+    "structure",
+    ["texture", *(pytest.param(n, marks=pytest.mark.long) for n in ("step-smooth", "iid:student"))],
+)
 def test_planted__error_model_is_selected_or_the_second_best(structure):
     found = weigh_pairs(planted(structure), [rb.Modified()], error_models_for(AUTO, 1), seed=3)
     means = mean_evidence(found.evidence)

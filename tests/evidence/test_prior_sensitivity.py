@@ -106,7 +106,7 @@ def test_form_far_behind__is_weighed_under_the_changed_prior_too():
         ("outliers", "modified", "step-smooth", 0.1),
         # The climb from the best start of the second seed ends in a region that is not smooth, 26
         # nats below the mode.
-        ("sweep", "classic", "step-smooth:student", 10.0),
+        pytest.param("sweep", "classic", "step-smooth:student", 10.0, marks=pytest.mark.long),
     ],
 )
 def test_far_mode__is_found_by_every_seed(name, form, noise, factor):

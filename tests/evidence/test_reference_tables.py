@@ -31,10 +31,11 @@ SWEEP = [
     ("power-law", "iid", 57.158),
     ("power-law", "step-smooth", 203.40),
 ]
+LONG = pytest.mark.long
 STUDENT = [
     ("hybrid", "iid:student", 83.956),
     ("hybrid", "texture:student", 82.416),
-    ("hybrid", "texture+step:student", 132.00),
+    pytest.param("hybrid", "texture+step:student", 132.00, marks=LONG),
     ("modified", "texture+step:student", 122.82),
     ("power-law", "step-smooth:student", 203.27),
 ]
@@ -100,6 +101,7 @@ def test_posterior__of_two_groups_has_its_share_in_the_narrow_modes():
         assert abs(found - share) < 4 * np.sqrt(2 * share / n) + 5e-4
 
 
+@pytest.mark.long
 def test_evidence__of_independent_student_rows_is_that_of_a_grid(observed):
     texture, Q = np.repeat(np.arange(3), 2), np.tile([4, 6], 3)
     off = np.array([0.0, 0.01, -0.02, 0.3, 0.02, 0.0])
@@ -120,7 +122,10 @@ def test_evidence__of_independent_student_rows_is_that_of_a_grid(observed):
         assert np.abs(below - cdf).max() < 0.5 * error + 0.01  # half a step of the grid
 
 
-@pytest.mark.parametrize("noise", ["iid", "iid:student", "texture", "step:student"])
+@pytest.mark.parametrize(
+    "noise",
+    ["iid", "texture", *(pytest.param(n, marks=LONG) for n in ("iid:student", "step:student"))],
+)
 def test_evidence__of_a_bracket_and_a_count_that_contradict_each_other(observed, noise):
     # 4 was reached below exp(-7.0), and at exp(-7.3) 6 was seen.
     data = observed(

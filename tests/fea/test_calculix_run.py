@@ -64,6 +64,7 @@ def test_run__agrees_with_the_package_s_own_elements(run, scene):
     assert 0 < found["rel_se"].iloc[0] < 0.01
 
 
+@pytest.mark.long
 def test_run__on_round_corners_has_no_way_into_the_flats(tmp_path):
     r = 0.1 * A
     texture = Texture(a_over_R=A, b_over_R=B, corner_radius_over_R=r)

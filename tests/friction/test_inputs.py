@@ -202,7 +202,9 @@ def test_input_draws__need_callables_that_draw_with_their_generator(fit):
         list(draws.blocks())
 
 
-@pytest.mark.parametrize("suffix", [".nc", ".csv", ".parquet"])
+@pytest.mark.parametrize(
+    "suffix", [".nc", *(pytest.param(s, marks=pytest.mark.long) for s in (".csv", ".parquet"))]
+)
 def test_write_inputs__blocks_are_the_whole(fit, tmp_path, monkeypatch, suffix):
     import pandas as pd
     import xarray as xr

@@ -131,6 +131,7 @@ def test_predictive_groups__are_of_the_prior_and_of_the_rows(fits):
     assert kept.shape == (4, 125)
 
 
+@pytest.mark.slow
 def test_joint_log_likelihood__is_that_of_all_rows(paper):
     smooth = drawn_posterior(model_of(paper, Hybrid(), "step-smooth"), n_draw=256)
     groups = all_groups(smooth)

@@ -65,7 +65,8 @@ def test_walk__reproduces_means_and_spreads_of_a_normal():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "noise", ["iid", pytest.param("texture", marks=pytest.mark.long), "texture:student"]
+    "noise",
+    ["iid", *(pytest.param(n, marks=pytest.mark.long) for n in ("texture", "texture:student"))],
 )
 def test_walk__and_bridge_agree_with_importance_draws(observed, noise):
     """Under Student errors with offsets each walker keeps an estimate of its density."""
@@ -95,6 +96,7 @@ def test_walk__and_bridge_agree_with_importance_draws(observed, noise):
         assert np.abs(z).max() < 4
 
 
+@pytest.mark.slow
 def test_walk__same_seed_same_bytes_other_seed_others_and_more_ensembles_the_same_first():
     one, two, other = (walked(seed=seed) for seed in (7, 7, 8))
     assert one.chains.u.tobytes() == two.chains.u.tobytes()
@@ -104,6 +106,7 @@ def test_walk__same_seed_same_bytes_other_seed_others_and_more_ensembles_the_sam
     assert not np.any(six.chains.u[4] == six.chains.u[5])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", ["iid", pytest.param("texture:student", marks=pytest.mark.slow)])
 def test_walk__that_is_resumed_takes_the_same_steps(observed, tmp_path, noise):
     model = Model(
@@ -159,6 +162,7 @@ def test_walk__ends_at_its_time_limit_and_says_so_in_one_line():
     assert str(SampleSettings(time_limit=5.0)) == str(SampleSettings())  # the same walk
 
 
+@pytest.mark.slow
 def test_walk__goes_on_until_the_rule_is_met_and_is_checked_seldom_where_far_too_short():
     lines = []
     chains = walked(SampleSettings(n_walker=32, tau_change=0.1), progress=lines.append).chains

@@ -199,6 +199,7 @@ BY_GRID = [(name, "modified") for name in TINY] + [
 ]  # of these two the power law has more than two offsets
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "form"), BY_GRID)
 def test_estimates__have_the_mean_that_brute_force_gives(tiny, name, form):
     places, kinds, off = TINY[name]

@@ -74,6 +74,7 @@ def test_without__a_texture_of_the_power_law_needs_no_draws_of_its_slope(
     assert names == tuple(name for name in model.parameter_names if "a0.032" not in name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "is_bracket"), [("step", True), ("texture:student", False), ("step-smooth", False)]
 )

@@ -33,6 +33,7 @@ def test_kept_chains__are_whole_steps_evenly_thinned(fits, name):
     assert repr(fit).endswith("; converged)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [Modified(), PowerLaw()])
 @pytest.mark.parametrize("noise", ["iid", "texture", "step-smooth", "step:student"])
 def test_posterior__has_scores_of_all_parameters_then_of_the_error_models_offsets(

@@ -50,6 +50,7 @@ def test_predict__radius_and_widths_are_drawn_as_friction_inputs_draw_them(fit, 
         assert abs((drawn >= n).mean() - share) < 5 * np.sqrt(share * (1 - share) / 4000) + 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", ["iid", "texture", "iid:student"])
 def test_predict__a_certain_scene_is_predicted_as_its_texture(noise):
     fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise=noise, rng=1)

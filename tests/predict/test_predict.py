@@ -93,6 +93,7 @@ def test_predict_q__of_very_many_loads_is_that_of_each(paper, noise):
     np.testing.assert_allclose(many.survival[::600, :n], few.survival, rtol=0, atol=atol)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", ["iid:student", "texture:student"])
 def test_predictions__of_student_errors_are_the_average_of_student_distributions(paper, noise):
     model = model_of(paper, rb.Hybrid(), noise)
@@ -388,6 +389,7 @@ def test_predictions__of_data_arrays_meet_by_name_and_come_back_named(fits):
         fits["hybrid"].predict(a, other, p)
 
 
+@pytest.mark.slow
 def test_predict__of_smooth_offsets_is_what_direct_simulation_of_a_dense_process_shows(paper):
     """The README's texture: each draw's Gaussian process by hand, then loads of 400 errors."""
     fit = drawn_posterior(model_of(paper, rb.Hybrid(), "step-smooth"), n_draw=160)

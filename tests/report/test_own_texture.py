@@ -122,10 +122,10 @@ def test_page__widths_may_be_shares_of_the_radius_and_loads_p_over_E(browser, av
 @pytest.mark.parametrize(
     ("fields", "sd"),
     [
-        ({"E_sd": 20}, math.log(1.2)),
-        ({"R_sd": 5}, 2 * math.log(1.05)),
+        pytest.param({"E_sd": 20}, math.log(1.2), marks=pytest.mark.long),
+        pytest.param({"R_sd": 5}, 2 * math.log(1.05), marks=pytest.mark.long),
         ({"R_sd": 5, "E_sd": 20}, math.hypot(math.log(1.2), 2 * math.log(1.05))),
-        ({"R_sd": 5, "load_unit": "N/m"}, math.log(1.05)),
+        pytest.param({"R_sd": 5, "load_unit": "N/m"}, math.log(1.05), marks=pytest.mark.long),
         ({"R_sd": 5, "width_unit": "R", "a": 0.02, "b": 0.0175}, 0.0),
         ({"E_sd": 20, "load_unit": "p/E", "load": 0.009}, 0.0),
     ],
@@ -199,6 +199,7 @@ def test_page__works_by_keyboard_alone_without_errors(browser):
     assert browser.messages == []
 
 
+@pytest.mark.long
 def test_page__of_fitted_textures_with_offsets_of_their_own_says_so(browser, odd, tmp_path):
     browser.open(written(odd, tmp_path), 390)
     known = fill(browser, width_unit="R", a=0.02, b=0.021)["beyond"]

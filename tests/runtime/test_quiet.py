@@ -13,6 +13,7 @@ plot_corner("hybrid", ["c1", "c2"], draws, {}, n_parameter=2)
 NETCDF = "from ridgebayes.runtime.quiet import import_arviz; import_arviz()"
 
 
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.parametrize(("code", "cache"), [(CORNER, "new"), (NETCDF, "file/cannot-be")])
 def test_import_arviz__says_nothing_on_the_first_import_of_a_day(tmp_path, code, cache):

@@ -72,7 +72,7 @@ def test_values__of_a_mixture_are_those_of_predict(paper):
         assert found.value == pytest.approx(float(q.at_least(8)), abs=4 * found.se + 3e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_values__of_uncertain_bodies_are_averages_of_predict(fit, uncertain):
     rng, n, sd = np.random.default_rng(8), 1_000, 0.05
     z = rng.standard_normal((5, n))
@@ -134,7 +134,7 @@ def random_goals(n):
         )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("text", "tolerance", "objective", "seed"), list(random_goals(10)))
 def test_design__recommended_probability_is_that_of_drawn_counts(
     fit, uncertain, text, tolerance, objective, seed

@@ -115,6 +115,7 @@ def test_stress__below_a_contact_is_its_pressure():
 # ---------------------------------------------------------------------------------------- surface
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PROFILES)
 def test_surface_table__carries_the_load(name):
     table = surface_table(body(name), raised(name))
