@@ -107,7 +107,7 @@ def test_walk__same_seed_same_bytes_other_seed_others_and_more_ensembles_the_sam
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("noise", ["iid", pytest.param("texture:student", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("noise", ["iid", pytest.param("texture:student", marks=pytest.mark.long)])
 def test_walk__that_is_resumed_takes_the_same_steps(observed, tmp_path, noise):
     model = Model(
         observed([0, 0, 1], [4, 6, 4], [-7.0, -5.6, -6.9]), rb.Modified(), Noise.named(noise)

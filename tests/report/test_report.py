@@ -274,6 +274,7 @@ def test_a_missing_folder_is_bad_input(odd, tmp_path):
         rb.write_report(odd, tmp_path / "nowhere" / "report.md")
 
 
+@pytest.mark.long
 def test_prior_section__names_priors_that_are_not_varied(paper):
     priors = {"modified": {"c": "uniform(1.2, 1.6)"}}
     settings = rb.SampleSettings(n_walker=16, n_step_max=100)

@@ -151,7 +151,7 @@ def test_design__recommended_probability_is_that_of_drawn_counts(
         assert found.goals[0].margin(check["probability"]) > -3 * check["se"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_design__objectives_choose_among_the_feasible(fit, uncertain):
     pitches = {}
     for objective in ("max-pitch", "min-pitch", "max-groove"):
