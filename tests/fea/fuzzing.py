@@ -470,7 +470,7 @@ def _of_run(name: str, kind: str, hit: int, files: dict[str, Any]) -> Target:
 def _run_targets() -> list[Target]:
     files = {kind: make(RUN) for kind, make in runs.KINDS.items()}
     targets = [_of_run(kind, kind, 0, files[kind]) for kind in files]
-    status = files["contact"] | {"run.sta": runs.sta(RUN)}
+    status = files["calculix"] | {"run.sta": runs.sta(RUN)}
     ascii_, plain, packed = (
         runs.vtus(RUN, np.float32, binary=False),
         runs.vtus(RUN, compression=None),
@@ -479,7 +479,7 @@ def _run_targets() -> list[Target]:
     return [
         *targets,
         _of_run("deck", "calculix", 1, files["calculix"]),
-        _of_run("status", "contact", 2, status),
+        _of_run("status", "calculix", 2, status),
         _of_run("febio, force", "febio", 1, files["febio"]),
         _of_run("ansys, force", "ansys", 1, files["ansys"]),
         _of_run("ansys, places", "ansys", 2, files["ansys"]),

@@ -131,8 +131,8 @@ class Import:
     out : Path, optional
         Table to write.
     program : str, optional
-        table, calculix, abaqus-dat, abaqus-rpt, febio, ansys, series, or nodes (a table with a row
-        for each node at each step). Detected if not given, except nodes.
+        table, calculix, abaqus-dat, febio, ansys, series, or nodes (a table with a row for each
+        node at each step). Detected if not given, except nodes.
     mapping : list of str, optional
         Column of a key, KEY=HEADER, such as 'a=Ridge width \[mm]', or KEY=HEADER;UNIT, or a
         TOML file of them. Other columns are recognised.

@@ -11,7 +11,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.convert import Converter, listed
 from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, NEVER_EMPTY, Use
 from ridgebayes.fea.record import FileError
-from ridgebayes.fea.transitions import last_digit, middle_loads, transitions_of_runs
+from ridgebayes.fea.transitions import half_digit, middle_loads, transitions_of_runs
 from ridgebayes.fea.words import MOST_DISTINCT, divided
 from ridgebayes.runtime.text import count
 from ridgebayes.table.columns import OK
@@ -172,7 +172,7 @@ def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
     load = converter.load()
     corners = sorted(corners, key=lambda use: use.Q or 0)
     gaps = np.column_stack([_gap(converter, use) for use in corners])
-    digits = last_digit(gaps) / 2  # rounding error of a printed gap
+    digits = half_digit(gaps) / 2  # rounding error of a printed gap
     keep, remarks = np.ones(len(cells), dtype=bool), []
     if status := converter.uses.get(("status", None)):
         keep = as_text(cells[status.header]).isin(["", OK]).to_numpy(bool)

@@ -361,7 +361,8 @@ def recognise(path: Path) -> str:
     suffix, name = path.suffix.lower(), path.name.lower()
     head = read_bytes(path)[:_HEAD_BYTES]
     for kind in NOT_READ.values():
-        if suffix in kind.get("suffixes", ()) or name in kind.get("names", ()):
+        is_marked = re.search(kind.get("mark", "(?!)").encode(), head)
+        if is_marked or suffix in kind.get("suffixes", ()) or name in kind.get("names", ()):
             raise InputError(f"{path}: {kind['is']} is not read; {kind['instead']}")
     for kind in RECOGNISED:  # the first whose suffixes and mark fit
         if suffix in kind.get("suffixes", [suffix]) and re.search(kind["mark"].encode(), head):

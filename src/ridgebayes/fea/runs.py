@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.abaqus import read_abaqus_dat, read_abaqus_rpt
+from ridgebayes.fea.abaqus import read_abaqus_dat
 from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.deck import Deck, Run, read_deck
 from ridgebayes.fea.history import ContactHistory, table_of
@@ -21,7 +21,6 @@ _WITHOUT_PLACES = ("febio", "ansys")  # formats whose files may lack R
 _READERS: dict[str, Callable[[Run], ContactHistory]] = {
     "calculix": read_calculix,
     "abaqus-dat": read_abaqus_dat,
-    "abaqus-rpt": read_abaqus_rpt,
     "febio": read_febio,
     "ansys": read_ansys,
     "nodes": read_node_table,

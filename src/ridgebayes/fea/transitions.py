@@ -162,17 +162,21 @@ def _extrapolated(
     return zero, max(doubt / zero, 1e-12)
 
 
-def last_digit(values: FloatArray) -> float:
-    """Return the value of a unit in the last decimal digit of numbers; 0 without finite numbers.
+def half_digit(values: FloatArray) -> float:
+    """Return half a unit in the last printed digit of the largest numbers; 0 if all are 0.
 
     Examples
     --------
-    >>> last_digit(np.array([0.25, 0.003, np.nan, 0.0])), last_digit(np.array([np.inf]))
-    (0.001, 0.0)
+    >>> half_digit(np.array([0.25, 0.913, 0.0004])), half_digit(np.zeros(2))
+    (0.0005, 0.0)
     """
-    distinct = np.unique(values[np.isfinite(values) & (values != 0)])[:MOST_DISTINCT]
-    places = [int(Decimal(repr(number)).as_tuple().exponent) for number in distinct.tolist()]
-    return 10.0 ** min(places) if places else 0.0
+    size = np.abs(values)
+    most = float(size.max(initial=0.0))
+    if most == 0.0:
+        return 0.0
+    large = np.unique(size[size >= 10.0 ** math.floor(math.log10(most))])[:MOST_DISTINCT]
+    places = [int(Decimal(repr(number)).as_tuple().exponent) for number in large.tolist()]
+    return 10.0 ** min(places) / 2
 
 
 def transitions_of_runs(
