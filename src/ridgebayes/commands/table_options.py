@@ -121,8 +121,8 @@ class Import:
     line (line loads), force, load (any, by its unit), p_lower, line_lower,
     force_lower, Q, nu, rel_se, a_over_R, b_over_R, offset_over_R, p_over_E,
     p_over_E_lower, load_sd, n_mean, kind, role, series, texture, solver, status, source.
-    'p=Load at * \[kPa]' is one column for each Q. Histories of increments:
-    'gap Q=4', 'gap_over_R Q=4', 'pressure Q=4', 'status Q=4'.
+    'p=Load at * \[kPa]' is one column for each Q, 'status Q=4' the contact at a
+    corner by increment.
 
     Parameters
     ----------

@@ -26,7 +26,6 @@ TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
 LOADS = ("p_over_E", "p", "line", "force")
 LOWERS = tuple(f"{key}_lower" for key in LOADS)
 SDS, _SEMS = (tuple(f"{key}{end}" for key in LOADS) for end in ("_sd", "_sem"))
-CORNERS = ("gap", "gap_over_R", "pressure", "status")
 BODY_KEYS = ("R", "D", "E")
 NEVER_EMPTY = ("a", "b", "pitch", *BODY_KEYS)  # columns that must not have empty cells
 ABOVE_0 = (*NEVER_EMPTY, "thickness", "p", "line", "force")  # p_over_E: by the table's rules
@@ -35,16 +34,14 @@ _UNLISTED_KEYS = ("gap", "x", "thickness", *SDS, *_SEMS)
 KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _UNLISTED_KEYS), *_MEAN_KEYS)
 _OVER_D = ("a_over_D", "b_over_D", "offset_over_D")  # doubled: D is twice R
 _MAPPED = (*KEYS, *SDS, *_SEMS, *_OVER_D)
-PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", *CORNERS)
-_OF_Q = ("load", *LOADS, *CORNERS)
+PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", "status")
+_OF_Q = ("load", *LOADS, "status")
 _NUMERIC_KEYS = (
     *NUMBERS,
     *DIMENSIONS,
     *_MEAN_KEYS,
     *SDS,
     *_SEMS,
-    "gap_over_R",
-    "pressure",
     *_OVER_D,
 )
 _NEVER_CONSTANT = ("Q", "p_over_E", "p_over_E_lower", "source")
@@ -193,8 +190,7 @@ class Columns:
         if match is not None:
             key, Q = match[1] or "load", int(match[2])
         if key not in (PER_Q if star or match else self.mapped):
-            corners = f", or of {', '.join(CORNERS)} with a corner, as 'gap Q=4'"
-            keys = ", ".join(KEYS) + corners if self.mapped is _MAPPED else ", ".join(self.mapped)
+            keys = ", ".join(KEYS if self.mapped is _MAPPED else self.mapped)
             raise self.problems.error(
                 f"mapping {name}={text}: key {name!r}: expected one of {keys}"
             )
@@ -239,6 +235,9 @@ class Columns:
             match = _WIDE_HEADER.fullmatch(words)
             key = (match[1] or "load").strip(" _") if match else ""
             if match and (key := key if key in PER_Q else named(key, OF_CORNERS)):
+                if key not in PER_Q:
+                    rule = "expected the status of corners, open or closed, or --format nodes"
+                    raise self.problems.error(f"column {header!r}: a {key} of a corner: {rule}")
                 self.uses.append(Use(key, header, Q=int(match[2]), how="named"))
         if len(self.uses) == n:
             corners = corners_of([words for _, words, _ in free])
@@ -267,10 +266,8 @@ class Columns:
         """Resolve several columns with one key, and refuse a column that is also a constant."""
         places: dict[tuple[str, int | None], list[Use]] = {}
         for use in self.uses:
-            rivals = {use.key} if use.key in CORNERS else _alternatives(use.key)
             self._refuse_value(use.key, use.header)
-            is_corner = use.Q is not None and use.key in CORNERS
-            places.setdefault(("corner" if is_corner else min(rivals), use.Q), []).append(use)
+            places.setdefault((min(_alternatives(use.key)), use.Q), []).append(use)
         self.uses = [use for uses in places.values() for use in self._settled(uses)]
 
     def _settled(self, uses: list[Use]) -> list[Use]:
@@ -324,7 +321,7 @@ def lacking(uses: Sequence[Use], values: Iterable[str]) -> list[str]:
     if "pitch" in keys:
         keys.add("a" if keys & _alternatives("b") else "b")
     if per_Q:
-        keys |= {"Q"} if per_Q & set(CORNERS) else {"Q", "load"}
+        keys |= {"Q"} if "status" in per_Q else {"Q", "load"}
     return [key for key in ("a", "b", "Q", "load") if not keys & _alternatives(key)]
 
 

@@ -27,7 +27,6 @@ from ridgebayes.fea.layouts import (
 from ridgebayes.fea.mapping import (
     ABOVE_0,
     BODY_KEYS,
-    CORNERS,
     LOADS,
     LOWERS,
     NEVER_EMPTY,
@@ -190,10 +189,9 @@ def read_columns(path: Path, facts: Given) -> Imported:
         ``header;unit`` overrides it, and ``header;1`` means no unit. A header with ``*``, such as
         ``p=Load Q=* [kPa]``, maps one column per Q, with empty cells where Q was not reached.
         Headers such as ``Q=4`` are recognised without a mapping. Increments of load-stepped runs
-        have columns ``gap Q=4``, ``gap_over_R Q=4``, ``pressure Q=4`` or ``status Q=4``, or
-        repeated counts. Constants are `R`, `E` and `thickness` (``"8 mm"``, or a plain number if
-        no column has a unit), `nu`, the texture, and the ``[values]`` of a mapping file, which may
-        hold any contract column except the load.
+        have columns ``status Q=4``, or repeated counts. Constants are `R`, `E` and `thickness`
+        (``"8 mm"``, or a plain number if no column has a unit), `nu`, the texture, and the
+        ``[values]`` of a mapping file, which may hold any contract column except the load.
 
     Returns
     -------
@@ -241,7 +239,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
     if needed := lacking(uses, values):
         ask_columns(needed, cells, uses, problems)
     _check_cells(cells, uses, problems)
-    corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
+    corners = [use for use in uses if use.Q is not None and use.key == "status"]
     if not corners and any(use.label is not None for use in uses):
         cells, uses = melted(cells, uses, problems)
     if any(use.key == "series" for use in uses):
@@ -287,7 +285,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
 
 def _check_cells(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> None:
     """Report the cells that break a rule of their column, and set them to NaN."""
-    for use in (use for use in uses if use.key in (*ABOVE_0, *LOWERS, "pressure")):
+    for use in (use for use in uses if use.key in (*ABOVE_0, *LOWERS)):
         numbers = cells[use.header].to_numpy(dtype=float)
         if use.key in LOADS[1:] and len(numbers) > 1 and np.nanmax(numbers, initial=-np.inf) <= 0:
             cells[use.header] = -numbers
@@ -296,7 +294,6 @@ def _check_cells(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) 
             )
             continue
         sign = "above 0" if use.key in ABOVE_0 else "0 or above"
-        sign = "0 where open, above 0 where closed" if use.key == "pressure" else sign
         # A load of 0 is valid in increments; for other rows the table rules check the load.
         is_low = numbers <= 0 if use.key in ABOVE_0 and use.key not in LOADS else numbers < 0
         is_lost = np.isnan(numbers) & (use.key in NEVER_EMPTY and use.Q is None)

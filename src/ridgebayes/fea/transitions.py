@@ -184,9 +184,6 @@ def transitions_of_runs(
     load: FloatArray,
     gap: FloatArray,
     Q: IntArray,
-    *,
-    brackets: bool = False,
-    digits: float = 0.0,
 ) -> tuple[pd.DataFrame, list[str]]:
     """Find the transitions of several runs in one table of increments.
 
@@ -197,11 +194,9 @@ def transitions_of_runs(
     load : ndarray of float, shape (n_row,), dimensionless
         p/E of each increment.
     gap : ndarray of float, shape (n_row, n_corner)
-        As in `transitions_of`.
+        -inf in contact, inf without contact, NaN if nothing is known.
     Q : ndarray of int, shape (n_corner,)
         Q of each corner, rising.
-    brackets, digits
-        As in `transitions_of`.
 
     Returns
     -------
@@ -228,12 +223,8 @@ def transitions_of_runs(
         constants = curve.iloc[int(rows[0])]
         name = "" if n_run == 1 else f"{_label(constants)}: "
         try:
-            # Extrapolation of extreme numbers may overflow; its result is then not used.
-            with np.errstate(all="ignore"):
-                _check_order(load[rows], gap[rows], Q, digits)
-                frame, odd = transitions_of(
-                    load[rows], gap[rows], Q, brackets=brackets, gap_error=digits, digits=digits
-                )
+            _check_order(load[rows], gap[rows], Q)
+            frame, odd = transitions_of(load[rows], gap[rows], Q, brackets=True)
         except InputError as error:
             failed.append(f"{name}{error}")
             continue
@@ -259,9 +250,9 @@ def middle_loads(rows: pd.DataFrame) -> tuple[pd.DataFrame, int]:
     ), int(is_interval.sum())
 
 
-def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray, digits: float) -> None:
+def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray) -> None:
     """Refuse a run whose outer corners touch before inner corners: columns were exchanged."""
-    touched = gap <= digits
+    touched = gap < 0
     first = np.where(touched.any(axis=0), touched.argmax(axis=0), len(load))
     for i in np.flatnonzero(np.diff(first) < 0).tolist():
         early = f"Q = {Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before Q = {Q[i]}"
