@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import IntArray
-from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.record import FileError, Row
 from ridgebayes.fea.words import FORTRAN, NOTHING, NUMBER, is_unit, split_header
@@ -26,6 +25,7 @@ _TWO_NUMBERS = (
 )
 _ONE_UNIT = "expected a number in the unit of the header, or of the first cell"
 WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
+_WORDS = re.compile(r"\S+(?: \S+)*")  # words with single blanks between them
 _NUMBER_START = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # start of a number within a word
 _UNDERLINE = re.compile(r"\s*[-=_]{9,}\s*")  # line below a header
 # A note has several words; a single word may be the label of a truncated row.
@@ -66,33 +66,47 @@ def tabs_for_blanks(text: str, problems: FileError, most: int) -> str:
     n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith(("#", "%"))), 0)
     rows = [re.sub(r"^\s*[#%]+", "", row) for row in lines[:n]] + lines[n:]  # may be a header
     rows = ["" if _UNDERLINE.fullmatch(row) else row for row in rows]
+    _unwrap_header(rows)
     some = [row.split() for row in rows[:most] if row.strip() and row.lstrip()[0] not in "#%"]
     widths = Counter(map(len, some))
     width, n = widths.most_common(1)[0] if widths else (0, 0)
-    is_table = width >= 2 and n >= 2 and 2 * n > widths.total()
     touching = next((i for i, row in enumerate(rows) if _NUMBER_START.search(row)), None)
     if touching is not None and len(widths) > 1:
-        # Numbers in columns of fixed width can touch. They are split if all rows then have the
-        # same number of cells.
-        split = [_NUMBER_START.sub(" ", row) for row in rows]
-        counts = sorted({len(row.split()) for row in split if row.strip()})
-        symptom = f"{problems.where}, line {touching + 1}: columns run together, such as "
-        symptom += clipped(lines[touching])
-        if len(counts) == 1:
-            problems.messages.append(f"{symptom}: split before signs, {counts[0]} columns")
-            rows, width, is_table = split, counts[0], True
-        elif not is_table:
-            raise InputError(
-                f"{symptom}; split before signs, lines have {' or '.join(map(str, counts))} cells: "
-                "expected blanks between columns"
-            )
-    if not is_table:
+        raise problems.error(
+            f"line {touching + 1}: columns run together, such as {clipped(lines[touching])}: "
+            "expected blanks between columns"
+        )
+    if not (width >= 2 and n >= 2 and 2 * n > widths.total()):
         return ""
     for i, row in enumerate(rows):
         # Cells may contain single blanks, like column names of Abaqus.
         splits = [row.split(), re.split(r"\s{2,}", row.strip())]
         lines[i] = next(("\t".join(s) for s in splits if len(s) == width), row and lines[i])
     return "\n".join(lines)
+
+
+def _unwrap_header(rows: list[str]) -> None:
+    r"""Join a header with the line below it, in place, if that continues names of columns.
+
+    The second line, which ends the header of an X-Y report of Abaqus, has words below some names.
+
+    Examples
+    --------
+    >>> rows = ["  X   RF2 PI:   U2", "        TOP N: 1", "", " 1.  2.  3."]
+    >>> _unwrap_header(rows)
+    >>> rows[:2]
+    ['X  RF2 PI: TOP N: 1  U2', '']
+    """
+    i = next((i for i, row in enumerate(rows) if row.strip()), 0)
+    header, below, end = [*rows[i : i + 3], "", "", ""][:3]
+    names = {match.span(): match[0] for match in _WORDS.finditer(header)}
+    more = [*_WORDS.finditer(below)]
+    if end.strip() or not 0 < len(more) < len(names) or NUMBER.fullmatch(below.split()[0]):
+        return
+    for match in more:
+        above = min(names, key=lambda span: abs(sum(span) - sum(match.span())))
+        names[above] += f" {match[0]}"
+    rows[i : i + 2] = ["  ".join(names.values()), ""]
 
 
 def body_cells(

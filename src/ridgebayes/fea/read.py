@@ -26,7 +26,6 @@ from ridgebayes.fea.layouts import (
 )
 from ridgebayes.fea.mapping import (
     ABOVE_0,
-    BODY_KEYS,
     LOADS,
     LOWERS,
     NEVER_EMPTY,
@@ -269,9 +268,8 @@ def read_columns(path: Path, facts: Given) -> Imported:
         source_column = (origin + "; " + sources).where(sources != "", origin)
     frame["source"] = source_column
     lines = None if rows is None or source.lines is None else source.lines[rows]
-    bodies = [use for use in uses if use.key in BODY_KEYS and len(cells[use.header].unique()) > 1]
     del cells, converter  # for a million rows this frees 0.2 GB for the validation
-    table = _validated(RawTable(frame, source.where, lines), rows, problems, source, bodies)
+    table = _validated(RawTable(frame, source.where, lines), rows, problems, source)
     Q, labels = table.column("Q"), table.labels
     n_bracket = int(np.isfinite(table.column("p_over_E_lower")).sum())
     problems.messages += [
@@ -308,20 +306,11 @@ def _validated(
     rows: "pd.Index[int] | None",
     problems: FileError,
     source: TableFile,
-    bodies: Sequence[Use],
 ) -> ContactTable:
     """Return the table; raise all reported problems and all broken table rules."""
     frame, findings = checked(raw)
     noted = set() if rows is None else problems.rows()
     for column, rule, bad, other in findings.complaints():
-        if bodies and "curve" in rule:
-            name = bodies[0].header
-            problems.need(
-                f"rows of several bodies ({name!r}) are alike over R and E: expected a column that "
-                f"tells them apart, as --map 'series={name}'",
-                {"series": name, **{use.key: use.typed for use in bodies}},
-            )
-            continue
         if "empty" in rule and rows is not None:
             keep = np.array([int(rows[row]) not in noted for row in bad], dtype=bool)
             bad, other = bad[keep], None if other is None else other[keep]
