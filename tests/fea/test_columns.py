@@ -521,4 +521,4 @@ def test_read_columns__a_report_of_curves_is_a_table(read, refusal, text):
     mapping = {"p_over_E": "LOAD PI: P N: 1" if "PI" in text else "LOAD"}
     assert column(read(text, mapping, name="mine.rpt"), "p_over_E") == [0.001, 0.004]
     said = refusal(text.replace("0.03", "-.03"), mapping, name="mine.rpt")
-    assert re.search(r"mine\.rpt.*\(line [45]\).* = -0\.03", said)
+    assert re.search(r"mine\.rpt.*\(line [456]\).* = -0\.03", said)

@@ -21,7 +21,7 @@ from ridgebayes.fea.record import MOST, FileError, Row, TableFile
 from ridgebayes.fea.words import DISGUISES, corners_of, is_unit, key_of, split_header
 from ridgebayes.runtime.reading import decoded, read_bytes
 from ridgebayes.runtime.text import some_of
-from ridgebayes.table.columns import NAMES
+from ridgebayes.table.columns import NAMES, REQUIRED
 from ridgebayes.table.files import even_lines, lossless, records
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
@@ -159,7 +159,7 @@ def find_header(rows: Sequence[Row], problems: FileError) -> tuple[list[str], in
         problems.messages.append(f"{problems.where}: {shown}")
     below = rows[i + 1][1] if i + 1 < len(rows) else []
     units = [cell.strip().removeprefix("#").strip().strip("[]()") for cell in below]
-    if not (any(map(is_unit, units)) and all(unit in _NO_UNIT or is_unit(unit) for unit in units)):
+    if not (all(unit in _NO_UNIT or is_unit(unit) for unit in units) and any(map(is_unit, units))):
         return headers, i + 1
     problems.messages.append(f"{problems.where}: units in line {lines[i + 1]}")
     for j, unit in enumerate(units[: len(headers)]):
@@ -238,6 +238,8 @@ def _is_number(cell: str) -> bool:
 
 def _guess_header(rows: Sequence[Row]) -> int | None:
     """Return the index of the likeliest header: most recognised words above columns of numbers."""
+    if set(REQUIRED) <= set(rows[0][1]):  # a contract table: avoids the slow import of units
+        return 0
     full = [[j for j, cell in enumerate(cells) if cell.strip()] for _, cells in rows]
     width = max(map(len, full))
     best, place = 0, None
