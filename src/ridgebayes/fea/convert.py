@@ -149,11 +149,7 @@ class Converter:
         for key in keys:
             if (use := self.uses.get((key, None))) is not None:
                 self.tell(use)
-                cells = self.cells[use.header]
-                if cells.dtype.kind in "iuf":  # converts each number once
-                    codes, distinct = pd.factorize(cells, use_na_sentinel=False)
-                    cells = as_text(pd.Series(distinct)).take(codes).set_axis(cells.index)
-                columns[key] = as_text(cells)
+                columns[key] = as_text(self.cells[use.header])
             elif key in self._values:
                 self._used_values[key] = None
                 columns[key] = self._values[key]

@@ -88,25 +88,6 @@ class Deck:
                 raise InputError(f"{self.path}: node {number} is not in the deck")
         return np.array([self.nodes[number] for number in numbers], dtype=float).reshape(-1, 2)
 
-    def check_material(self, E: float, nu: float) -> None:
-        """Check the user's E and nu against the material of the deck.
-
-        Parameters
-        ----------
-        E, nu : float
-            The user's Young's modulus, in the deck's unit, and Poisson's ratio.
-
-        Raises
-        ------
-        InputError
-            If E differs by more than 0.1 %, or nu by more than 0.001.
-        """
-        for name, typed, off in (("E", E, {"rel_tol": 1e-3}), ("nu", nu, {"abs_tol": 1e-3})):
-            value = getattr(self, name)
-            if value is not None and not math.isclose(value, typed, **off):
-                has = f"the material has {name} = {value:.6g}, and {typed:g} was given"
-                raise InputError(f"{self.path}: {has}; use --{name} as in the deck")
-
     def rigid_nodes(self, body: Sequence[int]) -> list[int]:
         """Return the nodes that no chain of elements connects to the given nodes of the body."""
         links = [(first, node) for first, *others in self.elements.values() for node in others]

@@ -27,7 +27,7 @@ from ridgebayes.table.files import even_lines, lossless, records
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 LOOKED_AT = 60  # first records, and first cells of each, that are searched for the header
 _NUMBER = re.compile(r"\s*[+-]?(?:\d[\d.,'\u2019 \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*%?\s*")
-_MAX_HEADER_LENGTH = 500  # characters
+_HEADER = re.compile(r"(?!=)[^\x00-\x1f\x7f]*")
 _NO_UNIT = ("", "-", "--", "\N{EN DASH}", "1", "#", "[-]", "(-)", "count", "%")
 _NOT_PLAIN = ("#", "=", "nan")  # signs of comments, formulas and missing numbers
 # From pandas 3.1 on, floats are exact by default.
@@ -174,8 +174,8 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        If a header is a formula, is too long or has control characters, if all headers are empty,
-        or if there are more than 2000 columns.
+        If a header is a formula or has control characters, if all headers are empty, or if there
+        are more than 2000 columns.
 
     Examples
     --------
@@ -188,13 +188,9 @@ def clean_headers(names: Sequence[object], where: str) -> tuple[str, ...]:
         raise InputError(f"{where}: {len(texts)} columns: expected {rule}")
     headers: list[str] = []
     for i, text in enumerate(texts, start=1):
-        rules = {
-            "expected values, not formulas": text.startswith("="),
-            "expected no control characters": re.search(r"[\x00-\x1f\x7f]", text) is not None,
-            f"expected at most {_MAX_HEADER_LENGTH} characters": len(text) > _MAX_HEADER_LENGTH,
-        }
-        if broken := [rule for rule, is_broken in rules.items() if is_broken]:
-            raise InputError(f"{where}, header, column {i} = {text[:60]!r}: {broken[0]}")
+        if not _HEADER.fullmatch(text):
+            rule = "expected text, without formulas and control characters"
+            raise InputError(f"{where}, header, column {i} = {text[:60]!r}: {rule}")
         if text in headers:
             words, unit = split_header(text)
             text = f"{words} #{i}" + (f" [{unit}]" if unit else "")
@@ -335,9 +331,8 @@ class TextTable(TableFile):
         if not body or self._facts.empty or any(mark in small for mark in _NOT_PLAIN):
             return ""
         lines = even_lines(body, separator, len(self.headers))
-        begin, last = body.lstrip("\n").partition("\n")[0], body.rpartition("\n")[2]
-        is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # or a short row
-        if lines is None or is_note or any(map(WITH_UNIT.fullmatch, begin.split(separator))):
+        begin = body.lstrip("\n").partition("\n")[0]
+        if lines is None or any(map(WITH_UNIT.fullmatch, begin.split(separator))):
             return ""
         self.lines = lines + first + self._facts.skip_rows
         return body
