@@ -9,6 +9,7 @@ from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import NUMBER, Line
 from ridgebayes.fea.printed import MissingError, NodeTable, Printed, Wanted, on
 from ridgebayes.fea.record import SHOWN
+from ridgebayes.fea.transitions import half_digit
 from ridgebayes.runtime.text import some_of
 
 _ALL_ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
@@ -47,7 +48,9 @@ def read_abaqus_dat(run: Run) -> ContactHistory:
     load, moved = printed.states(
         Wanted(["RF2"], driven, reaction), Wanted(["U1", "U2"], nodes, surface), run.path, required
     )
-    return ContactHistory.of_deck(run, nodes, load, moved, printed.messages)
+    places, digits = run.places(nodes), half_digit(moved)
+    at = places["undeformed"] + moved
+    return ContactHistory(load, at, digits=digits, messages=printed.messages, **places)
 
 
 class _Dat(Printed):

@@ -10,6 +10,7 @@ from ridgebayes.fea.deck import Run
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line, read_lines
 from ridgebayes.fea.printed import NodeTable, Printed, Wanted, on
+from ridgebayes.fea.transitions import half_digit
 from ridgebayes.fea.words import TIME_ROUNDING
 from ridgebayes.runtime.text import clipped
 
@@ -58,7 +59,9 @@ def read_calculix(run: Run) -> ContactHistory:
     load, moved = printed.states(
         Wanted(["fy"], driven, reaction), Wanted(["vx", "vy"], nodes, surface), run.path, required
     )
-    return ContactHistory.of_deck(run, nodes, load, moved, printed.messages)
+    places, digits = run.places(nodes), half_digit(moved)
+    at = places["undeformed"] + moved
+    return ContactHistory(load, at, digits=digits, messages=printed.messages, **places)
 
 
 class _Frd(Printed):

@@ -18,11 +18,6 @@ from ridgebayes.runtime.text import clipped, count, some_of
 
 SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
 FINITE = "expected a finite number, with a point for decimals, or an empty cell"
-_WITH_ERROR = re.compile(r"\s*[\d.,eE+-]+\s*(?:±|\+/?-)\s*[\d.,eE+-]+\s*")
-_TWO_NUMBERS = (
-    "expected one number a cell, and its error in a column of its own, headed 'sd' or 'standard "
-    "error'"
-)
 _ONE_UNIT = "expected a number in the unit of the header, or of the first cell"
 WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _WORDS = re.compile(r"\S+(?: \S+)*")  # words with single blanks between them
@@ -223,7 +218,6 @@ def numbers_in(
     numbers = {cell: number for cell, number in numbers.items() if math.isfinite(number)}
     rule = FINITE.replace("point", decimal)
     rules = dict.fromkeys((cell for cell in counts if cell not in numbers), rule)
-    rules |= dict.fromkeys([*filter(_WITH_ERROR.fullmatch, rules)], _TWO_NUMBERS)
     with_unit = {cell: match[1] for cell in rules if (match := WITH_UNIT.fullmatch(cell))}
     rules |= dict.fromkeys([cell for cell, unit in with_unit.items() if is_unit(unit)], _ONE_UNIT)
     if nothing := list(filter(NOTHING.fullmatch, rules)):

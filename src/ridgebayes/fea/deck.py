@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -170,6 +171,11 @@ class Run:
     def sets(self) -> tuple[str, str]:
         """Names of the node sets of the surface and of the driven nodes, or empty."""
         return self.facts.surface or "", self.facts.reaction or ""
+
+    def places(self, nodes: Sequence[int]) -> dict[str, Any]:
+        """Return coordinates of surface and ridges, as keyword arguments of `ContactHistory`."""
+        rigid = self.deck.coordinates(self.deck.rigid_nodes(nodes))
+        return {"undeformed": self.deck.coordinates(nodes), "rigid": rigid}
 
 
 def read_deck(path: Path) -> Deck:

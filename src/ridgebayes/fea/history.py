@@ -13,7 +13,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Run
 from ridgebayes.fea.record import HUGE, Imported
 from ridgebayes.fea.rim import NEAR, Rim
-from ridgebayes.fea.transitions import half_digit, transitions_of
+from ridgebayes.fea.transitions import transitions_of
 from ridgebayes.table.table import ContactTable
 
 _REST_ERROR = 3e-6  # error over R of the height of a rim that rests on a ridge
@@ -66,41 +66,6 @@ class ContactHistory:
     load_is: str = "force"
     messages: Sequence[str] = ()
     files: tuple[str, ...] = ()
-
-    @classmethod
-    def of_deck(
-        cls,
-        run: Run,
-        nodes: Sequence[int],
-        load: FloatArray,
-        moved: FloatArray,
-        messages: Sequence[str],
-    ) -> "ContactHistory":
-        """Return the history of surface nodes of the run's deck, from their printed displacements.
-
-        Parameters
-        ----------
-        run : Run
-            Run with a deck.
-        nodes : sequence of int
-            Surface nodes.
-        load : ndarray of float, shape (n_step,)
-            Force on the meshed part.
-        moved : ndarray of float, shape (n_step, n_node, 2), length
-            Displacements of the nodes.
-        messages : sequence of str
-            Messages of the reader.
-        """
-        deck, digits = run.deck, half_digit(moved)
-        undeformed, rigid = map(deck.coordinates, (nodes, deck.rigid_nodes(nodes)))
-        return cls(
-            load,
-            undeformed + moved,
-            undeformed=undeformed,
-            rigid=rigid,
-            digits=digits,
-            messages=messages,
-        )
 
 
 def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:

@@ -222,10 +222,8 @@ class Columns:
                 # "force [N/mm]" is a line load by its unit.
                 is_other = key in LOADS[1:] and unit and not unit_factor(unit, DIMENSIONS[key])
                 has_key = _alternatives(key) & keys or (key == "Q" and has_Q)
-                if key in names and not is_other:
-                    self._refuse_value(key, header)
-                    if not has_key:
-                        self.uses.append(Use(key, header, how="named"))
+                if key in names and not is_other and not has_key:
+                    self.uses.append(Use(key, header, how="named"))
 
     def name_corners(self) -> None:
         """Add columns with headers such as ``Q=4``, or with headers that differ in one number."""
@@ -254,7 +252,6 @@ class Columns:
         for header, words, unit in free:
             key = "n_mean" if of_mean and plain(words) in N_MEAN else recognise(words)
             of_each_Q = is_wide and (key == "Q" or (key in PER_Q and key != "rel_se"))
-            self._refuse_value(key, header)
             if not key or _alternatives(key) & keys or of_each_Q:
                 continue
             of_R = key in ("a", "b", "offset") and unit.startswith("%")
@@ -264,9 +261,16 @@ class Columns:
     def settle(self) -> None:
         """Resolve several columns with one key, and refuse a column that is also a constant."""
         places: dict[tuple[str, int | None], list[Use]] = {}
+        values = self.problems.values
         for use in self.uses:
-            self._refuse_value(use.key, use.header)
-            places.setdefault((min(_alternatives(use.key)), use.Q), []).append(use)
+            rivals = _alternatives(use.key)
+            places.setdefault((min(rivals), use.Q), []).append(use)
+            rivals |= {"R"} if use.key == "D" else set()
+            self.problems.wrong += [
+                f"{name} is given as {values[name]!r}, and as column {use.header!r}: expected one "
+                "of the two; leave the value out, or rename the column"
+                for name in sorted(rivals & values.keys() - set(TEXTS))
+            ]
         self.uses = [use for uses in places.values() for use in self._settled(uses)]
 
     def _settled(self, uses: list[Use]) -> list[Use]:
@@ -286,8 +290,8 @@ class Columns:
         return uses[:1]
 
     def _keys(self) -> set[str]:
-        """Return the keys of all assigned columns and constants."""
-        return {use.key for use in self.uses} | set(self.problems.values)
+        """Return the keys of all assigned columns and texts."""
+        return {use.key for use in self.uses} | (self.problems.values.keys() & set(TEXTS))
 
     def _free(self) -> list[tuple[str, str, str]]:
         """Return the header, words and unit of each unassigned column."""
@@ -297,15 +301,6 @@ class Columns:
     def _missing(self, message: str) -> InputError:
         names = ", ".join(map(repr, [*self._split][:50]))
         return self.problems.error(f"{message}; the columns are {names}")
-
-    def _refuse_value(self, key: str, header: str) -> None:
-        """Record an error if the user also gives a value of the quantity in a column."""
-        rivals = _alternatives(key) | ({"R"} if key == "D" else set())
-        for name in sorted(rivals & self.problems.values.keys() - set(TEXTS)):
-            text = f"{name} is given as {self.problems.values[name]!r}, and as column {header!r}: "
-            text += "expected one of the two; leave the value out, or rename the column"
-            if text not in self.problems.wrong:
-                self.problems.wrong.append(text)
 
 
 def _alternatives(key: str) -> set[str]:

@@ -201,10 +201,10 @@ def _check_once(here: str, field: str, arrays: Sequence[ET.Element]) -> None:
 
 
 def _checked_points(where: str, points: FloatArray) -> FloatArray:
-    if points.ndim != 2 or points.shape[1] not in (2, 3) or not np.isfinite(points).all():
-        raise InputError(
-            f"{where}: points of shape {points.shape}, or not all finite; expected (n, 2 or 3)"
-        )
+    is_wrong = points.ndim != 2 or points.shape[1] not in (2, 3)
+    if is_wrong or not (np.abs(points.astype(float)) <= HUGE).all():
+        rule = f"expected (n, 2 or 3), within {HUGE:g}"
+        raise InputError(f"{where}: points of shape {points.shape}, or not all finite; {rule}")
     return points
 
 
@@ -318,8 +318,6 @@ def _read_vtus(paths: Sequence[Path], field: str) -> tuple[FloatArray, list[Floa
 
 def _rim(points: FloatArray, R: float | None, where: str) -> tuple[IntArray, float]:
     """Return the nodes of the lower rim, and the radius."""
-    if not (most := float(np.abs(points).max(initial=0.0))) <= HUGE:
-        raise InputError(f"{where}: a point {most:.3g} away; expected coordinates within {HUGE:g}")
     if not len(points) or (points[:, 2:] != points[0, 2:]).any():
         raise InputError(f"{where}: no points, or points with different z; expected a plane mesh")
     lowest = points[np.argmin(points[:, 1])]
