@@ -288,6 +288,13 @@ FIXED = (
         (PRESSURES, {}, {"E": "60 kPa"}, "'p [kPa]', 'p [Pa]' could all be p"),
         (TWO_LOADS, {}, BODY, "'Load [N/mm]', 'Load [kPa]' could all be load"),
         ("a/R,b/R,Q,force (N),force (N)\n.03,.01,4,1,2\n", {}, BODY, "'force #5 [N]' could all"),
+        (
+            "a/R,b/R,p Q=4 [kPa],p Q=6 [Pa]\n.03,.01,1,4000\n",
+            {},
+            BODY,
+            "p [Pa], p [kPa]; expected a load for each Q in one unit",
+        ),
+        ("a/R,b/R,Q=4,p [kPa]\n.03,.01,1,4\n", {"load": "p"}, BODY, "also column 'p [kPa]'; exp"),
         ("a/R,b/R,Q=4,Q4\n.03,.01,.1,.2\n", {}, {}, "'Q=4', 'Q4' could all be load Q=4"),
         (
             CONTRACT.replace("Q", "nu,Q"),
@@ -404,13 +411,6 @@ def test_import__wide_tables_have_a_row_for_each_Q_that_was_reached(
     assert "2 empty cells: not reached" in table.messages
     if scale == 1:
         assert "p/E, pressure, line load or force" in refusal(text, E="60")
-
-
-def test_import__wide_tables_may_have_lower_ends(read):
-    text = "a_over_R,b_over_R,Q=4,Q=6,low Q=6\n.03,.01,0.002,0.008,0.007\n.02,.01,,0.009,\n"
-    table = read(text, {"p_over_E_lower": "low Q=*"})
-    assert column(table, "Q") == [4, 6, 6]
-    np.testing.assert_array_equal(table.table.column("p_over_E_lower"), [np.nan, 0.007, np.nan])
 
 
 def history(header, cells):

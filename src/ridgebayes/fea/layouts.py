@@ -1,7 +1,6 @@
 """Tables of other layouts than a row for each load: merged cells, wide tables, increments."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -78,57 +77,35 @@ def melted(
     Raises
     ------
     InputError
-        If the table also has a column of all loads or counts, has no load, or has columns of one
-        quantity in different units.
+        If the table also has a column of all loads or counts, has no load, or has loads in
+        different units.
     """
-    wide = [use for use in uses if use.label is not None]
+    wide = sorted((use for use in uses if use.label is not None), key=lambda use: use.Q or 0)
     rest = [use for use in uses if use.label is None]
-    loads: dict[Any, str] = {use.label: use.header for use in wide if use.key in LOADS}
-    is_Q = wide[0].Q is not None
+    load, is_Q = wide[0], wide[0].Q is not None
     names = ", ".join(repr(use.header) for use in wide[:8])
-    if is_Q and (rule := _broken(rest, wide)):
-        raise problems.error(f"columns {names}: {rule}")
+    single = [use.header for use in rest if is_Q and use.key in (*LOADS, "Q")]
+    units = {f"{use.key} [{use.own_unit}]" for use in wide}
+    if single or len(units) > 1:
+        fault = f"also column {single[0]!r}" if single else ", ".join(sorted(units))
+        rule = "expected a load for each Q in one unit, or columns Q and load"
+        raise problems.error(f"columns {names}: {fault}; {rule}")
     key = "Q" if is_Q else "series"
-    new = [Use(key, key, "1" if is_Q else None, how="wide")]
-    for name in dict.fromkeys(use.key for use in wide):
-        units = {use.own_unit for use in wide if use.key == name}
-        if len(units) > 1:
-            raise problems.error(f"{name} in {', '.join(sorted(units))}; expected one unit")
-        new.append(Use(name, name, units.pop() or "1", how="wide"))
-    kept = cells.drop(columns={use.header for use in (*wide, *new)} & set(cells))
-    labels = sorted(loads) if is_Q else list(loads)
-    parts = [
-        kept.assign(
-            **{key: float(label) if is_Q else label},
-            **{use.key: cells[use.header] for use in wide if use.label == label},
-        )[cells[loads[label]].notna()]
-        for label in labels
-    ]
-    table = pd.concat(parts).sort_index(kind="stable")
+    labels = {use.header: float(use.Q) if use.Q is not None else use.repeat for use in wide}
+    kept = [name for name in map(str, cells) if name not in (*labels, key, load.key)]
+    table = cells.melt(kept, list(labels), key, load.key, ignore_index=False)
+    table = table.dropna(subset=load.key).sort_index(kind="stable")
+    table[key] = table[key].map(labels)
     if table.empty and not problems:
         rows = f"{count(len(cells), 'row')} with empty cells only"
         raise problems.error(f"columns {names}: expected a number in some cell, got {rows}")
-    kind = f"Q: {len(labels)} loads from Q = {labels[0]} to {labels[-1]}"
+    kind = f"Q: {len(wide)} loads from Q = {load.Q} to {wide[-1].Q}"
     problems.messages.append(f"one column for each {kind if is_Q else f'repeat: {names}'}")
-    if n_empty := len(cells) * len(labels) - len(table):
+    if n_empty := len(cells) * len(wide) - len(table):
         what = "reached" if is_Q else "measured"
         problems.messages.append(f"{n_empty} empty cells: not {what}")
-    return table, [*rest, *new]
-
-
-def _broken(rest: Sequence[Use], wide: Sequence[Use]) -> str:
-    """Return an error message if the columns per Q break a rule; empty otherwise."""
-    loads = [use for use in wide if use.key in LOADS]
-    counts = {use.Q for use in loads}
-    single = [use.header for use in rest if use.key in (*LOADS, "Q")]
-    alone = [use for use in wide if use.Q not in counts]
-    if single or not loads:
-        fault = f"also column {single[0]!r}" if single else "no load"
-        return f"{fault}; expected a load for each Q, or columns Q and load"
-    if alone:
-        return f"no load of Q = {alone[0].Q} beside {alone[0].header!r}; expected one"
-    several = len({use.key for use in loads}) > 1
-    return "loads of several kinds; expected one unit for all Q" if several else ""
+    new = [Use(key, key, "1" if is_Q else None, how="wide")]
+    return table, [*rest, *new, Use(load.key, load.key, load.own_unit or "1", how="wide")]
 
 
 def counts_repeat(frame: pd.DataFrame) -> bool:

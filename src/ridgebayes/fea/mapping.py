@@ -33,8 +33,7 @@ _UNLISTED_KEYS = ("gap", "x", "thickness", *SDS, *_SEMS)
 KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _UNLISTED_KEYS), *_MEAN_KEYS)
 _OVER_D = ("a_over_D", "b_over_D", "offset_over_D")  # doubled: D is twice R
 _MAPPED = (*KEYS, *SDS, *_SEMS, *_OVER_D)
-PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", "status")
-_OF_Q = ("load", *LOADS, "status")
+PER_Q = ("load", *LOADS, "status")
 _NUMERIC_KEYS = (
     *NUMBERS,
     *DIMENSIONS,
@@ -143,7 +142,7 @@ def assign(
     for name, text in mapping.items():
         columns.map(name, " ".join(text.split()))
     columns.name()
-    if not any(use.key == "Q" or (use.Q is not None and use.key in _OF_Q) for use in columns.uses):
+    if not any(use.key == "Q" or use.Q is not None for use in columns.uses):
         columns.name_corners()
     columns.guess()
     columns.settle()
@@ -251,7 +250,7 @@ class Columns:
         of_mean = sum(recognise(words) in ("load_sd", "load_sem", "Q") for _, words, _ in free) > 2
         for header, words, unit in free:
             key = "n_mean" if of_mean and plain(words) in N_MEAN else recognise(words)
-            of_each_Q = is_wide and (key == "Q" or (key in PER_Q and key != "rel_se"))
+            of_each_Q = is_wide and key.removesuffix("_lower") in ("Q", *PER_Q)
             if not key or _alternatives(key) & keys or of_each_Q:
                 continue
             of_R = key in ("a", "b", "offset") and unit.startswith("%")

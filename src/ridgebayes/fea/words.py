@@ -285,7 +285,7 @@ def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
         term, rest = count_term(words), " ".join(_FILLERS.sub(" ", words).split())
         key = key_of(rest) if rest else "load"
         is_count = term or all(n % 2 == 0 for n in counts.values())
-        is_load = key.removesuffix("_lower") in ("load", "p", "line", "p_over_E")
+        is_load = key in (*_LOADS, "p_over_E")
         if len(counts) > 1 and is_count and is_load and not _NO_CORNER.search(words):
             corners |= {header: (key, n, term) for header, n in counts.items()}
     return corners
