@@ -221,7 +221,7 @@ SAME = [
     ),
     ("ansys", put("^(?=     1150)", ANSYS_PAGE, count=0), {}, ""),
     ("ansys, status", put("^(?=     1150)", ANSYS_PAGE, count=0), {}, ""),
-    ("febio", None, {}, "1 increment ignored: zeros, as before the first step"),
+    ("febio", None, {}, "line 1: increment ignored, zeros, as before the first step"),
     ("nodes", put("COPEN", "Clearance"), {"map": ("gap=Clearance",)}, "34 steps of 241 nodes"),
 ]
 
@@ -386,7 +386,7 @@ REFUSED = [
     ("calculix", put("^         3 ", "       3,5 "), "'3,5': expected a finite number"),
     ("calculix", put("^         3 ", "     1e999 "), "'1e999': expected a finite number"),
     ("calculix", put("^         3 ", "       1_0 "), "'1_0': expected a finite number"),
-    ("calculix", put("^(         3 )", r"Q\n\1"), "'Q' among rows; expected rows, a blank line"),
+    ("calculix", put("^(         3 )", r"Q\n\1"), "'Q'; expected rows, a blank line"),
     ("calculix", lambda _: "", "no increment with displacements of RIM"),
     ("calculix", lambda _: "0.1;0.2\n", "no increment with displacements of RIM"),
     ("calculix", put("RIM", "ARC", count=0), "no increment with displacements of RIM"),

@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Collection
 from pathlib import Path
 
 from ridgebayes.errors import InputError
@@ -12,16 +11,12 @@ from ridgebayes.fea.lines import Line, read_lines
 from ridgebayes.fea.printed import NodeTable, Printed, Wanted, on
 from ridgebayes.fea.transitions import half_digit
 from ridgebayes.fea.words import TIME_ROUNDING
-from ridgebayes.runtime.text import clipped
 
 _FORCES, _MOVED = ["fx", "fy", "fz"], ["vx", "vy", "vz"]
 # Columns by the name of a block in a .dat and in a .frd file.
 _COLUMNS = {
-    "total force": _FORCES,
-    "forces": _FORCES,
-    "FORC": _FORCES,
-    "displacements": _MOVED,
-    "DISP": _MOVED,
+    **dict.fromkeys(("total force", "forces", "FORC"), _FORCES),
+    **dict.fromkeys(("displacements", "DISP"), _MOVED),
 }
 # Step, increment, attempt (with a U if it did not converge), iterations, three times.
 _ATTEMPT = re.compile(r"\s*\d{1,9}\s+\d{1,9}\s+\d{1,9}(U?)\s+\d{1,9}\s+(\S+)\s+(\S+)\s+(\S+)\s*$")
@@ -109,7 +104,7 @@ class _Dat(Printed):
     CalculiX prints headings between blank lines. Words directly below rows are damage.
     """
 
-    def __init__(self, sets: Collection[str]) -> None:
+    def __init__(self, sets: tuple[str, str]) -> None:
         super().__init__()
         self._sets, self._time = {name.upper() for name in sets}, ""
         self._blocks: set[str] = set()  # of the increment at this time
@@ -135,8 +130,7 @@ class _Dat(Printed):
     @on(r"(?=[^\W\d])")
     def _words(self, line: Line, match: re.Match[str]) -> None:
         if self._is_below_row:
-            text = clipped(line.text.strip())
-            raise line.error(f"{text} among rows; expected rows, a blank line, a heading")
+            raise line.unexpected("rows, a blank line, a heading")
         self.table = None
 
     def row(self, line: Line, table: NodeTable) -> None:
@@ -165,9 +159,7 @@ def _ignore_unconverged(printed: Printed, path: Path) -> None:
             continue
         match = _ATTEMPT.match(line.text)
         if match is None:
-            raise line.unexpected(
-                "STEP, INC, ATT, ITRS and three times, as CalculiX's .sta has them"
-            )
+            raise line.unexpected("STEP, INC, ATT, ITRS and three times, as in a .sta file")
         time, *_ = [line.finite(word) for word in match.groups()[1:]]
         if match[1]:
             n_tail += 1

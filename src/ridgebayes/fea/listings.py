@@ -6,17 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Run
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line
-from ridgebayes.fea.printed import NodeTable, Printed, Wanted, on
+from ridgebayes.fea.printed import MissingError, NodeTable, Printed, Wanted, on
 from ridgebayes.fea.record import FileError, Given, parse_map
 from ridgebayes.fea.transitions import half_digit
 from ridgebayes.fea.words import ANSYS_CLOSED
-from ridgebayes.runtime.text import count
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 
 # Start of a number that follows another without a blank, as in columns of fixed width.
@@ -57,11 +57,7 @@ def read_febio(run: Run) -> ContactHistory:
     )
     force = Wanted([name], log.nodes_with(name))
     load, at = log.states(force, Wanted("xy", nodes), run.path, required)
-    is_state = at.any(axis=(1, 2))
-    if n := int((~is_state).sum()):
-        log.messages.append(f"{count(n, 'increment')} ignored: zeros, as before the first step")
-    at = at[is_state]
-    return ContactHistory(load[is_state], at, digits=half_digit(at[..., 1]), messages=log.messages)
+    return ContactHistory(load, at, digits=half_digit(at[..., 1]), messages=log.messages)
 
 
 class _Log(Printed):
@@ -84,6 +80,13 @@ class _Log(Printed):
         if self.table is None:
             raise line.unexpected("*Step, *Time, *Data, and rows below *Data")
         self.table.lines.append(line._replace(text=line.text.replace(",", " ")))
+
+    def filled(self, table: NodeTable, wanted: Wanted) -> pd.DataFrame:
+        """Return the rows of all wanted nodes; refuse positions that are all 0."""
+        rows = super().filled(table, wanted)
+        if table.has("xy") and not rows.any(axis=None):
+            raise MissingError("zeros, as before the first step: no state")
+        return rows
 
 
 def read_ansys(run: Run) -> ContactHistory:

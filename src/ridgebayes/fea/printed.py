@@ -244,19 +244,18 @@ class Printed:
         InputError
             If all increments are ignored.
         """
-        loads, states = [], []
+        states: list[tuple[float, FloatArray]] = []
         ignored: dict[str, list[str]] = {}
         for _, increment in sorted(self.increments.items(), key=lambda item: item[0]):
             try:
                 forces, table = _table(increment, force), _table(increment, values)
-                total = forces.below.get("TOTAL")
-                at = list(values.columns)
-                states.append(self.filled(table, values)[at].to_numpy())
-                if total is None:
-                    total = self.filled(forces, force).apply(math.fsum).tolist()
-                loads.append(total[forces.columns.index(force.columns[0])])
+                (name,) = force.columns
+                if (total := forces.below.get("TOTAL")) is not None:
+                    load = total[forces.columns.index(name)]
+                else:
+                    load = math.fsum(self.filled(forces, force)[name])
+                states.append((load, self.filled(table, values)[[*values.columns]].to_numpy()))
             except MissingError as lack:
-                del states[len(loads) :]
                 ignored.setdefault(str(lack), []).append(f"line {increment.line.number}")
         notes = [f"not used: {', '.join(sorted(self.others))}"] if self.others else []
         if self._n_again:
@@ -269,7 +268,8 @@ class Printed:
             why = "".join(f"; {text}" for text in notes[:SHOWN])
             raise InputError(f"{path}: no increment with {required}{why}")
         self.messages = [f"{path}: {len(states)} increments", *notes]
-        return np.array(loads, dtype=float), np.array(states, dtype=float)
+        loads, at = zip(*states, strict=True)
+        return np.array(loads, dtype=float), np.array(at, dtype=float)
 
 
 def _table(increment: Increment, wanted: Wanted) -> NodeTable:
