@@ -109,5 +109,5 @@ def read_node_table(run: Run) -> ContactHistory:
     if kind != "gap":
         return replace(history, at=at[..., None], closed=values_at > 0)
     printed = parts["gap"]
-    digits = half_digit(printed) * np.ptp(value) / max(np.ptp(printed), 1e-300)
+    digits = half_digit(printed, near_0=True) * np.ptp(value) / max(np.ptp(printed), 1e-300)
     return replace(history, at=np.stack([at, values_at], axis=-1), digits=float(digits))

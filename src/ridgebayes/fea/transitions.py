@@ -162,20 +162,24 @@ def _extrapolated(
     return zero, max(doubt / zero, 1e-12)
 
 
-def half_digit(values: FloatArray) -> float:
+def half_digit(values: FloatArray, *, near_0: bool = False) -> float:
     """Return half a unit in the last printed digit of the largest numbers; 0 if all are 0.
+
+    With `near_0`, small numbers count too, whose digits are finer in formats with an exponent.
 
     Examples
     --------
-    >>> half_digit(np.array([0.25, 0.913, 0.0004])), half_digit(np.zeros(2))
-    (0.0005, 0.0)
+    >>> printed = np.array([0.25, 0.913, 0.0004])
+    >>> half_digit(printed), half_digit(printed, near_0=True), half_digit(np.zeros(2))
+    (0.0005, 5e-05, 0.0)
     """
     size = np.abs(values)
     most = float(size.max(initial=0.0))
     if most == 0.0:
         return 0.0
-    large = np.unique(size[size >= 10.0 ** math.floor(math.log10(most))])[:MOST_DISTINCT]
-    places = [int(Decimal(repr(number)).as_tuple().exponent) for number in large.tolist()]
+    least = 0.0 if near_0 else 10.0 ** math.floor(math.log10(most))
+    some = np.unique(size[(size >= least) & (size > 0)])[:MOST_DISTINCT]
+    places = [int(Decimal(repr(number)).as_tuple().exponent) for number in some.tolist()]
     return 10.0 ** min(places) / 2
 
 
