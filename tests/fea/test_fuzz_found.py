@@ -79,6 +79,7 @@ def in_large_chunks(file, values):
         ("series, HDF5", with_dataset(in_large_chunks)),
         ("calculix", change(rb"(force[^\n]*\n\n)([^\n]*\n)", rb"\1\2\2")),  # two totals
         ("calculix", change(rb"(force[^\n]*\n\n) +\S+ +\S+", rb"\1 0. -1.7e308", 0)),
+        ("nodes, status", change(rb",0\n", b",inf\n")),
         ("calculix", change(rb"\n( +2 )", rb"\nQ\n\1")),  # rows lost to what is no heading
     ],
 )

@@ -329,6 +329,7 @@ def touching(
     if closed_is:
         code = pd.to_numeric(plain, errors="coerce").to_numpy(float)
         closed = np.isin(code, list(closed_is)) | (closed & np.isnan(code))
-        is_open = ~closed & ((code % 1 == 0) | (is_open & np.isnan(code)))
+        is_whole = np.isfinite(code) & (np.trunc(code) == code)
+        is_open = ~closed & (is_whole | (is_open & np.isnan(code)))
     gap = np.where(is_open, np.inf, np.where(closed, -np.inf, np.nan))
     return gap, ~(is_open | closed | (plain == "").to_numpy(bool))
