@@ -19,11 +19,10 @@ from ridgebayes.table.table import read_table
 
 FEA = Path(__file__).parent / "fea"
 WRITER = Path(__file__).parents[1] / "tests" / "fea" / "abaqus_writer.py"
-EACH = 2  # levels of which one is kept in reports, which repeat the rim's nodes
 
 
 def abaqus() -> None:
-    """Write the run's rim and force as Abaqus prints and reports them."""
+    """Write the run's rim and force as Abaqus prints them."""
     writer, folder = runpy.run_path(str(WRITER)), FEA / "abaqus"
     folder.mkdir(exist_ok=True)
     calculix = FEA / "calculix"
@@ -43,9 +42,6 @@ def abaqus() -> None:
     lines += ["*NODE, NSET=RIDGES", *ridges, "*MATERIAL, NAME=BODY"]
     lines += [f"*ELASTIC\n{deck.E:.9g}, {deck.nu:.9g}"]
     (folder / "ridges.inp").write_text("\n".join(lines) + "\n", encoding="ascii")
-    some = slice(None, None, EACH)
-    text = writer["rpt_text"](force[some], nodes, (nodes + moved)[some])
-    (folder / "ridges.rpt").write_text(text, encoding="ascii")
 
 
 def tables() -> None:

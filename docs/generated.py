@@ -23,7 +23,7 @@ from ridgebayes.distributions.grammar import CLOSED, USAGE
 from ridgebayes.evidence.components import COMPONENT_COLUMNS
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS
-from ridgebayes.fea.mapping import CONSTANTS, CORNERS, KEYS, PER_Q
+from ridgebayes.fea.mapping import CONSTANTS, KEYS, PER_Q
 from ridgebayes.fea.words import DIMENSIONS
 from ridgebayes.friction.table import COLUMNS as FRICTION_COLUMNS
 from ridgebayes.inference.diagnostics import SUMMARY_COLUMNS
@@ -57,9 +57,6 @@ HOLDS = {  # keys of `--map` that are no columns of the contract; `DIMENSIONS` h
     "load_sem": "standard error of each load, such as that of a mean, in its unit or another one",
     "n_mean": "how many loads the mean is of",
     "load_se": "standard error of every load, in any unit of loads (`--load-se`)",
-    "gap": "gap at a corner",
-    "gap_over_R": "the same over R",
-    "pressure": "contact pressure at a corner, in any unit: contact is where it is above 0",
     "status": "state of a row, as in the table; for each Q, of the contact at its corner",
 }
 
@@ -246,7 +243,7 @@ def netcdf() -> list[str]:
 def map_keys() -> list[str]:
     """Return the keys of a map of columns."""
     rows = []
-    for key in dict.fromkeys((*KEYS, *CORNERS, *CONSTANTS)):
+    for key in dict.fromkeys((*KEYS, *CONSTANTS)):
         column = "yes" if key in KEYS else ""
         if key in PER_Q:
             column += ", or one for each Q" if column else "one for each Q"

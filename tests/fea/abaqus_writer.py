@@ -1,4 +1,4 @@
-"""Abaqus's printed tables and reports, written from numbers of another program.
+"""Abaqus's printed tables, written from numbers of another program.
 
 No file made here comes from Abaqus: each says so in its title. The layout is Abaqus's, so that
 readers of the real one can be tried where Abaqus is not.
@@ -139,60 +139,6 @@ def _table(name, columns, numbers, values, *, total):
     if total:
         out += ["", " TOTAL          " + " ".join(f"{printed(v):>11}" for v in values.sum(axis=0))]
     return [*out, "", ""]
-
-
-def engineering(value, digits=6):
-    """A number of a report: exponents in threes, no zeros at the end."""
-    if value == 0:
-        return "0."
-    power = 3 * math.floor(math.log10(abs(value)) / 3)
-    power += 3 if round(abs(value) / 10.0**power, 9) >= 1000 else 0
-    word = f"{value / 10.0**power:.{digits}g}"
-    word = word if "." in word else word + "."
-    return word if power == 0 else f"{word}E{'+' if power > 0 else '-'}{abs(power):02d}"
-
-
-def rpt_text(
-    force, nodes, position, *, coordinates="deformed", regions=("BODY-1.RIM", "BODY-1.TOP")
-):
-    """Field reports of each frame: U (and COORD) of the rim, then RF of the driven node."""
-    out = []
-    for k in range(len(force)):
-        moved = position[k] - nodes
-        names = ["U.U1", "U.U2"]
-        rows = moved
-        if coordinates:
-            at = position[k] if coordinates == "deformed" else nodes
-            names, rows = ["COORD.COOR1", "COORD.COOR2", *names], np.hstack([at, moved])
-        head = ["*" * 80, "Field Output Report, written Mon Oct  3 22:08:28 2016", ""]
-        head += ["Source 1", "---------", "", f"   ODB: /{TITLE}.odb", "   Step: PRESS"]
-        head += [f"   Frame: Increment {k + 1:6d}: Step Time = {(k + 1) / len(force):8.4f}", ""]
-        head += ["Loc 1 : Nodal values from source 1", "", 'Output sorted by column "Node Label".']
-        out += [*head, "", f"Field Output reported at nodes for region: {regions[0]}", ""]
-        out += _columns(names, range(1, len(nodes) + 1), rows)
-        out += [f"Field Output reported at nodes for region: {regions[1]}", ""]
-        out += _columns(["RF.RF1", "RF.RF2"], [len(nodes) + 1], [(0.0, force[k])])
-    return "\n".join([*out, ""])
-
-
-def _columns(names, numbers, rows):
-    numbers, rows = list(numbers), np.asarray(rows, float)
-    out = [f"{'Node':>16}" + "".join(f"{name:>16}" for name in names)]
-    out += [f"{'Label':>16}" + f"{'@Loc 1':>16}" * len(names), "-" * 16 * (1 + len(names))]
-    for number, row in zip(numbers, rows, strict=True):
-        out += [f"{number:16d}" + "".join(f"{engineering(v):>16}" for v in row)]
-    out += ["", ""]
-    for word, values, at in (
-        ("Minimum", rows.min(axis=0), rows.argmin(axis=0)),
-        ("Maximum", rows.max(axis=0), rows.argmax(axis=0)),
-    ):
-        out += [f"  {word:14}" + "".join(f"{engineering(v):>16}" for v in values), ""]
-        out += ["         At Node" + "".join(f"{numbers[i]:16d}" for i in at), ""]
-    return [
-        *out,
-        "           Total" + "".join(f"{engineering(v):>16}" for v in rows.sum(axis=0)),
-        "",
-    ]
 
 
 def calculix_text(force, nodes, position, *, surface="RIM", reaction="TOP"):

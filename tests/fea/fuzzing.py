@@ -329,8 +329,8 @@ _WIDE = "a_over_R,b_over_R,Q=4,Q=6,Q=8\n" + "".join(
     f"{a},{b},0.001,0.004,{last}\n"
     for (a, b), last in zip(_TEXTURES, ("", "0.01", ""), strict=True)
 )
-_HISTORY = "a_over_R,b_over_R,p_over_E,gap Q=4,status Q=6\n" + "".join(
-    f"{a},{b},{i / 1000},{0.01 - 0.003 * i:.4g},{'open' if i < 6 else 'closed'}\n"
+_HISTORY = "a_over_R,b_over_R,p_over_E,status Q=4,status Q=6\n" + "".join(
+    f"{a},{b},{i / 1000},{int(i > 3)},{'open' if i < 6 else 'closed'}\n"
     for a, b in _TEXTURES
     for i in range(1, 9)
 )
@@ -372,7 +372,7 @@ _TABLES = (
     Target("columns, tabs", "long.tsv", _LONG.replace(",", "\t").encode(), _MAPPED, _long),
     Target("columns, contract", "rows.csv", _CONTRACT.encode(), _table(), _contract),
     Target("columns, wide", "wide.csv", _WIDE.encode(), _table(), _wide),
-    Target("columns, history", "h.csv", _HISTORY.encode(), _table(brackets=True), _history),
+    Target("columns, history", "h.csv", _HISTORY.encode(), _table(), _history),
     Target("columns, Excel", "book.xlsx", _workbook(), _table(), _in_sheet, inside_zip),
     Target("columns, Parquet", "r.parquet", _parquet(), _table(R="8 mm", E="60 kPa"), _as_pyarrow),
 )
@@ -470,7 +470,7 @@ def _of_run(name: str, kind: str, hit: int, files: dict[str, Any]) -> Target:
 def _run_targets() -> list[Target]:
     files = {kind: make(RUN) for kind, make in runs.KINDS.items()}
     targets = [_of_run(kind, kind, 0, files[kind]) for kind in files]
-    status = files["contact"] | {"run.sta": runs.sta(RUN)}
+    status = files["calculix"] | {"run.sta": runs.sta(RUN)}
     ascii_, plain, packed = (
         runs.vtus(RUN, np.float32, binary=False),
         runs.vtus(RUN, compression=None),
@@ -479,7 +479,7 @@ def _run_targets() -> list[Target]:
     return [
         *targets,
         _of_run("deck", "calculix", 1, files["calculix"]),
-        _of_run("status", "contact", 2, status),
+        _of_run("status", "calculix", 2, status),
         _of_run("febio, force", "febio", 1, files["febio"]),
         _of_run("ansys, force", "ansys", 1, files["ansys"]),
         _of_run("ansys, places", "ansys", 2, files["ansys"]),

@@ -22,7 +22,6 @@ PAGE = (
     "\n1\n\n PRINT {}\n\n  ***** POST1 NODAL {} LISTING *****\n\n"
     "  LOAD STEP={:6d}  SUBSTEP=     1\n"
 )
-STRESS = " contact stress (slave element+face,press,tang1,tang2) for all contact elements and time"
 
 
 def with_z(plane):
@@ -32,23 +31,8 @@ def with_z(plane):
 # --- CalculiX -------------------------------------------------------------------------------------
 
 
-def contact_print(run):
-    """Increments with the rim's faces over ridges pressed where the rim lies on them."""
-    out = []
-    for k, force in enumerate(run["force"], start=1):
-        time = f"{k:.7E}"
-        out += [f" total force (fx,fy,fz) for set TOP and time  {time}", "", f" 0. {-force:.6E} 0."]
-        out += ["", f"{STRESS} {time}", ""]
-        low = np.isclose(run["position"][k - 1][:, 1], run["top"], atol=1e-9)
-        for n in range(1, len(low)):
-            # Element n has its first side on the rim, printed as the third of a solid.
-            pressure = 0.1 if low[n - 1] and low[n] else 0.0
-            out += [f"{n:10d}          3  {pressure:.6E}  0.000000E+00  0.000000E+00"]
-    return "\n".join([*out, ""])
-
-
 def sta(run, n_tail=0):
-    """A status of increments at the times of `contact_print` or `abaqus_writer.calculix_text`."""
+    """A status of increments at the times of `abaqus_writer.calculix_text`."""
     n = len(run["force"]) - n_tail
     rows = [f"     1 {k:10d}     1     9  {k:.6E}  {k:.6E}  0.100000E+00" for k in range(1, n + 1)]
     rows += [f"     1 {n + 1:10d}     {k}U   60  {n:.6E}  {n:.6E}  0.1E+00" for k in range(n_tail)]
@@ -228,16 +212,8 @@ def gaps(run):
 
 KINDS = {
     "calculix": _of_deck("run.dat", lambda run: writer.calculix_text(*arrays(run))),
-    "contact": _of_deck("run.dat", contact_print),
     "frd": _of_deck("run.frd", frd),
     "abaqus-dat": _of_deck("run.dat", lambda run: writer.dat_text(*arrays(run))),
-    "abaqus-rpt": lambda run: {"run.rpt": writer.rpt_text(*arrays(run))},
-    "abaqus-rpt, undeformed": lambda run: {
-        "run.rpt": writer.rpt_text(*arrays(run), coordinates="undeformed")
-    },
-    "abaqus-rpt, deck": _of_deck(
-        "run.rpt", lambda run: writer.rpt_text(*arrays(run), coordinates=None)
-    ),
     "febio": lambda run: {"rim.txt": febio(run["position"], "x;y"), "plate.txt": plate(run)},
     "febio, interleaved": lambda run: {"log.txt": interleaved(run)},
     "ansys": lambda run: {
@@ -259,8 +235,8 @@ KINDS = {
     "series, VTU": vtus,
     "series, PVD": pvd_files,
 }
-BRACKETS = ("contact", "ansys, status", "nodes, status")
-_PROGRAMS = {"contact": "calculix", "frd": "calculix"}
+BRACKETS = ("ansys, status", "nodes, status")
+_PROGRAMS = {"frd": "calculix"}
 
 
 @functools.cache
@@ -273,10 +249,8 @@ def given_of(kind, run, folder):
     full = bool((run["nodes"][:, 0] < 0).any())
     given = {"texture": (run["a"], run["b"]), "nu": "0.5", "E": f"{run['E']}"}
     given["symmetry"] = "full" if full else "half"
-    if kind in ("calculix", "contact", "frd", "abaqus-dat"):
+    if kind in ("calculix", "frd", "abaqus-dat"):
         return given | SETS | {"deck": folder / "run.inp"}
-    if kind == "abaqus-rpt, deck":
-        return given | {"deck": folder / "run.inp"}
     if kind == "series, VTU":
         given |= {"loads": tuple(line_loads(run).tolist()), "time": "line"}
     if kind == "series, PVD":

@@ -194,15 +194,8 @@ def test_read__quotes_hold_marks_and_lines(text, b, n):
     assert frame.get("n", pd.Series()).tolist() == n
 
 
-@pytest.mark.parametrize("notes", ["By Foo 12\n\nRows: 2\n", "#end,,\n,,\n", "\nBy me, 3.12.25\n"])
-def test_delimited__notes_below_the_rows_are_passed_over_and_said(notes):
-    cells = read("a,b,Q\n1,2,4\n1,2,6\n" + notes, ("a", "b"))
-    assert len(cells.frame) == 2
-    assert "passed over below the rows" in " ".join(cells.messages)
-
-
-@pytest.mark.parametrize("row", ["1", "texture7,,", "Exported by Foo,12", "My rig,.5"])
-def test_delimited__a_row_that_is_cut_off_is_no_note(row):
+@pytest.mark.parametrize("row", ["1", "texture7,,", "Exported by Foo,12", "By Foo", "#end,,"])
+def test_delimited__a_row_that_is_cut_off_or_no_row_is_named(row):
     assert "line 3" in refusal(f"a,b,Q\n1,2,4\n{row}\n")
 
 
@@ -221,7 +214,6 @@ def test_delimited__a_row_that_is_cut_off_is_no_note(row):
         (b'a,b\n1,"2\n', "not CSV"),
         (b'a,b\n1,"2"x\n', "line 2: not CSV"),
         (",".join(map(str, range(2001))).encode() + b"\n1,2\n", "2001 columns: expected at most"),
-        (b"a," + 501 * b"_" + b"\n1,2\n", "expected at most 500 characters"),
     ],
 )
 def test_delimited__what_is_no_table_is_refused_in_words(content, words):

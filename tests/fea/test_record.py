@@ -38,8 +38,8 @@ def test_cautions__name_doubtful_rows(Q, times, rel_se, said):
     [
         ("a=Ridge width [mm]", "a", "Ridge width [mm]"),
         ("a = Ridge width;mm", "a", "Ridge width;mm"),
-        ("gap Q=4=Gap=1", "gap Q=4", "Gap=1"),
-        ("gap:4=First", "gap:4", "First"),
+        ("status Q=4=Stat=1", "status Q=4", "Stat=1"),
+        ("status:4=First", "status:4", "First"),
         ("p=Q=*", "p", "Q=*"),
         ("Q=Count", "Q", "Count"),
         ("Q=4=four", "Q=4", "four"),

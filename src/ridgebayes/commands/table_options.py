@@ -121,8 +121,8 @@ class Import:
     line (line loads), force, load (any, by its unit), p_lower, line_lower,
     force_lower, Q, nu, rel_se, a_over_R, b_over_R, offset_over_R, p_over_E,
     p_over_E_lower, load_sd, n_mean, kind, role, series, texture, solver, status, source.
-    'p=Load at * \[kPa]' is one column for each Q. Histories of increments:
-    'gap Q=4', 'gap_over_R Q=4', 'pressure Q=4', 'status Q=4'.
+    'p=Load at * \[kPa]' is one column for each Q, 'status Q=4' the contact at a
+    corner by increment.
 
     Parameters
     ----------
@@ -131,8 +131,8 @@ class Import:
     out : Path, optional
         Table to write.
     program : str, optional
-        table, calculix, abaqus-dat, abaqus-rpt, febio, ansys, series, or nodes (a table with a row
-        for each node at each step). Detected if not given, except nodes.
+        table, calculix, abaqus-dat, febio, ansys, series, or nodes (a table with a row for each
+        node at each step). Detected if not given, except nodes.
     mapping : list of str, optional
         Column of a key, KEY=HEADER, such as 'a=Ridge width \[mm]', or KEY=HEADER;UNIT, or a
         TOML file of them. Other columns are recognised.

@@ -29,6 +29,7 @@ from ridgebayes.fea.record import SHOWN, FileError, TableFile
 from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
 from ridgebayes.runtime.text import some_of
 from ridgebayes.table.files import read_arrow
+from ridgebayes.table.rules import as_text
 
 MOST_CELLS = 250_000  # largest number of cells or rows of a worksheet; openpyxl takes seconds
 _ROW = re.compile(rb"<(?:\w{1,50}:)?row\b[^>]{0,2000}?\sr=[\"']([^\"']*)[\"']")
@@ -265,40 +266,33 @@ class ParquetTable(TableFile):
     def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
         """Read all rows, `numeric` columns as numbers; report cells that are not finite."""
         problems.messages.append(f"{self.where}: Parquet, {self._table.num_rows} rows")
-        columns: dict[str, Any] = {}
+        types: Any = import_module("pyarrow.types")
+        numbers = (types.is_integer, types.is_floating, types.is_decimal, types.is_null)
+        columns: dict[str, pd.Series[Any]] = {}
         for name, column in zip(self.headers, self._table.columns, strict=True):
+            kind = column.type.value_type if types.is_dictionary(column.type) else column.type
+            is_number = any(test(kind) for test in numbers)
+            if name in numeric and not is_number:
+                where = f"{self.where}, column {name!r}"
+                raise InputError(f"{where}: holds {kind}: expected numbers")
+            if types.is_nested(kind):
+                problems.messages.append(f"column {name!r} ignored: its type is {kind}")
+                continue
             with refusing(f"{self.where}, column {name!r}", most=200):
-                values = self._values(name, column, name in numeric)
-            if values is None:
-                problems.messages.append(f"column {name!r} ignored: its type is {column.type}")
-            else:
-                columns[name] = values
+                cells = column.to_pandas()
+                if name in numeric or (is_number and cells.dtype.kind not in "iu"):
+                    cells = cells.astype(float)
+                columns[name] = cells if is_number else as_text(cells)
+        frame = pd.DataFrame(columns)
         for name in set(numeric) & columns.keys():
-            problems.cells(np.isinf(columns[name]), name, FINITE)
-            columns[name] = np.where(np.isinf(columns[name]), np.nan, columns[name])
-        return filled(pd.DataFrame(columns), problems)
+            problems.cells(np.isinf(frame[name].to_numpy()), name, FINITE)
+            frame[name] = frame[name].replace([np.inf, -np.inf], np.nan)
+        return filled(frame, problems)
 
     def cell(self, row: int, name: str) -> tuple[str, str]:
         """Return the place and the text of a cell."""
         column = self._table.column(self.headers.index(name))
         return f"row {row + 1}", str(column[row].as_py())
-
-    def _values(self, name: str, column: Any, is_number: bool) -> Any:
-        types: Any = import_module("pyarrow.types")
-        if types.is_dictionary(column.type):
-            column = column.cast(column.type.value_type)
-        kind, is_null = column.type, types.is_null(column.type)
-        if types.is_integer(kind) and not column.null_count and not is_number:
-            return column.to_numpy()
-        numeric = (types.is_integer, types.is_floating, types.is_decimal)
-        if any(test(kind) for test in numeric) or (is_null and is_number):
-            return column.cast("float64", safe=False).to_numpy()
-        if is_number:
-            raise InputError(f"{self.where}, column {name!r}: holds {kind}: expected numbers")
-        textual = (types.is_string, types.is_large_string, types.is_boolean, types.is_temporal)
-        if not is_null and not any(test(kind) for test in textual):
-            return None
-        return pd.Series(["" if value is None else str(value) for value in column.to_pylist()])
 
 
 # Readers of tables by suffix.

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import IntArray
-from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.record import FileError, Row
 from ridgebayes.fea.words import FORTRAN, NOTHING, NUMBER, is_unit, split_header
@@ -19,17 +18,11 @@ from ridgebayes.runtime.text import clipped, count, some_of
 
 SEPARATORS = {"\t": "tab", ";": "';'", "|": "'|'", ",": "','"}
 FINITE = "expected a finite number, with a point for decimals, or an empty cell"
-_WITH_ERROR = re.compile(r"\s*[\d.,eE+-]+\s*(?:±|\+/?-)\s*[\d.,eE+-]+\s*")
-_TWO_NUMBERS = (
-    "expected one number a cell, and its error in a column of its own, headed 'sd' or 'standard "
-    "error'"
-)
 _ONE_UNIT = "expected a number in the unit of the header, or of the first cell"
 WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
+_WORDS = re.compile(r"\S+(?: \S+)*")  # words with single blanks between them
 _NUMBER_START = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # start of a number within a word
 _UNDERLINE = re.compile(r"\s*[-=_]{9,}\s*")  # line below a header
-# A note has several words; a single word may be the label of a truncated row.
-_NOTE = re.compile(r"#.*|[^\W\d].*\s.*")
 # Whitespace without control characters, which occur in damaged files only.
 _BLANKS = string.whitespace + "\x85\xa0\u1680\u2000\u2001\u2002\u2003\u2004\u2005\u2006\u2007\u2008"
 _BLANKS += "\u2009\u200a\u2028\u2029\u202f\u205f\u3000"
@@ -66,27 +59,17 @@ def tabs_for_blanks(text: str, problems: FileError, most: int) -> str:
     n = next((i for i, row in enumerate(lines) if not row.lstrip().startswith(("#", "%"))), 0)
     rows = [re.sub(r"^\s*[#%]+", "", row) for row in lines[:n]] + lines[n:]  # may be a header
     rows = ["" if _UNDERLINE.fullmatch(row) else row for row in rows]
+    _unwrap_header(rows)
     some = [row.split() for row in rows[:most] if row.strip() and row.lstrip()[0] not in "#%"]
     widths = Counter(map(len, some))
     width, n = widths.most_common(1)[0] if widths else (0, 0)
-    is_table = width >= 2 and n >= 2 and 2 * n > widths.total()
     touching = next((i for i, row in enumerate(rows) if _NUMBER_START.search(row)), None)
     if touching is not None and len(widths) > 1:
-        # Numbers in columns of fixed width can touch. They are split if all rows then have the
-        # same number of cells.
-        split = [_NUMBER_START.sub(" ", row) for row in rows]
-        counts = sorted({len(row.split()) for row in split if row.strip()})
-        symptom = f"{problems.where}, line {touching + 1}: columns run together, such as "
-        symptom += clipped(lines[touching])
-        if len(counts) == 1:
-            problems.messages.append(f"{symptom}: split before signs, {counts[0]} columns")
-            rows, width, is_table = split, counts[0], True
-        elif not is_table:
-            raise InputError(
-                f"{symptom}; split before signs, lines have {' or '.join(map(str, counts))} cells: "
-                "expected blanks between columns"
-            )
-    if not is_table:
+        raise problems.error(
+            f"line {touching + 1}: columns run together, such as {clipped(lines[touching])}: "
+            "expected blanks between columns"
+        )
+    if not (width >= 2 and n >= 2 and 2 * n > widths.total()):
         return ""
     for i, row in enumerate(rows):
         # Cells may contain single blanks, like column names of Abaqus.
@@ -95,10 +78,34 @@ def tabs_for_blanks(text: str, problems: FileError, most: int) -> str:
     return "\n".join(lines)
 
 
+def _unwrap_header(rows: list[str]) -> None:
+    r"""Join a header with the line below it, in place, if that continues names of columns.
+
+    The second line, which ends the header of an X-Y report of Abaqus, has words below some names.
+
+    Examples
+    --------
+    >>> rows = ["  X   RF2 PI:   U2", "        TOP N: 1", "", " 1.  2.  3."]
+    >>> _unwrap_header(rows)
+    >>> rows[:2]
+    ['X  RF2 PI: TOP N: 1  U2', '']
+    """
+    i = next((i for i, row in enumerate(rows) if row.strip()), 0)
+    header, below, end = [*rows[i : i + 3], "", "", ""][:3]
+    names = {match.span(): match[0] for match in _WORDS.finditer(header)}
+    more = [*_WORDS.finditer(below)]
+    if end.strip() or not 0 < len(more) < len(names) or NUMBER.fullmatch(below.split()[0]):
+        return
+    for match in more:
+        above = min(names, key=lambda span: abs(sum(span) - sum(match.span())))
+        names[above] += f" {match[0]}"
+    rows[i : i + 2] = ["  ".join(names.values()), ""]
+
+
 def body_cells(
     rows: list[Row], headers: Sequence[str], separator: str, problems: FileError
 ) -> tuple[dict[str, tuple[str, bool]], IntArray, pd.DataFrame]:
-    """Return the cells below a header, without comments and without notes below the rows.
+    """Return the cells below a header, without comments.
 
     Parameters
     ----------
@@ -132,7 +139,6 @@ def body_cells(
         problems.messages.append(f"{where}: passed over: {shown}")
         lines = {line for line, _ in comments}
         rows = [row for row in rows if row[0] not in lines]
-    rows = _without_notes(rows, width, problems)
     names, units = list(headers), dict[str, tuple[str, bool]]()
     for i, match in enumerate(map(WITH_UNIT.fullmatch, first[:width])):
         if match and (match[1] == "%" or is_unit(match[1])):
@@ -159,22 +165,6 @@ def body_cells(
 def _is_comment(cells: Sequence[str], width: int) -> bool:
     """Return whether a record is a comment: it begins with a # that is not part of a label."""
     return cells[0].lstrip().startswith("# " if len(cells) == width else "#")
-
-
-def _without_notes(rows: list[Row], width: int, problems: FileError) -> list[Row]:
-    """Return the rows without the notes below them: lines of text, without numbers."""
-    n_row, notes = len(rows), list[str]()
-    while n_row > 1:
-        cells = rows[n_row - 1][1]
-        words = [cell.strip() for cell in cells if cell.strip()]
-        numbers = [word for word in words if any(s[2].fullmatch(word) for s in _STYLES[:2])]
-        is_row = len(words) > 1 and (len(cells) >= width or numbers)
-        if is_row or (words and not _NOTE.fullmatch(words[0])):
-            break
-        notes, n_row = [", ".join(words)] * bool(words) + notes, n_row - 1
-    start = f"{problems.where}: passed over below the rows:"
-    problems.messages += [f"{start} {note!r}" for note in notes]
-    return rows[:n_row]
 
 
 def numbers_in(
@@ -228,7 +218,6 @@ def numbers_in(
     numbers = {cell: number for cell, number in numbers.items() if math.isfinite(number)}
     rule = FINITE.replace("point", decimal)
     rules = dict.fromkeys((cell for cell in counts if cell not in numbers), rule)
-    rules |= dict.fromkeys([*filter(_WITH_ERROR.fullmatch, rules)], _TWO_NUMBERS)
     with_unit = {cell: match[1] for cell in rules if (match := WITH_UNIT.fullmatch(cell))}
     rules |= dict.fromkeys([cell for cell, unit in with_unit.items() if is_unit(unit)], _ONE_UNIT)
     if nothing := list(filter(NOTHING.fullmatch, rules)):

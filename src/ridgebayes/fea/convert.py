@@ -13,7 +13,6 @@ from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import (
     COUNTS,
     DIMENSIONS,
-    ERRORS,
     STATUS_RULE,
     column_unit,
     divided,
@@ -90,7 +89,6 @@ class Converter:
             frame = frame.assign(rel_se=np.hypot(rel_se, load_se / frame["p_over_E"]))
         extra = [name for name in self.left() if name not in NAMES]
         ignored = [name for name in self.left() if name in NAMES]
-        errors = [name for name in extra if ERRORS.search(name.lower())]
         has_sd = any(use.key in SDS for use in self.used)
         has_repeats = has_sd and frame.duplicated(["a_over_R", "b_over_R", "Q"]).any()
         frame = frame.assign(**{name: self.cells[name] for name in extra})
@@ -98,8 +96,6 @@ class Converter:
         remarks = {
             f"ignored, as the mapping uses other columns: {listed(ignored)}": ignored,
             f"kept as they are: {listed(extra)}": extra,
-            f"not read as errors of loads: {listed(errors)}; --map 'load_sd=HEADER' takes a "
-            "standard deviation, 'load_sem=HEADER' a standard error": errors,
             "repeats with an sd of their own: sigma is fitted to the scatter of repeats, so an "
             "sd over the same repeats counts it twice": has_repeats,
             f"{few.sum()} rows of Q under 4 ignored: that many touch at any load": few.any(),
@@ -149,11 +145,7 @@ class Converter:
         for key in keys:
             if (use := self.uses.get((key, None))) is not None:
                 self.tell(use)
-                cells = self.cells[use.header]
-                if cells.dtype.kind in "iuf":  # converts each number once
-                    codes, distinct = pd.factorize(cells, use_na_sentinel=False)
-                    cells = as_text(pd.Series(distinct)).take(codes).set_axis(cells.index)
-                columns[key] = as_text(cells)
+                columns[key] = as_text(self.cells[use.header])
             elif key in self._values:
                 self._used_values[key] = None
                 columns[key] = self._values[key]

@@ -15,7 +15,6 @@ from ridgebayes._types import FloatArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.lines import Line, read_lines
 from ridgebayes.fea.record import Given
-from ridgebayes.fea.words import PLANE_CORNERS
 from ridgebayes.table.columns import LARGEST_Q
 
 _MAX_INCLUDE_DEPTH = 4  # refuses *INCLUDE cycles
@@ -89,44 +88,6 @@ class Deck:
             if number not in self.nodes:
                 raise InputError(f"{self.path}: node {number} is not in the deck")
         return np.array([self.nodes[number] for number in numbers], dtype=float).reshape(-1, 2)
-
-    def check_material(self, E: float, nu: float) -> None:
-        """Check the user's E and nu against the material of the deck.
-
-        Parameters
-        ----------
-        E, nu : float
-            The user's Young's modulus, in the deck's unit, and Poisson's ratio.
-
-        Raises
-        ------
-        InputError
-            If E differs by more than 0.1 %, or nu by more than 0.001.
-        """
-        for name, typed, off in (("E", E, {"rel_tol": 1e-3}), ("nu", nu, {"abs_tol": 1e-3})):
-            value = getattr(self, name)
-            if value is not None and not math.isclose(value, typed, **off):
-                has = f"the material has {name} = {value:.6g}, and {typed:g} was given"
-                raise InputError(f"{self.path}: {has}; use --{name} as in the deck")
-
-    def ends(self, element: int, side: int) -> tuple[float, float]:
-        """Return the x of both ends of a side (from 1) of a plane element.
-
-        Raises
-        ------
-        InputError
-            If the element or the side does not exist.
-        """
-        nodes = self.elements.get(element, ())
-        places = [self.nodes[node] for node in nodes if node in self.nodes]
-        # Corner nodes come first; quadratic elements have as many mid-side nodes after them.
-        n = len(nodes) if len(nodes) in PLANE_CORNERS else len(nodes) // 2
-        if len(set(places)) < len(nodes) or n not in PLANE_CORNERS or not 0 < side <= n:
-            raise InputError(
-                f"{self.path}: no side {side} of an element {element}, which is pressed; expected "
-                "the run's deck, of plane triangles and quadrilaterals"
-            )
-        return places[side - 1][0], places[side % n][0]
 
     def rigid_nodes(self, body: Sequence[int]) -> list[int]:
         """Return the nodes that no chain of elements connects to the given nodes of the body."""
@@ -208,7 +169,7 @@ class Run:
 
     @property
     def sets(self) -> tuple[str, str]:
-        """Names of the node sets or regions of the surface and of the driven nodes; or empty."""
+        """Names of the node sets of the surface and of the driven nodes, or empty."""
         return self.facts.surface or "", self.facts.reaction or ""
 
     def places(self, nodes: Sequence[int]) -> dict[str, Any]:

@@ -23,7 +23,8 @@ from ridgebayes.scene.scene import Scene
 
 FORMATS = ("calculix", "abaqus")
 SURFACE, REACTION = "NARC", "NTOP"
-_PENALTY = 1e5  # E/R; a smaller value lets overlap shift the first transition load
+# Pressure over overlap of CalculiX, in E/R; a smaller value lets overlap shift the first load.
+_PENALTY = 1e5
 DEPTH = 0.06  # depth of the rigid blocks over R
 _BLOCKS_PER_ROUND_CORNER = 16
 _EDGE_GROWTH = 0.3  # growth of element edges per distance from a corner
@@ -179,7 +180,7 @@ def _ridge(start: float, a: float, r: float, height: float) -> list[FloatArray]:
     ]
 
 
-def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> str:
+def deck_text(disk: PressedDisk, program: str) -> str:
     """Return the text of a deck.
 
     Parameters
@@ -188,8 +189,6 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
         Disk to write.
     program : {"calculix", "abaqus"}
         Program that reads the deck.
-    penalty : float, optional, E/R
-        Stiffness of CalculiX's contact, pressure over overlap.
 
     Returns
     -------
@@ -240,7 +239,7 @@ def deck_text(disk: PressedDisk, program: str, *, penalty: float = _PENALTY) -> 
         top_left=top_left,
         top_right=top_right,
         faces=_pressed_faces(disk),
-        penalty=penalty,
+        penalty=_PENALTY,
         surface=SURFACE,
         reaction=REACTION,
     )

@@ -25,20 +25,17 @@ _LIFTED_HEIGHT = 1e-4  # height over R above resting nodes from which a node doe
 
 @dataclass(frozen=True, eq=False)
 class ContactHistory:
-    """Contact at each step of a run, as heights of the surface or as closed nodes or faces.
+    """Contact at each step of a run, as heights of the surface or as closed nodes.
 
     Parameters
     ----------
     load : ndarray of float, shape (n_step,)
         Load of either sign; `load_is` gives its meaning.
     at : ndarray of float, shape (n_step, n_node, 2) or (n_step, n_node, 1), length, or None
-        Coordinates of surface nodes across the ridges and, if they are known, heights; or
-        coordinates across the ridges of the centres of surface faces. The gap is the height minus
-        that of the ridges' tops.
+        Coordinates of surface nodes across the ridges and, if they are known, heights. The gap is
+        the height minus that of the ridges' tops.
     closed : ndarray of bool, shape (n_step, n_node), or None
-        Whether each node or face is in contact, if heights are unknown.
-    width : ndarray of float, shape (n_node,), length, or None
-        Widths of the faces; None for nodes.
+        Whether each node is in contact, if heights are unknown.
     Q : ndarray of int, shape (n_node,), or None
         Q of nodes at corners, which replaces `at`.
     undeformed : ndarray of float, shape (n_node, 2), length, or None
@@ -61,7 +58,6 @@ class ContactHistory:
     load: FloatArray
     at: FloatArray | None = None
     closed: BoolArray | None = None
-    width: FloatArray | None = None
     Q: IntArray | None = None
     undeformed: FloatArray | None = None
     rigid: FloatArray | None = None
@@ -235,23 +231,21 @@ def _relative_to_tops(position: FloatArray, away: FloatArray, run: Run, rim: Rim
 def _closed_gaps(history: ContactHistory, away: FloatArray, run: Run, rim: Rim) -> FloatArray:
     """Return gaps of -inf (ridge in contact), inf (not in contact) or NaN (ambiguous).
 
-    The shape is (n_step, n_ridge), from the second ridge on. A ridge is ambiguous if it is only
-    covered by closed faces that also cover another ridge.
+    The shape is (n_step, n_ridge), from the second ridge on. A ridge is ambiguous if its only
+    closed nodes lie over a groove, and thus may belong to another ridge.
     """
     assert history.closed is not None
     a, b = run.a_over_R * rim.R, run.b_over_R * rim.R
-    reach = 0.0 if history.width is None else history.width / 2
-    farthest = float(np.max((away + reach)[history.closed], initial=0.0))
-    rim.check_reach("face", farthest, run.where)
+    farthest = float(np.max(away[history.closed], initial=0.0))
+    rim.check_reach("closed node", farthest, run.where)
     n = max(math.ceil((farthest - b / 2) / (a + b)), 1) + 1
     near = b / 2 + (a + b) * np.arange(n)
     gap = np.full((len(away), n), math.inf)
     for i, closed in enumerate(history.closed):
-        start, end = ((away + way * reach)[i, closed][:, None] for way in (-1, 1))
-        # A closed face over a groove belongs to an adjacent ridge.
-        over = (end >= near) & (start <= near + a)
+        x = away[i, closed][:, None]
+        over = (x >= near) & (x <= near + a)
         none = ~over.any(axis=1)
-        over[none] = (end[none] >= near - b) & (start[none] <= near + a + b)
+        over[none] = (x[none] >= near - b) & (x[none] <= near + a + b)
         sure = over & (over.sum(axis=1, keepdims=True) == 1)
         gap[i, over.any(axis=0)] = math.nan
         gap[i, sure.any(axis=0)] = -math.inf

@@ -1,7 +1,6 @@
 """Tables of other layouts than a row for each load: merged cells, wide tables, increments."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,10 +8,10 @@ import pandas as pd
 from ridgebayes._types import FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.convert import Converter, listed
-from ridgebayes.fea.mapping import CORNERS, LOADS, LOWERS, NEVER_EMPTY, Use
+from ridgebayes.fea.mapping import LOADS, NEVER_EMPTY, Use
 from ridgebayes.fea.record import FileError
-from ridgebayes.fea.transitions import last_digit, middle_loads, transitions_of_runs
-from ridgebayes.fea.words import MOST_DISTINCT, divided
+from ridgebayes.fea.transitions import middle_loads, transitions_of_runs
+from ridgebayes.fea.words import MOST_DISTINCT
 from ridgebayes.runtime.text import count
 from ridgebayes.table.columns import OK
 from ridgebayes.table.rules import as_text, row_codes
@@ -78,57 +77,35 @@ def melted(
     Raises
     ------
     InputError
-        If the table also has a column of all loads or counts, has no load, or has columns of one
-        quantity in different units.
+        If the table also has a column of all loads or counts, has no load, or has loads in
+        different units.
     """
-    wide = [use for use in uses if use.label is not None]
+    wide = sorted((use for use in uses if use.label is not None), key=lambda use: use.Q or 0)
     rest = [use for use in uses if use.label is None]
-    loads: dict[Any, str] = {use.label: use.header for use in wide if use.key in LOADS}
-    is_Q = wide[0].Q is not None
+    load, is_Q = wide[0], wide[0].Q is not None
     names = ", ".join(repr(use.header) for use in wide[:8])
-    if is_Q and (rule := _broken(rest, wide)):
-        raise problems.error(f"columns {names}: {rule}")
+    single = [use.header for use in rest if is_Q and use.key in (*LOADS, "Q")]
+    units = {f"{use.key} [{use.own_unit}]" for use in wide}
+    if single or len(units) > 1:
+        fault = f"also column {single[0]!r}" if single else ", ".join(sorted(units))
+        rule = "expected a load for each Q in one unit, or columns Q and load"
+        raise problems.error(f"columns {names}: {fault}; {rule}")
     key = "Q" if is_Q else "series"
-    new = [Use(key, key, "1" if is_Q else None, how="wide")]
-    for name in dict.fromkeys(use.key for use in wide):
-        units = {use.own_unit for use in wide if use.key == name}
-        if len(units) > 1:
-            raise problems.error(f"{name} in {', '.join(sorted(units))}; expected one unit")
-        new.append(Use(name, name, units.pop() or "1", how="wide"))
-    kept = cells.drop(columns={use.header for use in (*wide, *new)} & set(cells))
-    labels = sorted(loads) if is_Q else list(loads)
-    parts = [
-        kept.assign(
-            **{key: float(label) if is_Q else label},
-            **{use.key: cells[use.header] for use in wide if use.label == label},
-        )[cells[loads[label]].notna()]
-        for label in labels
-    ]
-    table = pd.concat(parts).sort_index(kind="stable")
+    labels = {use.header: float(use.Q) if use.Q is not None else use.repeat for use in wide}
+    kept = [name for name in map(str, cells) if name not in (*labels, key, load.key)]
+    table = cells.melt(kept, list(labels), key, load.key, ignore_index=False)
+    table = table.dropna(subset=load.key).sort_index(kind="stable")
+    table[key] = table[key].map(labels)
     if table.empty and not problems:
         rows = f"{count(len(cells), 'row')} with empty cells only"
         raise problems.error(f"columns {names}: expected a number in some cell, got {rows}")
-    kind = f"Q: {len(labels)} loads from Q = {labels[0]} to {labels[-1]}"
+    kind = f"Q: {len(wide)} loads from Q = {load.Q} to {wide[-1].Q}"
     problems.messages.append(f"one column for each {kind if is_Q else f'repeat: {names}'}")
-    if n_empty := len(cells) * len(labels) - len(table):
+    if n_empty := len(cells) * len(wide) - len(table):
         what = "reached" if is_Q else "measured"
         problems.messages.append(f"{n_empty} empty cells: not {what}")
-    return table, [*rest, *new]
-
-
-def _broken(rest: Sequence[Use], wide: Sequence[Use]) -> str:
-    """Return an error message if the columns per Q break a rule; empty otherwise."""
-    loads = [use for use in wide if use.key in LOADS]
-    counts = {use.Q for use in loads}
-    single = [use.header for use in rest if use.key in (*LOADS, "Q")]
-    alone = [use for use in wide if use.Q not in counts]
-    if single or not loads:
-        fault = f"also column {single[0]!r}" if single else "no load"
-        return f"{fault}; expected a load for each Q, or columns Q and load"
-    if alone:
-        return f"no load of Q = {alone[0].Q} beside {alone[0].header!r}; expected one"
-    several = len({use.key for use in loads}) > 1
-    return "loads of several kinds; expected one unit for all Q" if several else ""
+    new = [Use(key, key, "1" if is_Q else None, how="wide")]
+    return table, [*rest, *new, Use(load.key, load.key, load.own_unit or "1", how="wide")]
 
 
 def counts_repeat(frame: pd.DataFrame) -> bool:
@@ -151,42 +128,25 @@ def counts_repeat(frame: pd.DataFrame) -> bool:
 
 
 def of_corners(converter: Converter, corners: Sequence[Use]) -> pd.DataFrame:
-    """Return the transitions of a table with gap, pressure or status columns of corners.
+    """Return the transitions of a table whose rows are increments with a status of each corner.
 
     Parameters
     ----------
     converter : Converter
         Converter of the table.
     corners : sequence of Use
-        Columns of gap, pressure or status, one per corner.
+        Columns of status, one per corner.
     """
-    cells, problems = converter.cells, converter.problems
-    for use in converter.uses.values():
-        wrong = use.Q is not None and use.key not in CORNERS
-        if use.how == "mapped" and (wrong or use.key in ("Q", "kind", "rel_se", *LOWERS)):
-            raise problems.error(
-                f"column {use.header!r} as {use.key} beside {corners[0].header!r}; expected a "
-                "load of each increment, and columns of corners"
-            )
-    curve = converter.curve() | converter.texts("role")
-    load = converter.load()
     corners = sorted(corners, key=lambda use: use.Q or 0)
-    gaps = np.column_stack([_gap(converter, use) for use in corners])
-    digits = last_digit(gaps) / 2  # rounding error of a printed gap
-    keep, remarks = np.ones(len(cells), dtype=bool), []
-    if status := converter.uses.get(("status", None)):
-        keep = as_text(cells[status.header]).isin(["", OK]).to_numpy(bool)
-        converter.tell(status)
-        if n := int((~keep).sum()):
-            remarks.append(f"{n} increments ignored: their status is not 'ok'")
-        if not keep.any():
-            raise problems.error("no increment whose status is 'ok'")
+    curve, load = converter.curve() | converter.texts("role", "status"), converter.load()
+    gaps = np.column_stack([converter.status(use) for use in corners])
     converter.summarize()
-    if load is None or problems:
+    if load is None or converter.problems:
         return pd.DataFrame()
-    frame = converter.framed(curve | {"p_over_E": load})[keep]
-    Q = np.array([use.Q or 0 for use in corners])
-    return _transitions(converter, frame.reset_index(drop=True), gaps[keep], Q, remarks, digits)
+    if (status := curve.pop("status", None)) is not None:
+        gaps[~status.isin(["", OK])] = np.nan
+    frame = converter.framed(curve | {"p_over_E": load}).reset_index(drop=True)
+    return _transitions(converter, frame, gaps, np.array([use.Q for use in corners]))
 
 
 def of_counts(converter: Converter, frame: pd.DataFrame) -> pd.DataFrame:
@@ -196,31 +156,27 @@ def of_counts(converter: Converter, frame: pd.DataFrame) -> pd.DataFrame:
     gaps = np.where(Q[:, None] >= levels, -np.inf, np.inf)
     gaps[np.isnan(Q)] = np.nan
     how = "loads" if converter.facts.interpolate else "brackets (--interpolate gives loads)"
-    remark = f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}"
     if converter.problems:
         return pd.DataFrame()
+    converter.messages.append(
+        f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}"
+    )
     curve = frame.drop(columns=["Q", "p_over_E_lower", "rel_se"], errors="ignore")
-    return _transitions(converter, curve, gaps, levels, [remark])
+    return _transitions(converter, curve, gaps, levels)
 
 
 def _transitions(
-    converter: Converter,
-    frame: pd.DataFrame,
-    gaps: FloatArray,
-    Q: IntArray,
-    remarks: list[str],
-    digits: float = 0.0,
+    converter: Converter, frame: pd.DataFrame, gaps: FloatArray, Q: IntArray
 ) -> pd.DataFrame:
     problems, load = converter.problems, frame.pop("p_over_E").to_numpy()
     load_se = converter.load_se()
-    brackets = converter.facts.brackets
     try:
-        rows, notes = transitions_of_runs(frame, load, gaps, Q, brackets=brackets, digits=digits)
+        rows, notes = transitions_of_runs(frame, load, gaps, Q)
     except InputError as error:
         raise problems.error(str(error)) from None
     if left := converter.left():
         problems.messages.append(f"not used: {listed(left)}")
-    problems.messages += [*remarks, *notes]
+    problems.messages += notes
     if converter.facts.interpolate:
         rows, n = middle_loads(rows)
         problems.messages.append(f"{n} loads in the middle of their increments")
@@ -229,18 +185,3 @@ def _transitions(
     if np.ptp(load_se):
         raise problems.error("--load-se: expected one R and E in all increments")
     return rows.assign(rel_se=np.hypot(rows["rel_se"], load_se.flat[0] / rows["p_over_E"]))
-
-
-def _gap(converter: Converter, use: Use) -> FloatArray:
-    """Return the gap of a corner at each increment; -inf or inf for a status or a pressure."""
-    if use.key == "status":
-        return converter.status(use)
-    if use.key == "pressure":
-        converter.tell(use, ", contact pressure")
-        numbers = converter.cells[use.header].to_numpy(dtype=float)
-        return np.where(np.isnan(numbers), np.nan, np.where(numbers > 0, -np.inf, np.inf))
-    distance = converter.number(use.key, use.Q)
-    assert distance is not None
-    R = None if use.key == "gap_over_R" else converter.number("R")
-    # Without R the gap keeps its unit: interpolation to zero does not depend on the unit.
-    return distance if R is None else divided(distance, R)

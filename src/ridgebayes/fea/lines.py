@@ -102,20 +102,6 @@ def numbers_of(lines: Sequence[Line], columns: Sequence[str]) -> FloatArray:
     return np.array([line.values(columns) for line in lines]).reshape(-1, len(columns))
 
 
-def last_digit_of(word: str) -> float:
-    """Return the value of a unit in the last printed digit.
-
-    Examples
-    --------
-    >>> last_digit_of("1.234"), last_digit_of("1.2345E-03")
-    (0.001, 1e-07)
-    """
-    match = NUMBER.fullmatch(word)
-    assert match is not None
-    power = int(match[2] or match[3] or 0) - len(match[1].partition(".")[2])
-    return float(f"1e{power}")
-
-
 def parse_number(word: str) -> float:
     """Return a printed number, or NaN if the word is not a number.
 

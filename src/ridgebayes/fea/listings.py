@@ -1,6 +1,5 @@
 """Readers for log data of FEBio and for listings of ANSYS: values of nodes at each step."""
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Run
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import Line
-from ridgebayes.fea.printed import Increment, MissingError, NodeTable, Printed, on
+from ridgebayes.fea.printed import MissingError, NodeTable, Printed, Wanted, on
 from ridgebayes.fea.record import FileError, Given, parse_map
-from ridgebayes.fea.transitions import last_digit
+from ridgebayes.fea.transitions import half_digit
 from ridgebayes.fea.words import ANSYS_CLOSED
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 
@@ -51,21 +50,14 @@ def read_febio(run: Run) -> ContactHistory:
     log = _Log()
     for path in run.paths:
         log.read(path)
-
-    def state(increment: Increment) -> tuple[float, FloatArray]:
-        at = np.column_stack([log.column(increment, name) for name in "xy"])
-        force = math.fsum(log.column(increment, "Fy", "Ry"))
-        if not at.any():
-            raise MissingError("zeros, as before the first step: no state")
-        return force, at
-
+    nodes, name = log.nodes_with("x", "y"), "Fy" if log.nodes_with("Fy") else "Ry"
     required = (
         "data x, y, and Fy or Ry; expected log data x;y of the surface's nodes, and Fy of the "
         "rigid body or Ry of the driven nodes: ridgebayes import POSITIONS FORCES"
     )
-    load, states = log.states(state, run.path, required)
-    at = np.array(states)
-    return ContactHistory(load, at, digits=last_digit(at[..., 1]) / 2, messages=log.messages)
+    force = Wanted([name], log.nodes_with(name))
+    load, at = log.states(force, Wanted("xy", nodes), run.path, required)
+    return ContactHistory(load, at, digits=half_digit(at[..., 1]), messages=log.messages)
 
 
 class _Log(Printed):
@@ -88,6 +80,13 @@ class _Log(Printed):
         if self.table is None:
             raise line.unexpected("*Step, *Time, *Data, and rows below *Data")
         self.table.lines.append(line._replace(text=line.text.replace(",", " ")))
+
+    def filled(self, table: NodeTable, wanted: Wanted) -> pd.DataFrame:
+        """Return the rows of all wanted nodes; refuse positions that are all 0."""
+        rows = super().filled(table, wanted)
+        if table.has("xy") and not rows.any(axis=None):
+            raise MissingError("zeros, as before the first step: no state")
+        return rows
 
 
 def read_ansys(run: Run) -> ContactHistory:
@@ -114,33 +113,26 @@ def read_ansys(run: Run) -> ContactHistory:
     corners, listing, facts = _corner_nodes(run.facts), _Listing(), run.facts
     for path in run.paths:
         listing.read(path, unfinished=True)
-    columns = {name for table in listing.tables for name in table.columns}
-    kinds = [name for name in ("UY", "STAT", "PRES") if name in columns]
-    names = [*kinds, "UY"][:1] + ["UX"] * (kinds[:1] == ["UY"])
-
-    def state(increment: Increment) -> tuple[float, pd.DataFrame]:
-        force = math.fsum(listing.column(increment, "FY"))
-        return force, pd.DataFrame({name: listing.column(increment, name) for name in names})
-
+    kind = next((name for name in ("UY", "STAT", "PRES") if listing.nodes_with(name)), "UY")
+    names = ["UX", "UY"] if kind == "UY" else [kind]
+    nodes, driven = listing.nodes_with(*names), listing.nodes_with("FY")
     tables = "FY and UY, STAT or PRES; expected listings: ridgebayes import PRNSOL.lis PRRSOL.lis"
-    load, states = listing.states(state, run.path, tables)
-    nodes = states[0].index.tolist()
-    values, *ux = np.moveaxis(np.array(states), -1, 0)
-    closed = values > 0
-    if kinds[:1] == ["STAT"]:
+    load, values = listing.states(Wanted(["FY"], driven), Wanted(names, nodes), run.path, tables)
+    closed = values[..., 0] > 0
+    if kind == "STAT":
         codes = sorted(facts.closed_is or ANSYS_CLOSED)
         listing.messages.append(f"STAT {', '.join(map(str, codes))}: contact")
-        closed = np.isin(values, codes)
+        closed = np.isin(values[..., 0], codes)
     history = ContactHistory(load, messages=listing.messages)
-    if corners or not (listing.places.lines or ux):
+    if corners or not (listing.places.lines or kind == "UY"):
         Q, corner = _at_corners(str(run.path), nodes, corners)
         return replace(history, closed=closed[:, corner], Q=Q)
     place = listing.places.rows.reindex(nodes).to_numpy()
     if lost := np.flatnonzero(np.isnan(place[:, 0])).tolist():
         raise InputError(f"{run.path}: node {nodes[lost[0]]} has no X and Y; expected NLIST beside")
-    if ux:
-        at = place + np.stack([ux[0], values], axis=-1)
-        return replace(history, at=at, undeformed=place, digits=last_digit(values) / 2)
+    if kind == "UY":
+        digits = half_digit(values[..., 1])
+        return replace(history, at=place + values, undeformed=place, digits=digits)
     at = np.broadcast_to(place[:, :1], (*closed.shape, 1))
     return replace(history, at=at, closed=closed, undeformed=place)
 

@@ -26,25 +26,20 @@ TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
 LOADS = ("p_over_E", "p", "line", "force")
 LOWERS = tuple(f"{key}_lower" for key in LOADS)
 SDS, _SEMS = (tuple(f"{key}{end}" for key in LOADS) for end in ("_sd", "_sem"))
-CORNERS = ("gap", "gap_over_R", "pressure", "status")
-BODY_KEYS = ("R", "D", "E")
-NEVER_EMPTY = ("a", "b", "pitch", *BODY_KEYS)  # columns that must not have empty cells
+NEVER_EMPTY = ("a", "b", "pitch", "R", "D", "E")  # columns that must not have empty cells
 ABOVE_0 = (*NEVER_EMPTY, "thickness", "p", "line", "force")  # p_over_E: by the table's rules
 _MEAN_KEYS = ("load", "load_lower", "load_sd", "load_sem", "n_mean")
 _UNLISTED_KEYS = ("gap", "x", "thickness", *SDS, *_SEMS)
 KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _UNLISTED_KEYS), *_MEAN_KEYS)
 _OVER_D = ("a_over_D", "b_over_D", "offset_over_D")  # doubled: D is twice R
 _MAPPED = (*KEYS, *SDS, *_SEMS, *_OVER_D)
-PER_Q = (*LOADS, *LOWERS, "load", "load_lower", "rel_se", *CORNERS)
-_OF_Q = ("load", *LOADS, *CORNERS)
+PER_Q = ("load", *LOADS, "status")
 _NUMERIC_KEYS = (
     *NUMBERS,
     *DIMENSIONS,
     *_MEAN_KEYS,
     *SDS,
     *_SEMS,
-    "gap_over_R",
-    "pressure",
     *_OVER_D,
 )
 _NEVER_CONSTANT = ("Q", "p_over_E", "p_over_E_lower", "source")
@@ -147,7 +142,7 @@ def assign(
     for name, text in mapping.items():
         columns.map(name, " ".join(text.split()))
     columns.name()
-    if not any(use.key == "Q" or (use.Q is not None and use.key in _OF_Q) for use in columns.uses):
+    if not any(use.key == "Q" or use.Q is not None for use in columns.uses):
         columns.name_corners()
     columns.guess()
     columns.settle()
@@ -193,8 +188,7 @@ class Columns:
         if match is not None:
             key, Q = match[1] or "load", int(match[2])
         if key not in (PER_Q if star or match else self.mapped):
-            corners = f", or of {', '.join(CORNERS)} with a corner, as 'gap Q=4'"
-            keys = ", ".join(KEYS) + corners if self.mapped is _MAPPED else ", ".join(self.mapped)
+            keys = ", ".join(KEYS if self.mapped is _MAPPED else self.mapped)
             raise self.problems.error(
                 f"mapping {name}={text}: key {name!r}: expected one of {keys}"
             )
@@ -227,10 +221,8 @@ class Columns:
                 # "force [N/mm]" is a line load by its unit.
                 is_other = key in LOADS[1:] and unit and not unit_factor(unit, DIMENSIONS[key])
                 has_key = _alternatives(key) & keys or (key == "Q" and has_Q)
-                if key in names and not is_other:
-                    self._refuse_value(key, header)
-                    if not has_key:
-                        self.uses.append(Use(key, header, how="named"))
+                if key in names and not is_other and not has_key:
+                    self.uses.append(Use(key, header, how="named"))
 
     def name_corners(self) -> None:
         """Add columns with headers such as ``Q=4``, or with headers that differ in one number."""
@@ -239,6 +231,9 @@ class Columns:
             match = _WIDE_HEADER.fullmatch(words)
             key = (match[1] or "load").strip(" _") if match else ""
             if match and (key := key if key in PER_Q else named(key, OF_CORNERS)):
+                if key not in PER_Q:
+                    rule = "expected the status of corners, open or closed, or --format nodes"
+                    raise self.problems.error(f"column {header!r}: a {key} of a corner: {rule}")
                 self.uses.append(Use(key, header, Q=int(match[2]), how="named"))
         if len(self.uses) == n:
             corners = corners_of([words for _, words, _ in free])
@@ -255,8 +250,7 @@ class Columns:
         of_mean = sum(recognise(words) in ("load_sd", "load_sem", "Q") for _, words, _ in free) > 2
         for header, words, unit in free:
             key = "n_mean" if of_mean and plain(words) in N_MEAN else recognise(words)
-            of_each_Q = is_wide and (key == "Q" or (key in PER_Q and key != "rel_se"))
-            self._refuse_value(key, header)
+            of_each_Q = is_wide and key.removesuffix("_lower") in ("Q", *PER_Q)
             if not key or _alternatives(key) & keys or of_each_Q:
                 continue
             of_R = key in ("a", "b", "offset") and unit.startswith("%")
@@ -266,11 +260,16 @@ class Columns:
     def settle(self) -> None:
         """Resolve several columns with one key, and refuse a column that is also a constant."""
         places: dict[tuple[str, int | None], list[Use]] = {}
+        values = self.problems.values
         for use in self.uses:
-            rivals = {use.key} if use.key in CORNERS else _alternatives(use.key)
-            self._refuse_value(use.key, use.header)
-            is_corner = use.Q is not None and use.key in CORNERS
-            places.setdefault(("corner" if is_corner else min(rivals), use.Q), []).append(use)
+            rivals = _alternatives(use.key)
+            places.setdefault((min(rivals), use.Q), []).append(use)
+            rivals |= {"R"} if use.key == "D" else set()
+            self.problems.wrong += [
+                f"{name} is given as {values[name]!r}, and as column {use.header!r}: expected one "
+                "of the two; leave the value out, or rename the column"
+                for name in sorted(rivals & values.keys() - set(TEXTS))
+            ]
         self.uses = [use for uses in places.values() for use in self._settled(uses)]
 
     def _settled(self, uses: list[Use]) -> list[Use]:
@@ -290,8 +289,8 @@ class Columns:
         return uses[:1]
 
     def _keys(self) -> set[str]:
-        """Return the keys of all assigned columns and constants."""
-        return {use.key for use in self.uses} | set(self.problems.values)
+        """Return the keys of all assigned columns and texts."""
+        return {use.key for use in self.uses} | (self.problems.values.keys() & set(TEXTS))
 
     def _free(self) -> list[tuple[str, str, str]]:
         """Return the header, words and unit of each unassigned column."""
@@ -301,15 +300,6 @@ class Columns:
     def _missing(self, message: str) -> InputError:
         names = ", ".join(map(repr, [*self._split][:50]))
         return self.problems.error(f"{message}; the columns are {names}")
-
-    def _refuse_value(self, key: str, header: str) -> None:
-        """Record an error if the user also gives a value of the quantity in a column."""
-        rivals = _alternatives(key) | ({"R"} if key == "D" else set())
-        for name in sorted(rivals & self.problems.values.keys() - set(TEXTS)):
-            text = f"{name} is given as {self.problems.values[name]!r}, and as column {header!r}: "
-            text += "expected one of the two; leave the value out, or rename the column"
-            if text not in self.problems.wrong:
-                self.problems.wrong.append(text)
 
 
 def _alternatives(key: str) -> set[str]:
@@ -324,7 +314,7 @@ def lacking(uses: Sequence[Use], values: Iterable[str]) -> list[str]:
     if "pitch" in keys:
         keys.add("a" if keys & _alternatives("b") else "b")
     if per_Q:
-        keys |= {"Q"} if per_Q & set(CORNERS) else {"Q", "load"}
+        keys |= {"Q"} if "status" in per_Q else {"Q", "load"}
     return [key for key in ("a", "b", "Q", "load") if not keys & _alternatives(key)]
 
 

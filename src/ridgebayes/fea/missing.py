@@ -6,7 +6,7 @@ import pandas as pd
 
 from ridgebayes.fea.mapping import Use, as_load
 from ridgebayes.fea.record import FileError
-from ridgebayes.fea.words import COUNTER, DIMENSIONS, split_header, unit_factor
+from ridgebayes.fea.words import COUNTER, load_kind, split_header, unit_factor
 
 _KEY_NAMES = {
     "a": "a_over_R (or a, pitch)",
@@ -70,4 +70,4 @@ def _kind(name: str, numbers: "pd.Series[float]") -> str:
         return "Q" if (numbers.round().eq(numbers) & numbers.ge(2)).all() else ""
     if unit_factor(unit, "length") is not None:
         return "length"
-    return "load" if any(unit_factor(unit, kind) for kind in set(DIMENSIONS.values())) else ""
+    return "load" if load_kind(unit) else ""

@@ -12,7 +12,7 @@ from ridgebayes.fea.delimited import table_content
 from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.mapping import Columns, Use
 from ridgebayes.fea.record import FileError
-from ridgebayes.fea.transitions import last_digit
+from ridgebayes.fea.transitions import half_digit
 from ridgebayes.fea.words import OF_NODES, load_kind, named
 
 _CONTACT = ("gap", "pressure", "status")
@@ -109,5 +109,5 @@ def read_node_table(run: Run) -> ContactHistory:
     if kind != "gap":
         return replace(history, at=at[..., None], closed=values_at > 0)
     printed = parts["gap"]
-    digits = last_digit(printed) / 2 * np.ptp(value) / max(np.ptp(printed), 1e-300)
+    digits = half_digit(printed, near_0=True) * np.ptp(value) / max(np.ptp(printed), 1e-300)
     return replace(history, at=np.stack([at, values_at], axis=-1), digits=float(digits))

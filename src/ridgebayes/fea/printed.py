@@ -5,8 +5,9 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -21,11 +22,28 @@ from ridgebayes.table.columns import LARGEST_Q
 _ROW = re.compile(r"\s*\d+\s+[-+.\d][-+0-9.Ee\s]*$")
 Handler = Any  # method of a `Printed` that takes a line and its match
 Key = tuple[float, ...]
-T = TypeVar("T")
 
 
 class MissingError(Exception):
     """An increment is incomplete; the message is the reason."""
+
+
+class Wanted(NamedTuple):
+    """Columns that a reader needs of some nodes, and the node set of their table.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Names of the values.
+    nodes : sequence of int
+        Nodes whose values are needed.
+    of : str, optional
+        Node set; "" in files without names of sets.
+    """
+
+    columns: Sequence[str]
+    nodes: Sequence[int]
+    of: str = ""
 
 
 @dataclass(eq=False)
@@ -37,11 +55,9 @@ class NodeTable:
     line : Line
         First line.
     nodes : str
-        Name of the set or region of nodes.
+        Name of the set of nodes.
     columns : list of str
         Names of the values.
-    rule : str
-        Requirement on the rows, for messages.
     lines : list of Line
         Rows with a node and its values.
     below : dict of str to list of float
@@ -51,16 +67,15 @@ class NodeTable:
     """
 
     line: Line
-    nodes: str = ""
-    columns: list[str] = field(default_factory=list)
-    rule: str = ""
+    nodes: str
+    columns: list[str]
     lines: list[Line] = field(default_factory=list)
     below: dict[str, list[float]] = field(default_factory=dict)
     whole: bool = False
 
-    def has(self, *names: str) -> bool:
+    def has(self, columns: Sequence[str]) -> bool:
         """Return whether the table has all these columns."""
-        return all(name in self.columns for name in names)
+        return set(columns) <= set(self.columns)
 
     @functools.cached_property
     def rows(self) -> pd.DataFrame:
@@ -72,42 +87,14 @@ class NodeTable:
             If a row cannot be parsed, or a node is not a whole number or occurs twice. The message
             names the line.
         """
-        try:
-            values = numbers_of(self.lines, ["node", *self.columns])
-            node = values[:, 0]
-            is_odd = (node % 1 != 0) | (np.abs(node) > LARGEST_Q)
-            is_odd |= ~np.isin(np.arange(len(node)), np.unique(node, return_index=True)[1])
-            for i in np.flatnonzero(is_odd)[:1]:
-                word = clipped(self.lines[i].words[0])
-                raise self.lines[i].error(f"node {word}; expected a whole number, each node once")
-        except InputError as error:
-            raise InputError(f"{error}{self.rule and ', '}{self.rule}") from None
+        values = numbers_of(self.lines, ["node", *self.columns])
+        node = values[:, 0]
+        is_odd = (node % 1 != 0) | (np.abs(node) > LARGEST_Q)
+        is_odd |= ~np.isin(np.arange(len(node)), np.unique(node, return_index=True)[1])
+        for i in np.flatnonzero(is_odd)[:1]:
+            word = clipped(self.lines[i].words[0])
+            raise self.lines[i].error(f"node {word}; expected a whole number, each node once")
         return pd.DataFrame(values[:, 1:], columns=self.columns, index=node.astype(np.int64))
-
-    def of(self, nodes: Sequence[int], *names: str) -> FloatArray:
-        """Return columns of these nodes, shape (n_node, n_name).
-
-        Raises
-        ------
-        MissingError
-            If a node has no row.
-        """
-        values = self.rows[list(names)].reindex(pd.Index(nodes)).to_numpy()
-        if n := int(np.isnan(values[:, 0]).sum()):
-            raise MissingError(f"{', '.join(names)} missing for {n} of {len(nodes)} nodes")
-        return values
-
-    def force(self, nodes: Sequence[int], name: str) -> float:
-        """Return the printed total of a column, or else its sum over these nodes.
-
-        Raises
-        ------
-        MissingError
-            If a node has no row.
-        """
-        if total := self.below.get("TOTAL"):
-            return total[self.columns.index(name)]
-        return math.fsum(self.of(nodes, name)[:, 0])
 
 
 @dataclass(eq=False)
@@ -118,51 +105,15 @@ class Increment:
     ----------
     line : Line
         First line.
-    tables : list of NodeTable
-        Tables in the order of the file.
     ignored : str
         Reason to ignore the increment; empty to use it.
+    tables : list of NodeTable
+        Tables in the order of the file.
     """
 
     line: Line
-    tables: list[NodeTable] = field(default_factory=list)
     ignored: str = ""
-
-    def table(self, columns: Sequence[str], *names: str) -> NodeTable:
-        """Return the last table with these columns, for the first of the names with such a table.
-
-        Parameters
-        ----------
-        columns : sequence of str
-            Required columns.
-        *names : str
-            Names of node sets, or their parts after a point; "" for any set.
-
-        Raises
-        ------
-        MissingError
-            If the increment is ignored, or has no such table.
-        InputError
-            If a name fits tables of several sets.
-        """
-        if self.ignored:
-            raise MissingError(self.ignored)
-        for name in names or ("",):
-            end = f".{name}".upper() if name else ""
-            tables = [
-                table
-                for table in self.tables
-                if table.has(*columns) and f".{table.nodes}".upper().endswith(end)
-            ]
-            if len(sets := {table.nodes for table in tables}) > 1:
-                raise tables[-1].line.error(
-                    f"{', '.join(columns)} of {', '.join(sorted(sets))}; name one of these regions"
-                )
-            if tables:
-                return tables[-1]
-        raise MissingError(
-            f"{', '.join(columns)}{' of ' * bool(*names[:1])}{''.join(names[:1])} missing"
-        )
+    tables: list[NodeTable] = field(default_factory=list)
 
 
 def on(pattern: str) -> Callable[[Handler], Handler]:
@@ -180,21 +131,15 @@ class Printed:
 
     A row goes to the current table. Another line goes to the first method, in the order of the
     class, that is marked by `on` and whose pattern matches, or else to the current table.
-
-    Parameters
-    ----------
-    rule : str, optional
-        Requirement on rows, for messages.
     """
 
-    def __init__(self, rule: str = "") -> None:
+    def __init__(self) -> None:
         self.increments: dict[Key, Increment] = {}
         self.increment: Increment | None = None
         self.table: NodeTable | None = None
         self.others: set[str] = set()
         self.messages: list[str] = []
-        self._rule, self._n_again = rule, 0
-        self._nodes: dict[str, pd.Index[int]] = {}
+        self._n_again = 0
         self._handlers = [item for item in vars(type(self)).values() if hasattr(item, "pattern")]
 
     @property
@@ -235,13 +180,12 @@ class Printed:
         """Handle a line within a table that is not a plain row."""
         self.row(line, table)
 
-    def begin(self, line: Line, key: Key, *, anew: bool = False, ignored: str = "") -> Increment:
+    def begin(self, line: Line, key: Key, *, anew: bool = False, ignored: str = "") -> None:
         """Start or continue an increment; with `anew`, replace an increment of the same key."""
         if anew and self.increments.pop(key, None) is not None:
             self._n_again += 1
         self.table = None
-        self.increment = self.increments.setdefault(key, Increment(line, ignored=ignored))
-        return self.increment
+        self.increment = self.increments.setdefault(key, Increment(line, ignored))
 
     def open(self, line: Line, nodes: str, columns: list[str]) -> NodeTable:
         """Add a table to the increment, or continue an unfinished table with the same columns."""
@@ -251,60 +195,66 @@ class Printed:
             if (table.nodes, table.columns) == (nodes, columns) and not table.whole:
                 self.table = table
                 return table
-        self.table = NodeTable(line, nodes, columns, self._rule)
+        self.table = NodeTable(line, nodes, columns)
         self.increment.tables.append(self.table)
         return self.table
 
-    def column(self, increment: Increment, *names: str) -> "pd.Series[float]":
-        """Return the first of several columns that an increment has, by node.
+    def nodes_with(self, *columns: str) -> list[int]:
+        """Return the nodes that have these columns in any increment."""
+        tables = (table.rows.index for table in self.tables if table.has(columns))
+        return sorted(set(chain(*tables)))
+
+    def filled(self, table: NodeTable, wanted: Wanted) -> pd.DataFrame:
+        """Return the rows of all wanted nodes.
 
         Raises
         ------
         MissingError
-            If the increment has none of the columns.
-        InputError
-            If several tables have the column, or the nodes differ between increments.
+            If a node has no row.
         """
-        for name in names:
-            tables = [table for table in increment.tables if table.has(name)]
-            if len(tables) > 1:
-                raise tables[-1].line.error(
-                    f"{name} stands twice in an increment; expected one table"
-                )
-            for table in tables:
-                column = table.rows[name].sort_index()
-                if not column.index.equals(self._nodes.setdefault(name, column.index)):
-                    raise table.line.error(
-                        f"{name} of other nodes; expected the same nodes in all increments"
-                    )
-                return column
-        raise MissingError(f"{' or '.join(names)} missing")
+        rows = table.rows.reindex(pd.Index(wanted.nodes))
+        if n := int(rows.isna().any(axis=1).sum()):
+            names = ", ".join(wanted.columns)
+            raise MissingError(f"{names} missing for {n} of {len(wanted.nodes)} nodes")
+        return rows
 
     def states(
-        self, read: Callable[[Increment], tuple[float, T]], path: Path, required: str
-    ) -> tuple[FloatArray, list[T]]:
-        """Return the loads and states of all complete increments, in the order of their keys.
+        self, force: Wanted, values: Wanted, path: Path, required: str
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the loads and the node values of all complete increments, by rising key.
 
         Parameters
         ----------
-        read : callable
-            Function that returns the load and the state of an increment, and raises MissingError
-            with the reason for ignoring an increment.
+        force : Wanted
+            Column of the force: the printed total, or else the sum over the nodes.
+        values : Wanted
+            Columns of the nodes' values.
         path : pathlib.Path
             File, for messages.
         required : str
             Description of the required tables, for messages.
+
+        Returns
+        -------
+        load : ndarray of float, shape (n_increment,)
+        values : ndarray of float, shape (n_increment, n_node, n_column)
 
         Raises
         ------
         InputError
             If all increments are ignored.
         """
-        states = []
+        states: list[tuple[float, FloatArray]] = []
         ignored: dict[str, list[str]] = {}
         for _, increment in sorted(self.increments.items(), key=lambda item: item[0]):
             try:
-                states.append(read(increment))
+                forces, table = _table(increment, force), _table(increment, values)
+                (name,) = force.columns
+                if (total := forces.below.get("TOTAL")) is not None:
+                    load = total[forces.columns.index(name)]
+                else:
+                    load = math.fsum(self.filled(forces, force)[name])
+                states.append((load, self.filled(table, values)[[*values.columns]].to_numpy()))
             except MissingError as lack:
                 ignored.setdefault(str(lack), []).append(f"line {increment.line.number}")
         notes = [f"not used: {', '.join(sorted(self.others))}"] if self.others else []
@@ -318,4 +268,20 @@ class Printed:
             why = "".join(f"; {text}" for text in notes[:SHOWN])
             raise InputError(f"{path}: no increment with {required}{why}")
         self.messages = [f"{path}: {len(states)} increments", *notes]
-        return np.array([load for load, _ in states], dtype=float), [rest for _, rest in states]
+        loads, at = zip(*states, strict=True)
+        return np.array(loads, dtype=float), np.array(at, dtype=float)
+
+
+def _table(increment: Increment, wanted: Wanted) -> NodeTable:
+    """Return the only table of an increment with the columns of a node set."""
+    if increment.ignored:
+        raise MissingError(increment.ignored)
+    name, names = wanted.of.upper(), ", ".join(wanted.columns)
+    found = [
+        table for table in increment.tables if table.nodes == name and table.has(wanted.columns)
+    ]
+    if len(found) > 1:
+        raise found[1].line.error(f"{names} stands twice in an increment; expected one table")
+    if not found:
+        raise MissingError(f"{names}{wanted.of and f' of {wanted.of}'} missing")
+    return found[0]

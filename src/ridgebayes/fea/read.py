@@ -26,8 +26,6 @@ from ridgebayes.fea.layouts import (
 )
 from ridgebayes.fea.mapping import (
     ABOVE_0,
-    BODY_KEYS,
-    CORNERS,
     LOADS,
     LOWERS,
     NEVER_EMPTY,
@@ -190,10 +188,9 @@ def read_columns(path: Path, facts: Given) -> Imported:
         ``header;unit`` overrides it, and ``header;1`` means no unit. A header with ``*``, such as
         ``p=Load Q=* [kPa]``, maps one column per Q, with empty cells where Q was not reached.
         Headers such as ``Q=4`` are recognised without a mapping. Increments of load-stepped runs
-        have columns ``gap Q=4``, ``gap_over_R Q=4``, ``pressure Q=4`` or ``status Q=4``, or
-        repeated counts. Constants are `R`, `E` and `thickness` (``"8 mm"``, or a plain number if
-        no column has a unit), `nu`, the texture, and the ``[values]`` of a mapping file, which may
-        hold any contract column except the load.
+        have columns ``status Q=4``, or repeated counts. Constants are `R`, `E` and `thickness`
+        (``"8 mm"``, or a plain number if no column has a unit), `nu`, the texture, and the
+        ``[values]`` of a mapping file, which may hold any contract column except the load.
 
     Returns
     -------
@@ -241,7 +238,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
     if needed := lacking(uses, values):
         ask_columns(needed, cells, uses, problems)
     _check_cells(cells, uses, problems)
-    corners = [use for use in uses if use.Q is not None and use.key in CORNERS]
+    corners = [use for use in uses if use.Q is not None and use.key == "status"]
     if not corners and any(use.label is not None for use in uses):
         cells, uses = melted(cells, uses, problems)
     if any(use.key == "series" for use in uses):
@@ -271,9 +268,8 @@ def read_columns(path: Path, facts: Given) -> Imported:
         source_column = (origin + "; " + sources).where(sources != "", origin)
     frame["source"] = source_column
     lines = None if rows is None or source.lines is None else source.lines[rows]
-    bodies = [use for use in uses if use.key in BODY_KEYS and len(cells[use.header].unique()) > 1]
     del cells, converter  # for a million rows this frees 0.2 GB for the validation
-    table = _validated(RawTable(frame, source.where, lines), rows, problems, source, bodies)
+    table = _validated(RawTable(frame, source.where, lines), rows, problems, source)
     Q, labels = table.column("Q"), table.labels
     n_bracket = int(np.isfinite(table.column("p_over_E_lower")).sum())
     problems.messages += [
@@ -287,7 +283,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
 
 def _check_cells(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> None:
     """Report the cells that break a rule of their column, and set them to NaN."""
-    for use in (use for use in uses if use.key in (*ABOVE_0, *LOWERS, "pressure")):
+    for use in (use for use in uses if use.key in (*ABOVE_0, *LOWERS)):
         numbers = cells[use.header].to_numpy(dtype=float)
         if use.key in LOADS[1:] and len(numbers) > 1 and np.nanmax(numbers, initial=-np.inf) <= 0:
             cells[use.header] = -numbers
@@ -296,7 +292,6 @@ def _check_cells(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) 
             )
             continue
         sign = "above 0" if use.key in ABOVE_0 else "0 or above"
-        sign = "0 where open, above 0 where closed" if use.key == "pressure" else sign
         # A load of 0 is valid in increments; for other rows the table rules check the load.
         is_low = numbers <= 0 if use.key in ABOVE_0 and use.key not in LOADS else numbers < 0
         is_lost = np.isnan(numbers) & (use.key in NEVER_EMPTY and use.Q is None)
@@ -311,20 +306,11 @@ def _validated(
     rows: "pd.Index[int] | None",
     problems: FileError,
     source: TableFile,
-    bodies: Sequence[Use],
 ) -> ContactTable:
     """Return the table; raise all reported problems and all broken table rules."""
     frame, findings = checked(raw)
     noted = set() if rows is None else problems.rows()
     for column, rule, bad, other in findings.complaints():
-        if bodies and "curve" in rule:
-            name = bodies[0].header
-            problems.need(
-                f"rows of several bodies ({name!r}) are alike over R and E: expected a column that "
-                f"tells them apart, as --map 'series={name}'",
-                {"series": name, **{use.key: use.typed for use in bodies}},
-            )
-            continue
         if "empty" in rule and rows is not None:
             keep = np.array([int(rows[row]) not in noted for row in bad], dtype=bool)
             bad, other = bad[keep], None if other is None else other[keep]
@@ -361,7 +347,8 @@ def recognise(path: Path) -> str:
     suffix, name = path.suffix.lower(), path.name.lower()
     head = read_bytes(path)[:_HEAD_BYTES]
     for kind in NOT_READ.values():
-        if suffix in kind.get("suffixes", ()) or name in kind.get("names", ()):
+        is_marked = re.search(kind.get("mark", "(?!)").encode(), head)
+        if is_marked or suffix in kind.get("suffixes", ()) or name in kind.get("names", ()):
             raise InputError(f"{path}: {kind['is']} is not read; {kind['instead']}")
     for kind in RECOGNISED:  # the first whose suffixes and mark fit
         if suffix in kind.get("suffixes", [suffix]) and re.search(kind["mark"].encode(), head):

@@ -128,7 +128,7 @@ class Given:
 
 
 def parse_map(texts: Iterable[str]) -> dict[str, str]:
-    """Parse texts ``key=header``, ``key=header;unit`` or ``gap Q=4=header`` of a mapping.
+    """Parse texts ``key=header``, ``key=header;unit`` or ``status Q=4=header`` of a mapping.
 
     Raises
     ------
@@ -137,8 +137,8 @@ def parse_map(texts: Iterable[str]) -> dict[str, str]:
 
     Examples
     --------
-    >>> parse_map(["a=Ridge width;mm", "gap Q=4=Gap 1 [mm]", "Q=4=First", "p=Load Q=* [kPa]"])
-    {'a': 'Ridge width;mm', 'gap Q=4': 'Gap 1 [mm]', 'Q=4': 'First', 'p': 'Load Q=* [kPa]'}
+    >>> parse_map(["a=Ridge width;mm", "status Q=4=Stat 1", "Q=4=First", "p=Load Q=* [kPa]"])
+    {'a': 'Ridge width;mm', 'status Q=4': 'Stat 1', 'Q=4': 'First', 'p': 'Load Q=* [kPa]'}
     """
     mapping: dict[str, str] = {}
     for text in texts:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ridgebayes.errors import InputError
-from ridgebayes.fea.abaqus import read_abaqus_dat, read_abaqus_rpt
+from ridgebayes.fea.abaqus import read_abaqus_dat
 from ridgebayes.fea.calculix import read_calculix
 from ridgebayes.fea.deck import Deck, Run, read_deck
 from ridgebayes.fea.history import ContactHistory, table_of
@@ -21,7 +21,6 @@ _WITHOUT_PLACES = ("febio", "ansys")  # formats whose files may lack R
 _READERS: dict[str, Callable[[Run], ContactHistory]] = {
     "calculix": read_calculix,
     "abaqus-dat": read_abaqus_dat,
-    "abaqus-rpt": read_abaqus_rpt,
     "febio": read_febio,
     "ansys": read_ansys,
     "nodes": read_node_table,
@@ -53,7 +52,10 @@ def read_run(name: str, paths: Sequence[Path], facts: Given) -> Imported:
     deck = Deck() if file is None else read_deck(file)
     facts = _completed(name, deck, problems)
     run = _run(name, paths, facts, deck)
-    deck.check_material(run.E, run.nu)
+    for key, value, typed in (("E", deck.E, run.E), ("nu", deck.nu, run.nu)):
+        if value is not None and not math.isclose(value, typed, rel_tol=1e-3):
+            has = f"the material has {key} = {value:.6g}, and {typed:g} was given"
+            raise InputError(f"{file}: {has}; use --{key} as in the deck")
     history = _READERS[name](run)
     named = {"deck": file and file.name, "surface": facts.surface, "reaction": facts.reaction}
     details = [f"{key}={text}" for key, text in named.items() if text]

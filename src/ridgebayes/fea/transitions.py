@@ -162,17 +162,25 @@ def _extrapolated(
     return zero, max(doubt / zero, 1e-12)
 
 
-def last_digit(values: FloatArray) -> float:
-    """Return the value of a unit in the last decimal digit of numbers; 0 without finite numbers.
+def half_digit(values: FloatArray, *, near_0: bool = False) -> float:
+    """Return half a unit in the last printed digit of the largest numbers; 0 if all are 0.
+
+    With `near_0`, small numbers count too, whose digits are finer in formats with an exponent.
 
     Examples
     --------
-    >>> last_digit(np.array([0.25, 0.003, np.nan, 0.0])), last_digit(np.array([np.inf]))
-    (0.001, 0.0)
+    >>> printed = np.array([0.25, 0.913, 0.0004])
+    >>> half_digit(printed), half_digit(printed, near_0=True), half_digit(np.zeros(2))
+    (0.0005, 5e-05, 0.0)
     """
-    distinct = np.unique(values[np.isfinite(values) & (values != 0)])[:MOST_DISTINCT]
-    places = [int(Decimal(repr(number)).as_tuple().exponent) for number in distinct.tolist()]
-    return 10.0 ** min(places) if places else 0.0
+    size = np.abs(values)
+    most = float(size.max(initial=0.0))
+    if most == 0.0:
+        return 0.0
+    least = 0.0 if near_0 else 10.0 ** math.floor(math.log10(most))
+    some = np.unique(size[(size >= least) & (size > 0)])[:MOST_DISTINCT]
+    places = [int(Decimal(repr(number)).as_tuple().exponent) for number in some.tolist()]
+    return 10.0 ** min(places) / 2
 
 
 def transitions_of_runs(
@@ -180,9 +188,6 @@ def transitions_of_runs(
     load: FloatArray,
     gap: FloatArray,
     Q: IntArray,
-    *,
-    brackets: bool = False,
-    digits: float = 0.0,
 ) -> tuple[pd.DataFrame, list[str]]:
     """Find the transitions of several runs in one table of increments.
 
@@ -193,11 +198,9 @@ def transitions_of_runs(
     load : ndarray of float, shape (n_row,), dimensionless
         p/E of each increment.
     gap : ndarray of float, shape (n_row, n_corner)
-        As in `transitions_of`.
+        -inf in contact, inf without contact, NaN if nothing is known.
     Q : ndarray of int, shape (n_corner,)
         Q of each corner, rising.
-    brackets, digits
-        As in `transitions_of`.
 
     Returns
     -------
@@ -224,12 +227,8 @@ def transitions_of_runs(
         constants = curve.iloc[int(rows[0])]
         name = "" if n_run == 1 else f"{_label(constants)}: "
         try:
-            # Extrapolation of extreme numbers may overflow; its result is then not used.
-            with np.errstate(all="ignore"):
-                _check_order(load[rows], gap[rows], Q, digits)
-                frame, odd = transitions_of(
-                    load[rows], gap[rows], Q, brackets=brackets, gap_error=digits, digits=digits
-                )
+            _check_order(load[rows], gap[rows], Q)
+            frame, odd = transitions_of(load[rows], gap[rows], Q, brackets=True)
         except InputError as error:
             failed.append(f"{name}{error}")
             continue
@@ -255,9 +254,9 @@ def middle_loads(rows: pd.DataFrame) -> tuple[pd.DataFrame, int]:
     ), int(is_interval.sum())
 
 
-def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray, digits: float) -> None:
+def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray) -> None:
     """Refuse a run whose outer corners touch before inner corners: columns were exchanged."""
-    touched = gap <= digits
+    touched = gap < 0
     first = np.where(touched.any(axis=0), touched.argmax(axis=0), len(load))
     for i in np.flatnonzero(np.diff(first) < 0).tolist():
         early = f"Q = {Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before Q = {Q[i]}"

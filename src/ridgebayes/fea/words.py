@@ -179,9 +179,7 @@ NOT_READ, DISGUISES, OPTIONS = (_WORDS[name] for name in ("not_read", "disguises
 RECOGNISED = _WORDS["recognised"]
 OF_NODES, OF_CORNERS = _WORDS["nodes"], _WORDS["corners"]
 ANSYS_CLOSED = _WORDS["status"]["ansys_closed"]
-N_PLANE_FACES = _WORDS["calculix"]["n_plane_faces"]
-PLANE_CORNERS = _WORDS["calculix"]["plane_corners"]
-PRINTED_ROUNDING = _WORDS["calculix"]["rounding"]
+TIME_ROUNDING = _WORDS["calculix"]["time_rounding"]
 N_MEAN = _WORDS["columns"]["n_mean"]  # headers of the number of measurements of a mean
 COUNTS = {term: count["said"] for term, count in _WORDS["counts"].items()}
 STATUS_RULE = (
@@ -191,8 +189,8 @@ _LOWER, _FILLERS = (
     re.compile(rf"\b{_any_of(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
 )
 NOTHING = re.compile(rf"\s*{_any_of(_WORDS['columns']['nothing'])}\s*", re.I)
-COUNTER, ERRORS, _NO_CORNER = (
-    re.compile(_any_of(_WORDS["columns"][name])) for name in ("counter", "errors", "no_corner")
+COUNTER, _NO_CORNER = (
+    re.compile(_any_of(_WORDS["columns"][name])) for name in ("counter", "no_corner")
 )
 _LOADS = ("load", "p", "line")
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
@@ -287,7 +285,7 @@ def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
         term, rest = count_term(words), " ".join(_FILLERS.sub(" ", words).split())
         key = key_of(rest) if rest else "load"
         is_count = term or all(n % 2 == 0 for n in counts.values())
-        is_load = key.removesuffix("_lower") in ("load", "p", "line", "p_over_E")
+        is_load = key in (*_LOADS, "p_over_E")
         if len(counts) > 1 and is_count and is_load and not _NO_CORNER.search(words):
             corners |= {header: (key, n, term) for header, n in counts.items()}
     return corners
@@ -331,6 +329,7 @@ def touching(
     if closed_is:
         code = pd.to_numeric(plain, errors="coerce").to_numpy(float)
         closed = np.isin(code, list(closed_is)) | (closed & np.isnan(code))
-        is_open = ~closed & ((code % 1 == 0) | (is_open & np.isnan(code)))
+        is_whole = np.isfinite(code) & (np.trunc(code) == code)
+        is_open = ~closed & (is_whole | (is_open & np.isnan(code)))
     gap = np.where(is_open, np.inf, np.where(closed, -np.inf, np.nan))
     return gap, ~(is_open | closed | (plain == "").to_numpy(bool))

@@ -207,11 +207,8 @@ class Findings:
 
     def sound(self, *columns: str) -> BoolArray:
         """Return the rows without findings in the columns so far, shape (n_row,)."""
-        fine = np.ones(self.n_row, dtype=bool)
-        for column in columns:
-            if column in self.bad:
-                fine &= ~self.bad[column]
-        return fine
+        bad = [self.bad[column] for column in columns if column in self.bad]
+        return np.asarray(~np.any([np.zeros(self.n_row, dtype=bool), *bad], axis=0))
 
     def __bool__(self) -> bool:
         return bool(self._added)

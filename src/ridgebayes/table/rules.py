@@ -367,6 +367,9 @@ def as_text(cells: "pd.Series[Any]") -> "pd.Series[Any]":
     """
     if isinstance(cells.dtype, pd.StringDtype):
         return cells.fillna("").astype(str)
+    if cells.dtype.kind in "iuf" and not cells.is_unique:  # converts each number once
+        codes, distinct = pd.factorize(cells, use_na_sentinel=False)
+        return as_text(pd.Series(distinct)).take(codes).set_axis(cells.index)
     empty = cells.isna().to_numpy(dtype=bool)
     words = [
         "" if gone else shortest(cell) if isinstance(cell, float) else str(cell)
