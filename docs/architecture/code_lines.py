@@ -23,7 +23,7 @@ BUDGETS = {
     "table": 642,  # with the check for plain CSV that import uses too: pandas reads it faster
     "scene": 1_300,  # with loads as they are typed, which were in commands and texture_design
     "simulate": 496,
-    "fea": 3_661,  # runs print displacements and forces of nodes; tables hold loads
+    "fea": 3_684,  # runs print displacements and forces of nodes; tables hold loads
     "model": 1_554,
     "inference": 2_481,  # points with the tails of Student rows
     "predict": 1_068,  # loads over a/pitch of one count, which designs share; names of DataArrays

@@ -354,7 +354,12 @@ FIXED = (
             (rows(f"4,{cell}", "6,1.0E-03"), {}, {}, f"= {cell!r}: expected a finite number")
             for cell in ("12-120", "0.5-20", "1.5-2000", "1.5E-", "D-02")
         ),
-        (FIXED, {}, BODY, "line 2: columns run together, such as '    1    0.240"),
+        (
+            FIXED.replace("2    0.240    0.080", "2    0.2400.080"),
+            {},
+            {},
+            "line 2: columns run together, such as '    1    0.240",
+        ),
     ],
 )
 def test_import__what_breaks_a_rule_is_refused(refusal, text, mapping, facts, said):
@@ -381,6 +386,12 @@ def test_import__exponents_of_fortran_are_read_and_said(read, cell, number):
     np.testing.assert_allclose(table.table.column("p_over_E"), [number, 0.001], rtol=1e-15)
     said = f"1 number with an exponent of Fortran's, such as '{cell}' = {number:g}"
     assert said in table.messages
+
+
+def test_import__columns_that_touch_are_parted_before_signs(read):
+    table = read(FIXED, R="8 mm", E="60 kPa")
+    np.testing.assert_allclose(table.table.column("p_over_E"), [0.0013, 0.005], rtol=1e-12)
+    assert any("line 2: columns run together" in line for line in table.messages)
 
 
 # --- wide tables and increments -----------------------------------------------------------------

@@ -194,8 +194,15 @@ def test_read__quotes_hold_marks_and_lines(text, b, n):
     assert frame.get("n", pd.Series()).tolist() == n
 
 
-@pytest.mark.parametrize("row", ["1", "texture7,,", "Exported by Foo,12", "By Foo", "#end,,"])
-def test_delimited__a_row_that_is_cut_off_or_no_row_is_named(row):
+@pytest.mark.parametrize("notes", ["By Foo 12\n\nRows: 2\n", "#end,,\n,,\n", "\nBy me, 3.12.25\n"])
+def test_delimited__notes_below_the_rows_are_passed_over_and_said(notes):
+    cells = read("a,b,Q\n1,2,4\n1,2,6\n" + notes, ("a", "b"))
+    assert len(cells.frame) == 2
+    assert "passed over below the rows" in " ".join(cells.messages)
+
+
+@pytest.mark.parametrize("row", ["1", "texture7,,", "Exported by Foo,12", "My rig,.5"])
+def test_delimited__a_row_that_is_cut_off_is_no_note(row):
     assert "line 3" in refusal(f"a,b,Q\n1,2,4\n{row}\n")
 
 

@@ -23,6 +23,8 @@ WITH_UNIT = re.compile(r"\s*[+-]?[\d.,]+(?:[eE][+-]?\d+)?\s*([^\W\d]\S*|%)\s*")
 _WORDS = re.compile(r"\S+(?: \S+)*")  # words with single blanks between them
 _NUMBER_START = re.compile(r"(?<=[\d.])(?=[-+]\d*\.\d)")  # start of a number within a word
 _UNDERLINE = re.compile(r"\s*[-=_]{9,}\s*")  # line below a header
+# A note has several words; a single word may be the label of a truncated row.
+_NOTE = re.compile(r"#.*|[^\W\d].*\s.*")
 # Whitespace without control characters, which occur in damaged files only.
 _BLANKS = string.whitespace + "\x85\xa0\u1680\u2000\u2001\u2002\u2003\u2004\u2005\u2006\u2007\u2008"
 _BLANKS += "\u2009\u200a\u2028\u2029\u202f\u205f\u3000"
@@ -65,10 +67,19 @@ def tabs_for_blanks(text: str, problems: FileError, most: int) -> str:
     width, n = widths.most_common(1)[0] if widths else (0, 0)
     touching = next((i for i, row in enumerate(rows) if _NUMBER_START.search(row)), None)
     if touching is not None and len(widths) > 1:
-        raise problems.error(
-            f"line {touching + 1}: columns run together, such as {clipped(lines[touching])}: "
-            "expected blanks between columns"
-        )
+        # Numbers in columns of fixed width can touch. They are split if all rows then have the
+        # same number of cells.
+        split = [_NUMBER_START.sub(" ", row) for row in rows]
+        counts = sorted({len(row.split()) for row in split if row.strip()})
+        symptom = f"line {touching + 1}: columns run together, such as {clipped(lines[touching])}"
+        if len(counts) != 1:
+            raise problems.error(
+                f"{symptom}; split before signs, lines have {' or '.join(map(str, counts))} cells: "
+                "expected blanks between columns"
+            )
+        told = f"{problems.where}, {symptom}: split before signs, {counts[0]} columns"
+        problems.messages.append(told)
+        rows, width, n = split, counts[0], len(rows)
     if not (width >= 2 and n >= 2 and 2 * n > widths.total()):
         return ""
     for i, row in enumerate(rows):
@@ -105,7 +116,7 @@ def _unwrap_header(rows: list[str]) -> None:
 def body_cells(
     rows: list[Row], headers: Sequence[str], separator: str, problems: FileError
 ) -> tuple[dict[str, tuple[str, bool]], IntArray, pd.DataFrame]:
-    """Return the cells below a header, without comments.
+    """Return the cells below a header, without comments and without notes below the rows.
 
     Parameters
     ----------
@@ -139,6 +150,7 @@ def body_cells(
         problems.messages.append(f"{where}: passed over: {shown}")
         lines = {line for line, _ in comments}
         rows = [row for row in rows if row[0] not in lines]
+    rows = _without_notes(rows, width, problems)
     names, units = list(headers), dict[str, tuple[str, bool]]()
     for i, match in enumerate(map(WITH_UNIT.fullmatch, first[:width])):
         if match and (match[1] == "%" or is_unit(match[1])):
@@ -165,6 +177,22 @@ def body_cells(
 def _is_comment(cells: Sequence[str], width: int) -> bool:
     """Return whether a record is a comment: it begins with a # that is not part of a label."""
     return cells[0].lstrip().startswith("# " if len(cells) == width else "#")
+
+
+def _without_notes(rows: list[Row], width: int, problems: FileError) -> list[Row]:
+    """Return the rows without the notes below them: lines of text, without numbers."""
+    n_row, notes = len(rows), list[str]()
+    while n_row > 1:
+        cells = rows[n_row - 1][1]
+        words = [cell.strip() for cell in cells if cell.strip()]
+        numbers = [word for word in words if any(s[2].fullmatch(word) for s in _STYLES[:2])]
+        is_row = len(words) > 1 and (len(cells) >= width or numbers)
+        if is_row or (words and not _NOTE.fullmatch(words[0])):
+            break
+        notes, n_row = [", ".join(words)] * bool(words) + notes, n_row - 1
+    start = f"{problems.where}: passed over below the rows:"
+    problems.messages += [f"{start} {note!r}" for note in notes]
+    return rows[:n_row]
 
 
 def numbers_in(

@@ -331,8 +331,9 @@ class TextTable(TableFile):
         if not body or self._facts.empty or any(mark in small for mark in _NOT_PLAIN):
             return ""
         lines = even_lines(body, separator, len(self.headers))
-        begin = body.lstrip("\n").partition("\n")[0]
-        if lines is None or any(map(WITH_UNIT.fullmatch, begin.split(separator))):
+        begin, last = body.lstrip("\n").partition("\n")[0], body.rpartition("\n")[2]
+        is_note = sum(bool(cell.strip()) for cell in last.split(separator)) < 2  # or a short row
+        if lines is None or is_note or any(map(WITH_UNIT.fullmatch, begin.split(separator))):
             return ""
         self.lines = lines + first + self._facts.skip_rows
         return body
