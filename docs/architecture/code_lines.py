@@ -33,7 +33,7 @@ BUDGETS = {
     "friction": 863,  # draws the blocks of a scene itself, with one BLAS thread
     "texture_design": 1_111,
     "report": 1_466,
-    "commands": 2_188,
+    "commands": 2_194,  # with a warning on values of a scene that predictions do not use
 }
 _NO_CODE = {
     tokenize.COMMENT,
