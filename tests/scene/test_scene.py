@@ -180,6 +180,11 @@ def test_two_textures_alike_are_refused(refused):
     assert "textures 1 and 2 have the same widths" in refused(one + one)
 
 
+def test_a_byte_order_mark_is_passed_over(tmp_path):
+    (tmp_path / "notepad.toml").write_text(WHOLE, encoding="utf-8-sig")
+    assert len(Scene.from_toml(tmp_path / "notepad.toml").textures) == 1
+
+
 def test_files_that_cannot_be_read_are_named(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.toml: cannot be read"):
         Scene.from_toml(tmp_path / "nowhere.toml")
