@@ -20,7 +20,7 @@ BUDGETS = {
     "distributions": 485,  # with those of SciPy, and a refusal of arrays
     "drawing": 946,
     "contact": 3_310,  # few orders solved together, events started from the last two: floors
-    "table": 642,  # with the check for plain CSV that import uses too: pandas reads it faster
+    "table": 648,  # with the check for plain CSV that import uses too; a constructor that validates
     "scene": 1_300,  # with loads as they are typed, which were in commands and texture_design
     "simulate": 496,
     "fea": 4_027,  # with units in tables of nodes, ratios over D, hidden rows
