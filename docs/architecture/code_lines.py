@@ -21,7 +21,7 @@ BUDGETS = {
     "drawing": 946,
     "contact": 3_310,  # few orders solved together, events started from the last two: floors
     "table": 648,  # with the check for plain CSV that import uses too; a constructor that validates
-    "scene": 1_300,  # with loads as they are typed, which were in commands and texture_design
+    "scene": 1_302,  # with loads as they are typed, which were in commands and texture_design
     "simulate": 496,
     "fea": 4_027,  # with units in tables of nodes, ratios over D, hidden rows
     "model": 1_554,
