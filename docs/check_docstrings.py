@@ -19,7 +19,7 @@ from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.scene.effects import Plan
 
 # numpydoc's rules about content; ruff checks the layout.
-PRIVATE_FIELDS = {"_frame"}
+PRIVATE_FIELDS = {"_frame", "_is_valid"}
 RETURNED = (Verdict, Plan)  # records that users get and never make
 INTERNAL: set[str] = set()
 CHECKED = {

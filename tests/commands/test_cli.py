@@ -568,6 +568,12 @@ def test_predict__takes_units_of_a_body_or_of_a_scene(command, run):
         assert command("predict", run, *given, "-o", f"{name}.csv").code == 0
         found[name] = Path(f"{name}.csv").read_bytes()
     assert set(found.values()) == {found["plain"]}
+    shape = 'corner_radius = "0.1 mm"\ngroove_depth = "0.2 mm"\n[load]\nfriction = 0.3'
+    Path("round.toml").write_text(Path("my.toml").read_text().replace("[load]", shape))
+    for words in (("predict", run), ("design", run, "--goal", "P(Q >= 4) >= 0.9", *SIZES)):
+        said = command(*words, "--scene", "round.toml", "-o", f"{words[0]}.csv")
+        assert "warning: corner_radius, friction, groove_depth of the scene: no effect" in said.err
+    assert Path("predict.csv").read_bytes() == found["scene"]
 
 
 UNSURE = ("--R", "8 mm", "--E", "60 kPa ± 20 %", "--thickness", "20 mm")

@@ -94,6 +94,11 @@ def test_quiet__hides_warnings(capsys):
     assert tuple(capsys.readouterr()) == ("", "")
 
 
+def test_closed_output__is_no_error(monkeypatch):
+    monkeypatch.setattr("sys.stdout", None)  # as Python sets it without an output
+    tell("predict", Answer((pd.DataFrame({"a/R": [0.02]}),)), 0, "", Output())
+
+
 def test_verbose__adds_details(capsys):
     answer = Answer(("short",), details=("long",))
     tell("plan", answer, 0, "", Output(verbose=True))

@@ -58,6 +58,8 @@ def worst(bodies, Q, n=6, seed=1):
         ({"offset": -0.2}, 4),
         pytest.param({"corner": 0.002}, 4, marks=pytest.mark.slow),
         pytest.param({"depth": 6e-4}, 6, marks=pytest.mark.slow),
+        # As low as round corners reach, and below it by rounding.
+        pytest.param({"depth": 6.25e-4, "corner": 1.25e-3}, 4, marks=pytest.mark.slow),
     ],
 )
 def test_response_table__of_one_body_is_its_contact(changed, Q):

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from ridgebayes import InputError
+from ridgebayes.errors import OutputError
 from ridgebayes.runtime.atomic import exclusive_lock, replacing
 
 
@@ -32,6 +33,11 @@ def test_replacing__puts_the_new_file_in_place_of_the_old(tmp_path):
         partial.write_text("after")
         assert path.read_text() == "before"
     assert [found.read_text() for found in tmp_path.iterdir()] == ["after"]
+
+
+def test_replacing__a_folder_is_refused():
+    with pytest.raises(OutputError, match=r"\A\.: cannot be written"), replacing(Path()) as partial:
+        partial.write_text("new")
 
 
 HOLDER = """

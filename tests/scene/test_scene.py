@@ -175,9 +175,20 @@ def test_a_scene_without_a_texture_is_refused(refused):
     assert "texture[1] = 3" in refused("texture = [3]\n")
 
 
+@pytest.mark.parametrize("textures", [(0.02, 0.03), [(0.02,)], ["wide"], None])
+def test_scene_of__what_is_no_pair_of_widths_is_refused(textures):
+    with pytest.raises(InputError, match=r"textures: .*; expected pairs of widths over R"):
+        Scene.of(textures)
+
+
 def test_two_textures_alike_are_refused(refused):
     one = "[[texture]]\nridge_width = 0.012\ngroove_width = 0.03\n"
     assert "textures 1 and 2 have the same widths" in refused(one + one)
+
+
+def test_a_byte_order_mark_is_passed_over(tmp_path):
+    (tmp_path / "notepad.toml").write_text(WHOLE, encoding="utf-8-sig")
+    assert len(Scene.from_toml(tmp_path / "notepad.toml").textures) == 1
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path):

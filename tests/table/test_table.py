@@ -308,8 +308,9 @@ def test_read_table__shows_twenty_and_counts_the_rest() -> None:
 )
 def test_from_frame__shows_cells_by_row(cells: dict, said: str) -> None:
     frame = sweep(1).set_index(pd.Index([7, 7, 7])).assign(**cells)
-    with pytest.raises(rb.InputError, match=re.escape(f"mine, {said}")):
-        rb.ContactTable.from_frame(frame, where="mine")
+    for make in (rb.ContactTable.from_frame, rb.ContactTable):
+        with pytest.raises(rb.InputError, match=re.escape(f"mine, {said}")):
+            make(frame, where="mine")
 
 
 # --- files that are no table -----------------------------------------------------------------

@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from ridgebayes.commands import options
+from ridgebayes.commands.predict import without_effect
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.terminal import Answer, files_in
@@ -48,7 +49,7 @@ def command(asked: options.DesignOptions) -> Answer:
             rng=asked.seed,
         )
         _write(result, folder, body)
-    return _answer(result, asked.out, body)
+    return _answer(result, asked.out, scene)
 
 
 def _over_radius(text: str, body: Body) -> float:
@@ -86,8 +87,8 @@ def _write(result: Design, folder: Path, body: Body) -> None:
     write_text(design_page(result, figure, body), folder / "design.html")
 
 
-def _answer(result: Design, out: Path, body: Body) -> Answer:
-    row, check = result.best, result.check
+def _answer(result: Design, out: Path, scene: Scene) -> Answer:
+    row, check, body = result.best, result.check, scene.body
     columns = {
         "": ["recommended" if result.feasible else "nearest"],
         "a/R": [row["a_over_R"]],
@@ -123,5 +124,5 @@ def _answer(result: Design, out: Path, body: Body) -> Answer:
             text = f"{first['measure']} (known exactly, it would remove {share} of the uncertainty)"
         parts.append(f"What to measure next: {text}")
     beyond = f"the texture lies beyond what was calibrated: {row['extrapolation_of']}"
-    warnings = [beyond] if row["extrapolation"] else []
+    warnings = without_effect(scene) + ([beyond] if row["extrapolation"] else [])
     return Answer(parts, result.to_dict(), files_in(out), warnings=warnings)

@@ -26,18 +26,15 @@ from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import count
 from ridgebayes.scene.scene import Scene, Texture
 from ridgebayes.scene.typed import has_unit, parse_loads, parse_texture
-from ridgebayes.scene.units import (
-    Body,
-    first_quantity,
-    is_uncertain,
-    load_to_si,
-)
+from ridgebayes.scene.units import Body, first_quantity, is_uncertain, load_to_si
 from ridgebayes.table.files import check_name, write_frame
 
 _MAX_Q_DRAWN = 200  # largest Q for which a figure of bands shows the exact load of each step
 # Relative distance of the loads on both sides of a step; larger than rounding.
 _REL_STEP = np.sqrt(np.finfo(float).eps)
 _PROB_ERROR = "0.005 (from the number of draws)"
+# Values of a scene that change its loads, and that no form has.
+_NO_EFFECT = {"groove_depth_over_R", "corner_radius_over_R", "ogden", "friction"}
 
 
 def command(asked: options.Predict) -> Answer:
@@ -83,7 +80,8 @@ def command(asked: options.Predict) -> Answer:
         figure = drawing.predictions.plot_bands(drawn, seen, form, unit=unit, width=width)
         kind = asked.plot.suffix.lower().removeprefix(".")
         write_bytes(drawing.style.as_bytes(figure, kind), asked.plot)
-    return _answer(bands, files, unit)
+    answer = _answer(bands, files, unit)
+    return replace(answer, warnings=[*without_effect(scene), *answer.warnings])
 
 
 def _scene(asked: options.Predict) -> Scene | None:
@@ -232,6 +230,17 @@ def with_transitions(
     sides = [np.hstack(loads) * (1 + side) for side in (-_REL_STEP, _REL_STEP)]
     ends = p.min(axis=1, keepdims=True), p.max(axis=1, keepdims=True)
     return np.sort(np.clip(np.hstack([p, *sides]), *ends), axis=1)
+
+
+def without_effect(scene: Scene | None) -> list[str]:
+    """Return a warning that names the values of a scene that predictions do not use, if any."""
+    parts = () if scene is None else (scene, *scene.textures)
+    given = {name for part in parts for name in part.model_dump(exclude_defaults=True)}
+    names = sorted(name.removesuffix("_over_R") for name in given & _NO_EFFECT)
+    rule = (
+        "no effect on predictions, which hold for ridges and bodies like those of the fitted rows"
+    )
+    return [f"{', '.join(names)} of the scene: {rule}"] if names else []
 
 
 def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] | None) -> Answer:

@@ -84,7 +84,7 @@ def tell(command: str | None, answer: Answer, code: int, error: str, output: Out
         named = any(str(file) in text for file in answer.files[:1] for text in sentences)
         if answer.files and not (named and len(answer.files) == 1):
             print(f"Written: {_names(answer.files)}")
-    sys.stdout.flush()
+    print(end="", flush=True)
     if not output.quiet:
         warn(*answer.warnings)
     if error:
@@ -132,7 +132,7 @@ def _table_text(frame: pd.DataFrame) -> str:
     from rich.table import Table
     from rich.text import Text
 
-    ruled = sys.stdout.isatty()
+    ruled = sys.stdout is not None and sys.stdout.isatty()
     table = Table(box=box.SIMPLE_HEAD if ruled else None, pad_edge=False)
     for name, kind in zip(frame.columns, frame.dtypes, strict=True):
         table.add_column(Text(str(name)), justify="right" if kind.kind in "iuf" else "left")

@@ -225,11 +225,12 @@ def _profile(at: FloatArray, *, over_ridge: bool) -> Profile:
     a = math.exp(ridge)
     scale = a if over_ridge else 1.0
     radius = min(scale * math.exp(corner), 0.5 * a)
+    floor = 0.5 * radius if math.isclose(math.exp(depth), 0.5 * radius) else math.exp(depth)
     b = scale * math.exp(groove) - 2 * radius
     if not b > 0:
         rule = "expected a certain corner_radius where grooves may close"
         raise InputError(f"scene: too many values vary at once; {rule}")
-    return Profile(a, b, math.exp(depth), radius, offset)
+    return Profile(a, b, floor, radius, offset)
 
 
 def _refuse_narrow(profiles: list[Profile]) -> None:

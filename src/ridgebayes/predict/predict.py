@@ -90,7 +90,9 @@ class Predictive(ABC):
         calibrated range, Q or load above the highest calibrated value, a/R or b/R below the lowest
         calibrated value / 1.5 or above the highest x 1.5, and, for the power law, a texture without
         a fitted K. A scene that is off centre is predicted as if it were centred, and is flagged.
-        Under Student errors counts above the count of full contact have probability 0.
+        Groove depth, corner radius, ``ogden`` and friction of a scene are not used: the prediction
+        holds for ridges and bodies like those of the fitted rows. Under Student errors counts above
+        the count of full contact have probability 0.
         *Accuracy.* The Monte Carlo error of a probability is below 0.005 (10,240 draws for
         independent rows; 2,560 if rows share offsets). Under Student errors each draw has a normal
         error with a randomly drawn scale. Averages over posteriors share these draws in proportion

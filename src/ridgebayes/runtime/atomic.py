@@ -45,7 +45,7 @@ def replacing(path: Path) -> Iterator[Path]:
     ...     print([path.name for path in Path(folder).iterdir()])
     ['a.txt']
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial = path.parent / f".{path.name}.{os.getpid()}.partial"
     try:
         yield partial
         partial.replace(path)

@@ -11,6 +11,7 @@ from pydantic import Field, InstanceOf, field_validator, model_validator
 
 from ridgebayes._types import NEO_HOOKEAN, Json
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.reading import refusing
 from ridgebayes.scene import fields
 from ridgebayes.scene.toml import DEFAULT_LOAD, DERIVED, read_scene_file, scene_text, scene_values
 from ridgebayes.scene.units import NO_UNITS, Body
@@ -194,7 +195,8 @@ class Scene(fields.Record):
             ...
         ridgebayes.errors.InputError: Texture: b_over_R = -0.01: input should be greater than 0
         """
-        records = tuple(Texture(a_over_R=float(a), b_over_R=float(b)) for a, b in textures)
+        with refusing("textures", TypeError, ValueError, rule="; expected pairs of widths over R"):
+            records = tuple(Texture(a_over_R=float(a), b_over_R=float(b)) for a, b in textures)
         return cls(textures=records, p_over_E=p_over_E, nu=nu, relative=relative)
 
     @classmethod

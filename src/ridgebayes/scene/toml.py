@@ -212,7 +212,7 @@ def read_scene_file(path: Path) -> Json:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     content = read_bytes(path, LARGEST_TEXT)
     try:
-        data = tomllib.loads(content.decode("utf-8"))
+        data = tomllib.loads(content.decode("utf-8-sig"))
     # Deeply nested brackets raise RecursionError.
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: {fields.syntax_error(content, error)}") from None

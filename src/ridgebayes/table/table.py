@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -96,8 +96,8 @@ class ValidatedTable(Tabular):
 class ContactTable(ValidatedTable):
     """Validated rows of the contact table.
 
-    Tables are created by `ContactTable.from_frame` and `read_table`. Additional columns follow the
-    contract's columns:
+    Rows are validated however a table is made: `ContactTable.from_frame`, `read_table`, or from a
+    DataFrame. Additional columns follow the contract's columns:
 
     ================== ============================================================================
     a_over_R, b_over_R ridge and groove width over the radius: finite, > 0
@@ -157,6 +157,16 @@ class ContactTable(ValidatedTable):
     """
 
     contract: ClassVar[Sequence[Column]] = COLUMNS
+    _is_valid: bool = False
+
+    def __post_init__(self) -> None:
+        if self._is_valid:
+            return
+        if not isinstance(self._frame, pd.DataFrame):
+            kind = type(self._frame).__name__
+            raise InputError(f"{self.where}: expected a pandas.DataFrame, got {kind}")
+        frame = validated(RawTable(self._frame.copy(), self.where), checked)
+        object.__setattr__(self, "_frame", frame)
 
     @classmethod
     def from_frame(cls, frame: pd.DataFrame, *, where: str = "table") -> "ContactTable":
@@ -181,10 +191,7 @@ class ContactTable(ValidatedTable):
             If `frame` is not a DataFrame, or a rule is violated. One message lists the invalid
             cells with row (from 1), column, value and rule; it shows twenty and counts the rest.
         """
-        if not isinstance(frame, pd.DataFrame):
-            kind = type(frame).__name__
-            raise InputError(f"{where}: expected a pandas.DataFrame, got {kind}")
-        return cls(validated(RawTable(frame.copy(), where), checked), where)
+        return cls(frame, where)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw Q against load as steps, one curve per texture, for rows with status ``ok``.
@@ -283,7 +290,7 @@ class ContactTable(ValidatedTable):
         return (self._frame["status"] == OK).to_numpy(dtype=bool)
 
     def _where(self, keep: np.ndarray) -> "ContactTable":
-        return ContactTable(self._frame[keep].reset_index(drop=True), self.where)
+        return replace(self, _frame=self._frame[keep].reset_index(drop=True), _is_valid=True)
 
     @property
     def textures(self) -> tuple[tuple[float, float], ...]:
@@ -331,4 +338,4 @@ def read_table(source: ContactTable | pd.DataFrame | str | os.PathLike[str]) -> 
     if isinstance(source, ContactTable):
         return source
     raw = raw_cells(source, "table", "ContactTable")
-    return ContactTable(validated(raw, checked), raw.where)
+    return ContactTable(validated(raw, checked), raw.where, _is_valid=True)

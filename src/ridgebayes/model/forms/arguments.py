@@ -46,9 +46,9 @@ def loads(p_over_E: ArrayLike) -> FloatArray:
 
 
 def numbers(name: str, values: ArrayLike) -> FloatArray:
-    """Return an argument as floats, or raise InputError with its name if it is not numeric."""
+    """Return an argument as floats, masked ones as NaN; InputError names one that is no number."""
     try:
-        return np.asarray(values, dtype=float)
+        return np.asarray(values.filled(np.nan) if np.ma.isMA(values) else values, dtype=float)
     except (TypeError, ValueError):
         raise InputError(f"{name}: expected numbers, got {values!r}") from None
 
