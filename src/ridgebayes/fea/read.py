@@ -323,7 +323,7 @@ def _validated(
         spots = list(zip(places, cells, strict=True))
         problems.wrong.append(broken_rule(raw.where, column, rule, spots, len(bad)))
     problems.raise_all(source)
-    return ContactTable(frame, raw.where)
+    return ContactTable(frame, raw.where, _is_valid=True)
 
 
 def recognise(path: Path) -> str:
