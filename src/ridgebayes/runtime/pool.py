@@ -141,6 +141,16 @@ def n_cpu() -> int:
 
 
 @contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Keep BLAS to one thread during a block or a function, as in workers.
+
+    Several threads slow small triangular systems down tenfold.
+    """
+    with threadpool_limits(1, user_api="blas"):
+        yield
+
+
+@contextmanager
 def workers(n: int) -> Iterator[WorkerPool]:
     """Start n worker processes with one BLAS thread each, and stop them at the end.
 
@@ -232,8 +242,7 @@ def map_ordered(
     """
     tasks = list(tasks)
     if executor is None:
-        # One BLAS thread, as in workers: several slow small triangular systems down tenfold.
-        with threadpool_limits(1, user_api="blas"):
+        with one_blas_thread():
             for n_done, task in enumerate(tasks, start=1):
                 result = function(task)
                 if done is not None:

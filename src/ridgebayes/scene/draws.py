@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -82,8 +83,9 @@ def draw_scene(
         place: None if median is None else drawn.get(place, float(median))
         for place, median in scene.body.sizes.items()
     }
-    known = {place.partition(".")[2]: x for place, x in sizes.items() if x is not None}
-    physical = known if scene.uncertain is not None else {}
+    physical: dict[str, Any] = {}
+    if scene.uncertain is not None:
+        physical = {place.partition(".")[2]: x for place, x in sizes.items() if x is not None}
     if isinstance(values["offset"], str):
         values["offset"] = random("scene", "offset").uniform(-0.5, 0.5, n)
     values, physical, loads = (
