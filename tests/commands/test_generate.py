@@ -109,7 +109,7 @@ def test_sweep__refusals_are_those_of_one_process(tmp_path):
 
 def test_sweep__workers_of_another_version_are_refused(monkeypatch):
     task = generation._tasks(SCENE, "auto", 1e-6, (24, 10))[0]
-    monkeypatch.setattr(generation.solvers, "versions", lambda: {"ridgebayes": "0.0.9"})
+    monkeypatch.setattr(generation, "__version__", "0.0.9")
     with pytest.raises(
         rb.InputError, match=r"a worker has ridgebayes 0\.0\.9, this process \d.*same"
     ):

@@ -3,7 +3,9 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
+from ridgebayes.errors import InputError
 from ridgebayes.predict.extrapolation import LOAD, RIDGE
+from ridgebayes.predict.load_draws import survival
 
 # Two loads: P(Q >= 2), P(Q >= 4), ... typed by hand. All numbers are exact in binary.
 SURVIVAL = np.array([[1.0, 0.75, 0.25, 0.0], [1.0, 1.0, 0.5, 0.125]])
@@ -134,3 +136,17 @@ def test_to_dataframe__has_the_columns_of_bands_and_its_html_the_first_rows():
     assert html.count("<tr") == 1 + 20
     assert "the first 20 rows" in html
     assert Q._repr_html_().count("<tr") == 1 + 2
+
+
+def test_survival__refuses_a_load_beyond_the_largest_count_before_it_tries_all_counts():
+    tried = []
+
+    def columns(ids):
+        tried.extend(ids)
+        return np.log1p(ids)[None], np.full((1, len(ids)), 1e-6)
+
+    with pytest.raises(InputError, match="expected counts up to 20000"):
+        survival(columns, np.array([0.0, 99.0]))
+    assert len(tried) < 200
+    # Draws reach the count 4 + 2 i at the load 1 + i.
+    assert survival(columns, np.log([1500.5]))[0, [0, 1500, 1501]].tolist() == [1, 1, 0]

@@ -202,9 +202,8 @@ def test_start_server__imports_what_it_is_told_or_what_is_loaded(tmp_path, prelo
 class Later(Executor):
     """Computes nothing until so many tasks are out, and then the last one first."""
 
-    def __init__(self, n_worker, until):
-        self.n_worker, self.until = n_worker, until
-        self.waiting, self.done = [], []
+    def __init__(self, until):
+        self.until, self.waiting, self.done = until, [], []
 
     def submit(self, function, task):
         future = Future()
@@ -219,8 +218,6 @@ class Later(Executor):
 
 class Failing(Executor):
     """Fails the second task."""
-
-    n_worker = 2
 
     def __init__(self, error):
         self.error, self.futures = error, []
@@ -239,46 +236,18 @@ def test_map_ordered__is_the_order_of_tasks_on_any_executor(n):
     assert list(map_ordered(abs, tasks, None)) == expected
     with ThreadPoolExecutor(3) as executor:
         assert list(map_ordered(abs, tasks, executor)) == expected
-    backwards = Later(n_worker=100, until=n)
+    backwards = Later(until=n)
     assert list(map_ordered(abs, tasks, backwards)) == expected
     assert backwards.done == tasks[::-1]
 
 
-def test_map_ordered__keeps_an_executor_of_unknown_size_busy():
-    executor = Later(n_worker=None, until=100)  # computes nothing until 100 tasks are out
+def test_map_ordered__submits_all_tasks_at_once():
+    executor = Later(until=100)  # computes nothing until 100 tasks are out
     assert list(map_ordered(abs, range(-100, 0), executor)) == list(range(100, 0, -1))
 
 
-def test_map_ordered__takes_four_tasks_a_worker_and_no_more():
-    taken = []
-
-    def tasks():
-        for i in range(30):
-            taken.append(i)
-            yield i
-
-    executor = Later(n_worker=2, until=1_000)
-    found = []
-    thread = threading.Thread(
-        target=lambda: found.extend(map_ordered(float, tasks(), executor)), daemon=True
-    )
-    thread.start()
-    for n_done in range(30):
-        out = min(8, 30 - n_done)
-        end = time.monotonic() + 10
-        while len(executor.waiting) < out and time.monotonic() < end:
-            time.sleep(0.001)
-        time.sleep(0.002)  # in which more would come
-        assert len(executor.waiting) == out
-        assert len(taken) == n_done + out
-        future, function, task = executor.waiting.pop()
-        future.set_result(function(task))
-    thread.join(10)
-    assert found == [float(i) for i in range(30)]
-
-
 def test_map_ordered__says_what_is_done_as_soon_as_it_is():
-    executor, said = Later(n_worker=1, until=3), []
+    executor, said = Later(until=3), []
     found = map_ordered(
         abs, [-1, -2, -3], executor, done=lambda task, got: said.append((task, got))
     )
@@ -292,7 +261,7 @@ def test_map_ordered__says_what_is_done_as_soon_as_it_is():
 
 
 def test_map_ordered__drops_what_is_not_wanted_any_more():
-    executor = Later(n_worker=1, until=2)
+    executor = Later(until=2)
     found = map_ordered(abs, [-1, -2, -3], executor)
     next(found)
     future = executor.waiting[0][0]
@@ -327,7 +296,6 @@ def test_executor_for__one_process_is_this_one():
         with executor_for(n) as executor:
             assert executor is None
     with executor_for(2) as executor:
-        assert executor.n_worker == 2
         assert executor.submit(os.getpid).result() != os.getpid()
 
 

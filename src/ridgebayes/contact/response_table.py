@@ -107,7 +107,7 @@ class ResponseTable:
             choices = [(columns, _axes(seen, columns)) for columns in (_OVER_RIDGE, _OVER_RADIUS)]
             sizes = [math.prod(axis.n for axis in axes) for _, axes in choices]
             self._columns, self._axes = choices[sizes.index(min(sizes))]
-            if min(sizes) > _N_NODE**2:  # more than two values vary
+            if sum(axis.n > 1 for axis in self._axes) > 2:
                 rule = "certain widths and radius where corners are round or floors are touched"
                 raise InputError(f"scene: too many values vary at once; expected {rule}")
             if self._axes[1].n > 1:
@@ -208,12 +208,19 @@ def _units(profiles: FloatArray) -> FloatArray:
 def _axes(seen: Spread, columns: list[int]) -> list[Axis]:
     """Return axes for some columns of `shapes_of`; the second is the offset."""
     ranges = list(zip(seen.low[columns], seen.high[columns], strict=True))
-    axes = [Axis.over(*ends, _N_NODE) for ends in ranges]
+    axes = [Axis.over(*ends, _n_node(*ends)) for ends in ranges]
     # Free ends change with the offset, so cubic splines would oscillate.
     # At 0.5 counts are odd.
     near, far = (min(end, 0.5 * (1 - _CLOSEST_OFFSETS)) for end in ranges[1])
     axes[1] = Axis.over(near, far, _N_NODE, degree=1)
     return axes
+
+
+def _n_node(low: float, high: float) -> int:
+    """Return the number of nodes of an axis of logarithms: as dense as needed for a factor e."""
+    with np.errstate(invalid="ignore"):  # both ends may be infinite
+        dense = np.nan_to_num((high - low) * (_N_NODE - 1))
+    return int(np.clip(np.ceil(dense) + 1, _N_NODE // 4 + 1, _N_NODE))
 
 
 def _profile(at: FloatArray, *, over_ridge: bool) -> Profile:

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits
 
 from ridgebayes._types import FloatArray, IntArray, Rng, __version__
 from ridgebayes.comparison.comparison import Comparison
@@ -27,6 +26,7 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.predict.extrapolation import names_of
 from ridgebayes.predict.joint_draws import MOST_TEXTURES, PredictiveSampler, textures_of
 from ridgebayes.results import Fit
+from ridgebayes.runtime.pool import one_blas_thread
 from ridgebayes.runtime.randomness import seed_of, stream, streams
 from ridgebayes.scene.draws import SceneDraws, draw_scene
 from ridgebayes.scene.scene import Scene, as_scene
@@ -67,6 +67,7 @@ _VARIABLES = {
 _DIMS = {"d": "draw", "l": "load", "e": "edge"}
 
 
+@one_blas_thread()
 def friction_inputs(
     source: Fit | Comparison,
     scene: Scene | str | os.PathLike[str],
@@ -136,9 +137,7 @@ def friction_inputs(
     >>> drawn["Q"].median("draw").values.tolist()
     [4.0, 8.0]
     """
-    # One BLAS thread, as in workers: several slow many small systems down.
-    with threadpool_limits(1, user_api="blas"):
-        return joined(list(InputDraws(source, scene, loads, n=n, rng=rng, edges=edges).blocks()))
+    return joined(list(InputDraws(source, scene, loads, n=n, rng=rng, edges=edges).blocks()))
 
 
 def joined(blocks: list[xr.Dataset]) -> xr.Dataset:

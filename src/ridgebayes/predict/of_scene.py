@@ -184,15 +184,10 @@ class _SceneLoads:
 
     def _factor(self) -> FloatArray:
         """Return the load in the unit at which p = E, for each body."""
-        factor = np.full(len(self._textures), 1 / self._size)
         if self._unit == NO_UNIT:
-            return factor
-        needed = {"pressure": 1, "line load": 2, "force": 3}[load_to_si(f"1 {self._unit}")[1]]
-        for place, median in list(self._scene.body.sizes.items())[:needed]:
-            name = place.partition(".")[2]
-            if name in self._bodies.physical and median is not None:
-                factor = factor * (self._bodies.physical[name] / float(median))
-        return factor
+            return np.ones(len(self._textures))
+        one, kind = load_to_si(f"1 {self._unit}")
+        return self._bodies.loads_at_modulus[kind] / float(one)
 
     def _flags(self, p: FloatArray, calibrated: CalibratedRange) -> Flags:
         """Return flags of quantities beyond the calibrated range in more than 1 % of bodies."""

@@ -1,9 +1,7 @@
 """Executor on the workers of an existing Dask cluster; no other module uses Dask."""
 
 import logging
-import math
 import socket
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
@@ -13,7 +11,7 @@ from ridgebayes.errors import InputError, WorkerLostError
 from ridgebayes.runtime.reading import extra
 
 _T = TypeVar("_T")
-_TIMEOUT_S = 10.0  # for an answer of the scheduler, and until its workers are counted again
+_TIMEOUT_S = 10.0  # for an answer of the scheduler
 
 
 @contextmanager
@@ -74,15 +72,6 @@ class ClusterExecutor(Executor):
         self._client = client
         # Impure calls need no digest of each task, and take no result of an earlier call.
         self._inner = self._client.get_executor(pure=False)
-        self._n_worker, self._counted = 0, -math.inf
-
-    @property
-    def n_worker(self) -> int:
-        """Number of threads of all workers, counted every few seconds as a cluster may change."""
-        if time.monotonic() > self._counted + _TIMEOUT_S:
-            self._n_worker = sum(self._client.nthreads().values())
-            self._counted = time.monotonic()
-        return self._n_worker
 
     def submit(
         self, function: Callable[..., _T], /, *args: object, **kwargs: object

@@ -5,7 +5,6 @@ dies, only its task is lost, and a new worker repeats it. In an executor of seve
 death would break all submitted tasks, and the responsible task would be unknown.
 """
 
-import itertools
 import multiprocessing
 import os
 import pickle
@@ -13,7 +12,7 @@ import queue
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent import futures
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
@@ -39,8 +38,6 @@ _ENVIRONMENT = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX"), "1"
 )
 _MAX_TRIES = 3  # a task that has killed so many workers would kill another one
-# Tasks submitted for each worker: one runs, the others are queued so that it never idles.
-_MAX_TASKS_PER_WORKER = 4
 
 
 class WorkerPool(futures.ThreadPoolExecutor):
@@ -58,7 +55,6 @@ class WorkerPool(futures.ThreadPoolExecutor):
 
     def __init__(self, n_worker: int) -> None:
         super().__init__(n_worker)
-        self.n_worker = n_worker
         # By the identifier of the thread that waits for the worker.
         self._workers: dict[int, futures.ProcessPoolExecutor] = {}
         self._starting = threading.Lock()
@@ -145,6 +141,16 @@ def n_cpu() -> int:
 
 
 @contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Keep BLAS to one thread during a block or a function, as in workers.
+
+    Several threads slow small triangular systems down tenfold.
+    """
+    with threadpool_limits(1, user_api="blas"):
+        yield
+
+
+@contextmanager
 def workers(n: int) -> Iterator[WorkerPool]:
     """Start n worker processes with one BLAS thread each, and stop them at the end.
 
@@ -215,7 +221,7 @@ def map_ordered(
     function : callable
         Function of one task; picklable if there is an executor.
     tasks : iterable
-        Tasks, consumed as needed: at most four for each worker are submitted at a time.
+        Tasks, which are all submitted at once.
     executor : concurrent.futures.Executor or None
         Executor of the tasks; None computes them in turn in this process.
     name : callable, optional
@@ -234,46 +240,37 @@ def map_ordered(
         If workers die, so that a task cannot be computed; the message names it. Other exceptions
         of a task are raised as soon as they arrive.
     """
-    n = len(tasks) if isinstance(tasks, Sized) else None
+    tasks = list(tasks)
     if executor is None:
-        # One BLAS thread, as in workers: several slow small triangular systems down tenfold.
-        with threadpool_limits(1, user_api="blas"):
+        with one_blas_thread():
             for n_done, task in enumerate(tasks, start=1):
                 result = function(task)
                 if done is not None:
                     done(task, result)
-                tell_count(n_done, n)
+                tell_count(n_done, len(tasks))
                 yield result
         return
-    numbered = enumerate(tasks)
-    under_way: dict[futures.Future[_T], tuple[int, _Task]] = {}
+    under_way: dict[futures.Future[_T], int] = {}
     early: dict[int, _T] = {}
     ended: queue.SimpleQueue[futures.Future[_T]] = queue.SimpleQueue()
-    turn = n_done = 0
+    turn = 0
     try:
-        while True:
-            n_worker = getattr(executor, "n_worker", None)  # a cluster may grow or shrink
-            room = None  # an executor with an unknown number of workers has a queue of its own
-            if n_worker is not None:
-                room = max(_MAX_TASKS_PER_WORKER * max(n_worker, 1) - len(under_way), 0)
-            for number, task in itertools.islice(numbered, room):
-                future = executor.submit(function, task)
-                under_way[future] = number, task
-                future.add_done_callback(ended.put)
-            if not under_way:
-                return
+        for number, task in enumerate(tasks):
+            future = executor.submit(function, task)
+            under_way[future] = number
+            future.add_done_callback(ended.put)
+        for n_done in range(1, len(tasks) + 1):
             future = ended.get()
-            number, task = under_way.pop(future)
+            number = under_way.pop(future)
             try:
                 early[number] = result = future.result()
             except (WorkerLostError, futures.BrokenExecutor, futures.CancelledError) as error:
-                called = f"task {number + 1}" if name is None else name(task)
+                called = f"task {number + 1}" if name is None else name(tasks[number])
                 why = str(error) or "its worker ended before it was done"
                 raise ComputationError(f"{called}: {why}") from None
             if done is not None:
-                done(task, result)
-            n_done += 1
-            tell_count(n_done, n)
+                done(tasks[number], result)
+            tell_count(n_done, len(tasks))
             while turn in early:
                 yield early.pop(turn)
                 turn += 1

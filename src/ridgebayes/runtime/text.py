@@ -159,10 +159,12 @@ def exit_text(code: int | None) -> str:
     return f"exit code {code}"
 
 
-def versions() -> dict[str, str]:
-    """Return the versions of Python, this package, and packages that results depend on."""
+def versions(
+    packages: Iterable[str] = _COMPUTING_PACKAGES + _OUTPUT_PACKAGES,
+) -> dict[str, str]:
+    """Return the versions of Python and of packages, by default of all that results depend on."""
     by_package = {"python": platform.python_version()}
-    for name in (*_COMPUTING_PACKAGES, *_OUTPUT_PACKAGES):
+    for name in packages:
         try:
             by_package[name] = version(name)
         except PackageNotFoundError:

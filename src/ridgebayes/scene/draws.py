@@ -11,6 +11,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import Streams, streams
 from ridgebayes.scene import fields
 from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.units import loads_at_modulus
 from ridgebayes.table.columns import LARGEST_LOAD
 
 
@@ -28,12 +29,15 @@ class SceneDraws:
         Highest load.
     physical : dict of str to ndarray of float
         Radius and length (m) and Young's modulus (Pa), if the scene has units.
+    loads_at_modulus : dict of str to ndarray of float
+        Loads in SI units at which p = E, by their kind, see `units.loads_at_modulus`.
     """
 
     profile: dict[str, FloatArray]
     nu: FloatArray
     p_over_E: FloatArray
     physical: dict[str, FloatArray]
+    loads_at_modulus: dict[str, FloatArray]
 
 
 def draw_scene(
@@ -67,7 +71,7 @@ def draw_scene(
     texture = scene.textures[0]
     random = streams(random) if isinstance(random, int) else random
     values = texture.shape | {"nu": scene.nu, "p_over_E": scene.highest_load(texture)}
-    physical: dict[str, Any] = {}
+    drawn: Mapping[str, FloatArray] = {}
     if scene.uncertain is not None:
         drawn = scene.uncertain.draw(n, random) if draws is None else draws
         derived = scene.uncertain.derived(drawn)
@@ -75,20 +79,22 @@ def draw_scene(
             derived["p_over_E"] = texture.max_p_over_E
         # Certain values keep their exact ratios, which identify calibrated textures.
         values |= {name: value for name, value in derived.items() if np.ndim(value)}
-        physical = {
-            place.partition(".")[2]: drawn.get(place, float(median))
-            for place, median in scene.body.sizes.items()
-            if median is not None
-        }
+    sizes = {
+        place: None if median is None else drawn.get(place, float(median))
+        for place, median in scene.body.sizes.items()
+    }
+    physical: dict[str, Any] = {}
+    if scene.uncertain is not None:
+        physical = {place.partition(".")[2]: x for place, x in sizes.items() if x is not None}
     if isinstance(values["offset"], str):
         values["offset"] = random("scene", "offset").uniform(-0.5, 0.5, n)
-    values, physical = (
+    values, physical, loads = (
         {name: np.array(np.broadcast_to(value, n), float) for name, value in group.items()}
-        for group in (values, physical)
+        for group in (values, physical, loads_at_modulus(*sizes.values()))
     )
     _check(values)
     nu, p_over_E = values.pop("nu"), values.pop("p_over_E")
-    return SceneDraws(values, nu, p_over_E, physical)
+    return SceneDraws(values, nu, p_over_E, physical, loads)
 
 
 def _check(drawn: dict[str, FloatArray]) -> None:

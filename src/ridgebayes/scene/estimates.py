@@ -37,7 +37,7 @@ _SAFETY = 1.5  # bound of a change over its estimate
 _FINITE_STRAIN_FACTOR = 0.3
 # CPU seconds of a contact, and the number of its intervals that doubles them; measured for sharp
 # and round ridges, with and without floors, on up to 130 ridges. The loads of all transitions take
-# as long as two contacts; over floors as ten, and one more for each: within a factor of three.
+# as long as two contacts; over floors as sixteen, and eight more for each: a factor of three.
 _CONTACT_S, _TWICE_AS_LONG = 8e-3, 30
 _MAX_TRANSITIONS = 64  # transitions per texture
 _FE_TRANSITION_S = 5.0  # CPU seconds per transition, by finite elements
@@ -271,7 +271,8 @@ def _offset(base: _Base) -> Effect:
 def _floor(base: _Base) -> Effect:
     depth, penetration = base.profile.depth, base.penetration
     number = penetration / depth
-    cost = base.cost(10 + len(base.W), 2 * len(base.W))
+    n_event = len(base.W) if base.profile.mirrored else 2 * len(base.W)
+    cost = base.cost(16 + 8 * n_event, 2 * len(base.W))
     reason = "deepest penetration into a groove over its depth"
     if number < 1:
         reason += "; the floor is not touched"

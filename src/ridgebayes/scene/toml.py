@@ -90,12 +90,14 @@ def _read_uncertain(
     from ridgebayes.scene.uncertain import read_source  # loads scipy, only if a value is uncertain
 
     try:
-        read = read_source(dimension, raw, (info.context or {}).get("folder", Path()))
-        if read is not None and not may_be_zero:
-            read[0].refuse_below(0.0, "must be > 0")
+        source = read_source(dimension, raw, (info.context or {}).get("folder", Path()))
+        if source is not None and not may_be_zero:
+            source.refuse_below(0.0, "must be > 0")
     except InputError as error:
         raise ValueError(str(error)) from None
-    return None if read is None else _Measure(Fraction(repr(read[1])), raw, read[0], read[2])
+    if source is None:
+        return None
+    return _Measure(Fraction(repr(source.median)), raw, source, source.has_unit)
 
 
 def _or_uncertain(raw: object, plain: ValidatorFunctionWrapHandler, info: ValidationInfo) -> object:
@@ -245,8 +247,7 @@ def _keywords(scene: _SceneFile, where: str) -> Json:
     values = shared | {"textures": textures, "friction": scene.load.friction}
     values |= {"ogden": scene.body.ogden, "relative": scene.accuracy.relative}
     values["body"] = _body(scene, measures)
-    drawn = {place: measure for place, measure in measures.items() if measure.source is not None}
-    sources = {place: (measure.source, measure.raw) for place, measure in drawn.items()}
+    sources = {place: x.source for place, x in measures.items() if x.source is not None}
     if not sources and not scene.joint:
         return values
     # Imported here because it loads scipy, which certain scenes do not need.
@@ -255,7 +256,7 @@ def _keywords(scene: _SceneFile, where: str) -> Json:
     medians = at | {place: float(measure.value) for place, measure in measures.items()}
     joint = [dict(section) for section in scene.joint]
     try:
-        return values | {"uncertain": Uncertain.of(medians, sources, joint)}
+        return values | {"uncertain": Uncertain.of(sources, medians, joint)}
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
 

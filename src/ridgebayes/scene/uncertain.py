@@ -1,8 +1,9 @@
 """Uncertain values of a scene, and their joint draws."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -29,38 +30,15 @@ class Source:
     origin : object
         A `Distribution`, a frozen distribution of scipy.stats, an array of draws, or a callable of
         a numpy generator that returns one draw.
+    text : str
+        Value as written.
+    has_unit : bool or None
+        Whether it has units; None if that is not known, as for Python objects.
     """
 
     origin: Any
-
-    @classmethod
-    def of(cls, raw: object, number: Callable[[str], float], folder: Path) -> "Source | None":
-        """Return the source of a value of a scene; None if the value is plain.
-
-        Raises
-        ------
-        InputError
-            If a text with brackets is not a distribution, or an array is not a row of finite
-            numbers.
-        """
-        if isinstance(raw, str):
-            text = with_error(raw)
-            if "(" not in text:
-                return None
-            return cls(parse_distribution(text, number=number, folder=folder))
-        if isinstance(raw, Distribution) or callable(raw) or hasattr(raw, "ppf"):
-            return cls(raw)
-        if isinstance(raw, np.ndarray):
-            if (
-                raw.ndim != 1
-                or not raw.size
-                or raw.dtype.kind not in "iuf"
-                or not np.isfinite(raw).all()
-            ):
-                shown = f"{raw.dtype.name} of shape {raw.shape}"
-                raise InputError(f"expected a row of finite draws, got {shown}")
-            return cls(np.sort(raw.astype(np.float64)))
-        return None
+    text: str
+    has_unit: bool | None
 
     @property
     def has_quantiles(self) -> bool:
@@ -85,7 +63,7 @@ class Source:
         except (TypeError, ValueError):
             raise InputError(f"expected a callable that returns a number, got {value!r}") from None
 
-    @property
+    @cached_property
     def median(self) -> float:
         """Median; for a callable, the median of 1,001 draws."""
         if isinstance(self.origin, np.ndarray):
@@ -109,15 +87,14 @@ class Source:
             )
 
 
-def read_source(
-    dimension: Dimension | None, raw: object, folder: Path
-) -> tuple[Source, float, bool | None] | None:
-    """Return a source, its median, and whether it has units; None for a plain value.
+def read_source(dimension: Dimension | None, raw: object, folder: Path) -> Source | None:
+    """Return the source of an uncertain value; None for another value, which is not text.
 
     Raises
     ------
     InputError
-        If a text is not a distribution, a unit does not fit, or the median is not finite.
+        If a text is not a distribution, a unit does not fit, an array is not a row of finite
+        numbers, or the median is not finite.
     """
     with_unit: set[bool] = set()
 
@@ -133,14 +110,23 @@ def read_source(
         with_unit.update({False} if value else ())
         return value
 
-    source = Source.of(raw, number, folder)
-    if source is None:
+    origin: Any = raw
+    if isinstance(raw, str):
+        origin = parse_distribution(with_error(raw), number=number, folder=folder)
+    elif isinstance(raw, np.ndarray):
+        is_row = raw.ndim == 1 and raw.size and raw.dtype.kind in "iuf"
+        if not (is_row and np.isfinite(raw).all()):
+            shown = f"{raw.dtype.name} of shape {raw.shape}"
+            raise InputError(f"expected a row of finite draws, got {shown}")
+        origin = np.sort(raw.astype(np.float64))
+    elif not (isinstance(raw, Distribution) or callable(raw) or hasattr(raw, "ppf")):
         return None
     if len(with_unit) > 1:
         raise InputError("give units everywhere or nowhere")
-    if not math.isfinite(median := source.median):
+    source = Source(origin, str(raw), with_unit.pop() if with_unit and dimension else None)
+    if not math.isfinite(source.median):
         raise InputError("must have a finite median")
-    return source, median, with_unit.pop() if with_unit and dimension else None
+    return source
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +137,6 @@ class Uncertain:
     ----------
     sources : mapping of str to Source
         Sources by place in a scene file, such as ``body.radius``.
-    texts : mapping of str to str
-        Values as written, by place.
     medians : mapping of str to object
         All values of the file by place, medians among them.
     joint : sequence of Joint
@@ -162,42 +146,33 @@ class Uncertain:
     """
 
     sources: Mapping[str, Source]
-    texts: Mapping[str, str]
     medians: Mapping[str, Any]
     joint: Sequence["Joint"] = ()
     texture: str = "texture[1]"
 
     @classmethod
     def of(
-        cls,
-        medians: Json,
-        sources: Mapping[str, tuple[Source, object]],
-        joint: Sequence[Mapping[str, Any]],
+        cls, sources: Mapping[str, Source], medians: Json, joint: Sequence[Mapping[str, Any]]
     ) -> "Uncertain":
-        """Return the uncertain values of a scene file.
-
-        Parameters
-        ----------
-        medians : dict
-            All values by place, medians among them.
-        sources : mapping of str to (Source, object)
-            Sources and the values as written, by place.
-        joint : sequence of mapping
-            The [[joint]] sections of the file.
+        """Return the uncertain values of a scene file, with its [[joint]] sections.
 
         Raises
         ------
         InputError
             As `Joint.read`.
         """
-        of_place = {name: source for name, (source, _) in sources.items()}
-        texts = {name: str(raw) for name, (_, raw) in sources.items()}
-        joints = [Joint.read(section, medians, of_place) for section in joint]
+        joints = [Joint.read(section, medians, sources) for section in joint]
         seen = [name for entry in joints for name in entry.of]
         if len(set(seen)) < len(seen):
             raise InputError(f"joint: expected each value in one joint only, got {', '.join(seen)}")
-        texts |= {name: "joint draws" for j in joints if j.draws is not None for name in j.of}
-        return cls(of_place, texts, medians, joints)
+        return cls(sources, medians, joints)
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """Values as written, by place."""
+        texts = {name: source.text for name, source in self.sources.items()}
+        rows = (entry.of for entry in self.joint if entry.draws is not None)
+        return texts | {name: "joint draws" for names in rows for name in names}
 
     def of_texture(self, number: int) -> "Uncertain":
         """Return the uncertain values of the scene with one texture; `number` counts from 1."""

@@ -20,6 +20,11 @@ EXAMPLES: dict[Dimension, str] = {
     "force": "5 N",
 }
 _LOADS: tuple[Dimension, ...] = ("pressure", "line load", "force")
+_SIZES = (  # that these loads need: the first, two or all three
+    "Young's modulus (--E)",
+    "the radius (--R)",
+    "the body's length (--thickness, or load.length of a scene)",
+)
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
 # A number, then unit names with one-digit powers. pint's parser would also accept "2 * 3 mm" and
 # would compute "mm ** 999999".
@@ -232,7 +237,11 @@ class Body:
     def p_over_E(self, text: str) -> float:
         """Return p/E of a load; raise InputError if a required value of the body is missing."""
         value, dimension = load_to_si(text)
-        return float(value / self._unit(text, dimension))
+        needed = zip(_SIZES[: 1 + _LOADS.index(dimension)], self.sizes.values(), strict=False)
+        lacking = [name for name, size in needed if size is None]
+        if lacking:
+            raise InputError(f"{text!r}: needs {' and '.join(lacking)}, or a scene that has them")
+        return float(value / loads_at_modulus(*self.sizes.values())[dimension])
 
     @property
     def load_unit(self) -> tuple[str, Dimension] | None:
@@ -241,21 +250,6 @@ class Body:
         if quantity is None:
             return None
         return number_and_unit(quantity)[1], load_to_si(quantity)[1]
-
-    def _unit(self, text: str, dimension: Dimension) -> Fraction:
-        """Return the load of a dimension at which p = E, such as 2 R E for P' = 2 R p."""
-        parts = {"Young's modulus (--E)": self.modulus}
-        if dimension != "pressure":
-            parts["the radius (--R)"] = self.radius
-        if dimension == "force":
-            parts["the body's length (--thickness, or load.length of a scene)"] = self.length
-        lacking = [name for name, value in parts.items() if value is None]
-        if lacking:
-            raise InputError(f"{text!r}: needs {' and '.join(lacking)}, or a scene that has them")
-        unit = Fraction(1 if dimension == "pressure" else 2)
-        for value in parts.values():
-            unit *= value or 1
-        return unit
 
 
 NO_UNITS = Body()
@@ -294,14 +288,31 @@ def over_body(at: Mapping[str, Any], texture: str = "texture[1]") -> dict[str, A
     lengths = {name: at.get(f"{texture}.{key}") for name, key in LENGTHS.items()}
     values = {name: length / radius for name, length in lengths.items() if length is not None}
     values |= {"nu": at["body.poissons_ratio"], "offset": at[f"{texture}.offset"]}
-    units = {"p_over_E": 1, "max": modulus}
-    if modulus is not None:
-        line = 2 * radius * modulus  # P' = 2 R p
-        units |= {"line": line, "force": line * at.get("load.length", 1)}
-    for key, unit in units.items():
+    units = loads_at_modulus(modulus, radius, at.get("load.length", 1)).values()
+    # A scene without units may have a load p/E only.
+    for key, unit in [("p_over_E", 1), *zip(("max", "line", "force"), units, strict=False)]:
         if f"load.{key}" in at:
             values["p_over_E"] = at[f"load.{key}"] / unit
     return values
+
+
+def loads_at_modulus(modulus: Any, radius: Any, length: Any) -> dict[Dimension, Any]:
+    """Return the load of each kind at which p = E, of a body whose sizes are numbers or draws.
+
+    The line load is P' = 2 R p. Loads that need a size which is None are left out.
+
+    Examples
+    --------
+    >>> loads_at_modulus(60_000, 0.5, None)
+    {'pressure': 60000, 'line load': 60000.0}
+    """
+    loads: dict[Dimension, Any] = {}
+    load = 1
+    for dimension, factor, size in zip(_LOADS, (1, 2, 1), (modulus, radius, length), strict=True):
+        if size is None:
+            break
+        loads[dimension] = load = load * (factor * size)
+    return loads
 
 
 def _positive(option: str, text: str | None, dimension: Dimension) -> Fraction | None:

@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 
 import pandas as pd
 
-from ridgebayes._types import NEO_HOOKEAN, Json
+from ridgebayes._types import NEO_HOOKEAN, Json, __version__
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
@@ -180,9 +180,8 @@ def _results_of(
 
 def _solved(task: TextureTask, *, pressed: "CylinderVisitor | None" = None) -> list[Json] | str:
     """Return the curves of a texture, or the reason why it has none."""
-    here = solvers.versions()["ridgebayes"]
-    if task.version != here:
-        other = f"a worker has ridgebayes {here}, this process {task.version}"
+    if task.version != __version__:
+        other = f"a worker has ridgebayes {__version__}, this process {task.version}"
         raise InputError(f"{other}; expected the same on all")
     as_given = Plan(task.texture, (), full_profile(task.texture))
     effects = plan(task.scene)[0] if task.planned else as_given

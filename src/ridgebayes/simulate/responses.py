@@ -20,6 +20,7 @@ from ridgebayes.contact.contact_solution import (
 from ridgebayes.contact.edges import edge_forces as edges_of
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
+from ridgebayes.runtime.pool import one_blas_thread
 from ridgebayes.scene.effects import HIGHEST_LOAD, full_profile
 from ridgebayes.scene.estimates import plan
 from ridgebayes.scene.scene import Scene, as_scene
@@ -36,6 +37,7 @@ EDGE_COLUMNS = [*_FIRST, "land", "ridge", "side", "x_over_R", "K", "G", "lateral
 _N_OFFSETS = 32  # over which quantities are averaged for a uniform offset
 
 
+@one_blas_thread()
 def contact_at_loads(
     scene: Scene | str | os.PathLike[str],
     p_over_E: ArrayLike,
@@ -112,6 +114,7 @@ def _measures(solution: ContactSolution) -> list[float]:
     return [solution.Q, solution.contact_fraction, 0.5 * (right - left), solution.approach, deepest]
 
 
+@one_blas_thread()
 def ridge_forces(
     scene: Scene | str | os.PathLike[str],
     p_over_E: ArrayLike,
@@ -176,6 +179,7 @@ def ridge_forces(
     return pd.DataFrame(rows, columns=FORCE_COLUMNS)
 
 
+@one_blas_thread()
 def edge_forces(
     scene: Scene | str | os.PathLike[str], p_over_E: ArrayLike, *, rel_tol: float = 1e-8
 ) -> pd.DataFrame:

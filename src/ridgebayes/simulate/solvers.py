@@ -1,20 +1,20 @@
 """Transition loads of one texture: choice of the solver, transitions and their status."""
 
-import importlib.metadata
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ridgebayes._types import NEO_HOOKEAN, FloatArray, IntArray, Json, Ogden
+from ridgebayes._types import NEO_HOOKEAN, FloatArray, IntArray, Json, Ogden, __version__
 from ridgebayes.contact import halfplane, hertz, two_scale
 from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL, load_factor
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
+from ridgebayes.runtime import text
 from ridgebayes.scene.effects import FINITE_ELEMENT_ERROR, N_OFFSETS, Plan, full_profile
 from ridgebayes.scene.scene import Scene, Texture
 
@@ -60,11 +60,8 @@ _Solver: TypeAlias = "Callable[[TextureTask, int], tuple[FloatArray, tuple[str, 
 CylinderVisitor: TypeAlias = "Callable[[Texture, Cylinder, Sequence[Transition]], None]"
 
 
-@cache
-def versions() -> dict[str, str]:
-    """Return the versions of packages that compute loads, as they may change the last digits."""
-    names = ("ridgebayes", "numpy", "scipy", "scikit-fem")
-    return {name: importlib.metadata.version(name) for name in names}
+# Of packages that compute loads, as they may change the last digits.
+versions = cache(partial(text.versions, ("ridgebayes", "numpy", "scipy", "scikit-fem")))
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,7 @@ class TextureTask:
     solver: str
     rel_tol: float
     meshes: tuple[int, ...]
-    version: str = field(default_factory=lambda: versions()["ridgebayes"])
+    version: str = __version__
 
     @property
     def texture(self) -> Texture:

@@ -12,9 +12,8 @@ from ridgebayes.contact.scaling import Texture
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import stream
 from ridgebayes.runtime.text import clipped
-from ridgebayes.scene.draws import SceneDraws, draw_scene
+from ridgebayes.scene.draws import draw_scene
 from ridgebayes.scene.scene import Scene
-from ridgebayes.scene.units import Body
 
 _MAX_SCORE = 4.9  # standard deviations: widths stay above 0 for an sd of 20 %
 _MAX_TOLERANCE = 0.2  # over the width
@@ -155,7 +154,9 @@ class Bodies:
             score = stream(seed, "tolerance").standard_normal((2, n))
         factor = np.stack([drawn.profile[name] / value for name, value in nominal.items()])
         score = np.clip(score, -_MAX_SCORE, _MAX_SCORE)
-        return cls(tolerance, score, factor, drawn.nu, _units(drawn, scene.body))
+        units = {"p/E": np.ones_like(drawn.nu), "share": drawn.p_over_E}
+        units |= {kind: 1 / load for kind, load in drawn.loads_at_modulus.items()}
+        return cls(tolerance, score, factor, drawn.nu, units)
 
     @property
     def is_certain(self) -> bool:
@@ -193,15 +194,3 @@ class Bodies:
 def median_units(scene: Scene) -> dict[str, FloatArray]:
     """Return `Bodies.units` at the medians of a scene, each of shape (1,)."""
     return dict(Bodies.draw(scene.at_medians(), Tolerance(), 1, 0).units)
-
-
-def _units(drawn: SceneDraws, body: Body) -> dict[str, FloatArray]:
-    units = {"p/E": np.ones_like(drawn.nu), "share": drawn.p_over_E}
-    of_one = np.ones_like(drawn.nu)
-    lengths = {"pressure": 1, "line load": 2, "force": 1}  # P' = 2 R p
-    for (place, median), (unit, factor) in zip(body.sizes.items(), lengths.items(), strict=True):
-        if median is None:
-            break
-        of_one = of_one / (factor * drawn.physical.get(place.partition(".")[2], float(median)))
-        units[unit] = of_one
-    return units

@@ -150,7 +150,7 @@ class Sources:
 
     @property
     def _uncertain(self) -> Uncertain:
-        return self.scene.uncertain or Uncertain({}, {}, {})
+        return self.scene.uncertain or Uncertain({}, {})
 
     @property
     def _has_drawn_widths(self) -> bool:
