@@ -146,7 +146,7 @@ def plot_posterior_checks(
         axes.spines["left"].set_visible(False)
         axes.xaxis.set_major_locator(MaxNLocator(4))
         axes.margins(x=0.03)
-    shared_legend(figure, panels[0], at="upper", n_column=3)
+    shared_legend(figure, panels[0], at="upper")
     return figure
 
 

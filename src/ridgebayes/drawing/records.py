@@ -168,9 +168,7 @@ def draw_forms(forms: pd.DataFrame, ax: Axes | None) -> Axes:
 
 def draw_plan(table: pd.DataFrame, relative: float | None, ax: Axes | None) -> Axes:
     """Draw the size of each effect as a bar; see `drawing.scenes.plot_effects`."""
-    axes = axes_or_new(ax)
-    draw_effects(axes, table, relative)
-    return axes
+    return draw_effects(axes_or_new(ax), table, relative)
 
 
 def _by_texture(frame: pd.DataFrame) -> tuple[list[tuple[pd.DataFrame, dict[str, Any]]], str]:

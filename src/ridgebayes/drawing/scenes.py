@@ -72,8 +72,8 @@ def plot_effects(table: pd.DataFrame, relative: float | None) -> Figure:
     return figure
 
 
-def draw_effects(axes: Axes, table: pd.DataFrame, relative: float | None) -> None:
-    """Draw the bars of `plot_effects` on axes."""
+def draw_effects(axes: Axes, table: pd.DataFrame, relative: float | None) -> Axes:
+    """Draw the bars of `plot_effects` on axes, and return these."""
     sized = table[table["estimated_rel_change"].notna()]
     least = 1e-6
     for row, effect in enumerate(sized.to_dict("records")):
@@ -94,3 +94,4 @@ def draw_effects(axes: Axes, table: pd.DataFrame, relative: float | None) -> Non
         axes.axvline(relative, color="#000000", linewidth=1, linestyle=":")
     dotted = "" if relative is None else "; dotted: target"
     axes.set_xlabel(f"relative change of a transition load (filled: simulated{dotted})")
+    return axes

@@ -1,6 +1,7 @@
 # ruff: noqa: RUF001  (Greek letters are intended)
 """Parts shared by all figures: colours and names of forms, safe labels, and files."""
 
+import gc
 import io
 import re
 from collections.abc import Iterator
@@ -9,7 +10,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -18,6 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
+from matplotlib.style import context as style_context
 from PIL import Image
 
 from ridgebayes.runtime.atomic import write_bytes
@@ -60,13 +61,19 @@ _STYLE = Path(__file__).with_name("figures.mplstyle")
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Use matplotlib's defaults and this package's style instead of the user's settings."""
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(
-            matplotlib.rc_params_from_file(_STYLE, use_default_template=False)
-        )
-        yield
+    """Use matplotlib's defaults and this package's style instead of the user's settings.
+
+    Garbage is collected afterwards: during a drawing, which makes objects by the thousand,
+    collection takes a tenth of the time and finds hardly any.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        with style_context(_STYLE, after_reset=True):
+            yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -121,13 +128,11 @@ def panel_grid(
     return figure, panels[:n]
 
 
-def shared_legend(
-    figure: Figure, axes: Axes, *, at: Literal["lower", "upper"] = "lower", n_column: int = 0
-) -> None:
+def shared_legend(figure: Figure, axes: Axes, *, at: Literal["lower", "upper"] = "lower") -> None:
     """Add the legend of one panel below or above all panels."""
     handles, labels = axes.get_legend_handles_labels()
     loc: Any = f"outside {at} center"
-    figure.legend(handles, labels, loc=loc, ncols=n_column or min(len(labels), MOST_LEGEND))
+    figure.legend(handles, labels, loc=loc, ncols=min(len(labels), MOST_LEGEND))
 
 
 def draw_intervals(axes: Axes, x: Any, loads: pd.DataFrame, over: Any = None, **look: Any) -> None:
@@ -258,7 +263,6 @@ def save(figure: Figure, path: Path) -> None:
 
 def lay_out(figure: Figure) -> None:
     """Lay out a figure once, so that later drawings do not repeat it."""
-    engine = figure.get_layout_engine()
-    if engine is not None:
+    if (engine := figure.get_layout_engine()) is not None:
         engine.execute(figure)
         figure.set_layout_engine("none")
