@@ -56,6 +56,8 @@ def test_cautions__rows_that_the_evidence_says_are_independent(paper):
     loads = rb.Modified().load(*places) * np.exp(errors)
     drawn = _compared(frame.assign(p_over_E=loads), "auto")
     assert (drawn.noise.name, drawn.cautions) == ("iid", ())
+    repeated = frame.iloc[[0, 0, 1]].assign(p_over_E=[0.0011, 0.0011001, 0.0052], series=[*"aba"])
+    assert not any("sds from" in sentence for sentence in _compared(repeated, "iid").cautions)
     loads[8] *= 1.3
     (told,) = _compared(frame.assign(p_over_E=loads)).cautions  # only normal errors are weighed
     assert f"The load of Q = {places[0][8]} at a/R = {places[1][8]:g}" in told
