@@ -31,7 +31,7 @@ BUDGETS = {
     "comparison": 878,
     "checks": 768,
     "friction": 863,  # draws the blocks of a scene itself, with one BLAS thread
-    "texture_design": 1_102,
+    "texture_design": 1_107,  # with the refusal of loads above all models
     "report": 1_466,
     "commands": 2_194,  # with a warning on values of a scene that predictions do not use
 }

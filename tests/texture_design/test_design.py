@@ -265,6 +265,7 @@ def test_design__is_a_record_like_the_others(fit, uncertain):
         ({"tolerance": "0.01"}, "tolerance: expected at most 20% of the smallest width"),
         ({"loads": "0.02:0.01:3"}, "loads: '0.02:0.01:3': expected one load, LO:HI:N"),
         ({"loads": []}, "loads: expected at least one"),
+        ({"loads": [0.6]}, "p/E = 0.6; expected p/E of at most 0.5"),
         ({"objective": "best"}, "objective: expected one of margin, max-pitch"),
     ],
 )

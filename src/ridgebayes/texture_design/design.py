@@ -82,7 +82,8 @@ def design(
     ------
     InputError
         If a goal does not parse or contradicts another, bounds or step are not positive and in
-        order, the lattice has more than 40,000 textures, or the scene has several textures.
+        order, the lattice has more than 40,000 textures, the scene has several textures, or p/E is
+        above 0.5.
     ComputationError
         If a comparison has no form with an evidence.
 
@@ -116,15 +117,15 @@ def design(
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
     alternatives = _alternatives(loads, objective, scene.body)
     goals_by_load = [parse_goals(goal, some, scene.body) for some in alternatives]
+    loads_by_goals = [_loads_of(goals, scene) for goals in goals_by_load]
     averaged = source.averaged
     textures, about = lattice(sizes or {}, [fit for fit, _ in averaged])
     tol.check(min(min(texture) for texture in textures))
     draw = partial(Bodies.draw, scene, tol, seed=seed)
     loads_of = ratio_loads(averaged, draw(N_DRAW).ratios(textures))
     values = GoalValues(loads_of, draw, N_DRAW)
-    for goals in goals_by_load:
+    for goals, goal_loads in zip(goals_by_load, loads_by_goals, strict=True):
         designs = _map(values, goals, textures)
-        goal_loads = _loads_of(goals, scene)
         p_over_E = [load["p_over_E"] for load in goal_loads]
         mark_extrapolation(designs, averaged, goals, max(p_over_E), scene.nu)
         if designs["feasible"].any():
@@ -179,10 +180,15 @@ def _alternatives(
 
 
 def _loads_of(goals: Sequence[Goal], scene: Scene) -> list[Json]:
-    """Return the distinct loads of goals, with p/E at the scene's medians."""
+    """Return the distinct loads of goals, with p/E at the scene's medians; refuse p/E above 0.5."""
     units = median_units(scene)
     loads = dict.fromkeys(load for goal in goals for case in goal.cases for load in case.loads)
-    return [{"load": str(load), "p_over_E": float(load.p_over_E(units)[0])} for load in loads]
+    values = {str(load): float(load.p_over_E(units)[0]) for load in loads}
+    for load, p_over_E in values.items():
+        if p_over_E > two_scale.REACH:
+            rule = f"expected p/E of at most {two_scale.REACH:g}, above which no model here holds"
+            raise InputError(f"load {load}: p/E = {p_over_E:.4g}; {rule}")
+    return [{"load": load, "p_over_E": p_over_E} for load, p_over_E in values.items()]
 
 
 def _map(values: GoalValues, goals: Sequence[Goal], textures: Sequence[Texture]) -> pd.DataFrame:
