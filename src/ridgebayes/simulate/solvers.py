@@ -60,7 +60,7 @@ _Solver: TypeAlias = "Callable[[TextureTask, int], tuple[FloatArray, tuple[str, 
 CylinderVisitor: TypeAlias = "Callable[[Texture, Cylinder, Sequence[Transition]], None]"
 
 
-# Of packages that compute loads, as they may change the last digits.
+# Versions of packages that compute loads; a new version may change the last digits.
 versions = cache(partial(text.versions, ("ridgebayes", "numpy", "scipy", "scikit-fem")))
 
 
