@@ -17,7 +17,6 @@ from ridgebayes.errors import InputError
 
 NEGLIGIBLE_PROBABILITY = 1e-6  # larger counts are left out once P(Q >= n) is below it
 MAX_Q = 20_000  # larger counts raise an error
-_FEW_CALLS = 15  # calls after which `survival` looks whether loads reach the largest count
 # Number of standard deviations beyond which a normal distribution function rounds to 0 or 1.
 _MAX_Z = -ndtri(np.finfo(float).epsneg)
 # The interpolation error of 256 nodes is at most a tenth of the Monte Carlo error.
@@ -114,10 +113,6 @@ def survival(columns: Callable[[IntArray], Columns], y: FloatArray, where: str =
     n = 0
     while (first := len(steps) - 1) < MAX_Q // 2:
         n += 1  # more counts in each call, as a call takes longer than the arithmetic of a count
-        if n == _FEW_CALLS:
-            last = (x[:, 0] for x in columns(np.array([MAX_Q // 2 - 1])))
-            if _interpolated_cdf(y, *last).max() >= NEGLIGIBLE_PROBABILITY:
-                break
         for mean, sd in zip(*(x.T for x in columns(np.arange(first, first + n))), strict=True):
             # The probability of reaching a ridge cannot exceed that of the ridge before it.
             steps.append(np.minimum(_interpolated_cdf(y, mean, sd), steps[-1]))
