@@ -146,8 +146,8 @@ def _table(gap_ratio: float, n: int, rel_tol: float) -> HalfPlaneLoads:
     profile = Profile(2.0, gap_ratio)
     # Loads are quadratic in the coefficients' error, so their error is C rho^(-2 m). C is 1e-2 in
     # measurements, 1e-1 here, and an eighth more coefficients are a margin.
-    enough = max(3.0, math.log(0.1 / rel_tol) / (2.0 * float(log_ellipse(gap_ratio))))
-    m = math.ceil(enough) + max(2, math.ceil(math.ceil(enough) / 8.0))
+    m = math.ceil(max(3.0, math.log(0.1 / rel_tol) / (2.0 * float(log_ellipse(gap_ratio)))))
+    m += max(2, math.ceil(m / 8.0))
     n_known, n_solved = n // 2, min(n, MAX_UNKNOWNS // m)
     over = f"{m} coefficients a strip are over the cap of {MAX_UNKNOWNS} unknowns"
     F, status = np.full(n, np.nan), [f"not computed: {over}"] * n
