@@ -5,11 +5,10 @@ import re
 import pandas as pd
 
 from ridgebayes.fea.deck import Run
-from ridgebayes.fea.history import ContactHistory
+from ridgebayes.fea.history import ContactHistory, moved_surface
 from ridgebayes.fea.lines import NUMBER, Line
 from ridgebayes.fea.printed import MissingError, NodeTable, Printed, Wanted, on
 from ridgebayes.fea.record import SHOWN
-from ridgebayes.fea.transitions import half_digit
 from ridgebayes.runtime.text import some_of
 
 _ALL_ZERO = "ALL VALUES IN THIS TABLE ARE ZERO"
@@ -45,12 +44,9 @@ def read_abaqus_dat(run: Run) -> ContactHistory:
     names = {f"{' '.join(table.columns)} of {table.nodes}" for table in printed.tables}
     rule = f"expected *NODE PRINT of both; the tables are {some_of(sorted(names), SHOWN) or 'none'}"
     required = f"U1 and U2 of {surface}, RF2 of {reaction}; {rule}"
-    load, moved = printed.states(
-        Wanted(["RF2"], driven, reaction), Wanted(["U1", "U2"], nodes, surface), run.path, required
-    )
-    places, digits = run.places(nodes), half_digit(moved)
-    at = places["undeformed"] + moved
-    return ContactHistory(load, at, digits=digits, messages=printed.messages, **places)
+    force, values = Wanted(["RF2"], driven, reaction), Wanted(["U1", "U2"], nodes, surface)
+    load, moved = printed.states(force, values, run.path, required)
+    return moved_surface(run, nodes, load, moved, printed.messages)
 
 
 class _Dat(Printed):

@@ -6,10 +6,9 @@ from pathlib import Path
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Run
-from ridgebayes.fea.history import ContactHistory
+from ridgebayes.fea.history import ContactHistory, moved_surface
 from ridgebayes.fea.lines import Line, read_lines
 from ridgebayes.fea.printed import NodeTable, Printed, Wanted, on
-from ridgebayes.fea.transitions import half_digit
 from ridgebayes.fea.words import TIME_ROUNDING
 
 _FORCES, _MOVED = ["fx", "fy", "fz"], ["vx", "vy", "vz"]
@@ -51,12 +50,9 @@ def read_calculix(run: Run) -> ContactHistory:
     _ignore_unconverged(printed, run.path.with_suffix(".sta"))
     required = "displacements of {} and forces of {}; ".format(*run.sets)
     required += "expected *NODE PRINT of U and of RF, TOTALS=ONLY; or *NODE FILE, OUTPUT=2D of both"
-    load, moved = printed.states(
-        Wanted(["fy"], driven, reaction), Wanted(["vx", "vy"], nodes, surface), run.path, required
-    )
-    places, digits = run.places(nodes), half_digit(moved)
-    at = places["undeformed"] + moved
-    return ContactHistory(load, at, digits=digits, messages=printed.messages, **places)
+    force, values = Wanted(["fy"], driven, reaction), Wanted(["vx", "vy"], nodes, surface)
+    load, moved = printed.states(force, values, run.path, required)
+    return moved_surface(run, nodes, load, moved, printed.messages)
 
 
 class _Frd(Printed):

@@ -13,7 +13,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.fea.deck import Run
 from ridgebayes.fea.record import HUGE, Imported
 from ridgebayes.fea.rim import NEAR, Rim
-from ridgebayes.fea.transitions import transitions_of
+from ridgebayes.fea.transitions import half_digit, transitions_of
 from ridgebayes.table.table import ContactTable
 
 _REST_ERROR = 3e-6  # error over R of the height of a rim that rests on a ridge
@@ -66,6 +66,15 @@ class ContactHistory:
     load_is: str = "force"
     messages: Sequence[str] = ()
     files: tuple[str, ...] = ()
+
+
+def moved_surface(
+    run: Run, nodes: Sequence[int], load: FloatArray, moved: FloatArray, messages: Sequence[str]
+) -> ContactHistory:
+    """Return the history of nodes of the run's deck from their printed displacements."""
+    places, digits = run.places(nodes), half_digit(moved)
+    at = places["undeformed"] + moved
+    return ContactHistory(load, at, digits=digits, messages=messages, **places)
 
 
 def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:
