@@ -5,11 +5,11 @@ from pathlib import Path
 import pandas as pd
 
 from ridgebayes.commands import options
-from ridgebayes.commands.predict import without_effect
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.errors import InputError
+from ridgebayes.predict.of_scene import without_effect
 from ridgebayes.report.design_page import design_page, drawn_design
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import percent

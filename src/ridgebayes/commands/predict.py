@@ -20,7 +20,7 @@ from ridgebayes.contact import scaling
 from ridgebayes.contact.scaling import reduced_load
 from ridgebayes.errors import InputError
 from ridgebayes.predict.extrapolation import NAMES, CalibratedRange
-from ridgebayes.predict.of_scene import NO_UNIT, load_unit
+from ridgebayes.predict.of_scene import NO_UNIT, load_unit, without_effect
 from ridgebayes.predict.predict import KINDS
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import count
@@ -33,8 +33,6 @@ _MAX_Q_DRAWN = 200  # largest Q for which a figure of bands shows the exact load
 # Relative distance of the loads on both sides of a step; larger than rounding.
 _REL_STEP = np.sqrt(np.finfo(float).eps)
 _PROB_ERROR = "0.005 (from the number of draws)"
-# Values of a scene that change its loads, and that no form has.
-_NO_EFFECT = {"groove_depth_over_R", "corner_radius_over_R", "ogden", "friction"}
 
 
 def command(asked: options.Predict) -> Answer:
@@ -230,17 +228,6 @@ def with_transitions(
     sides = [np.hstack(loads) * (1 + side) for side in (-_REL_STEP, _REL_STEP)]
     ends = p.min(axis=1, keepdims=True), p.max(axis=1, keepdims=True)
     return np.sort(np.clip(np.hstack([p, *sides]), *ends), axis=1)
-
-
-def without_effect(scene: Scene | None) -> list[str]:
-    """Return a warning that names the values of a scene that predictions do not use, if any."""
-    parts = () if scene is None else (scene, *scene.textures)
-    given = {name for part in parts for name in part.model_dump(exclude_defaults=True)}
-    names = sorted(name.removesuffix("_over_R") for name in given & _NO_EFFECT)
-    rule = (
-        "no effect on predictions, which hold for ridges and bodies like those of the fitted rows"
-    )
-    return [f"{', '.join(names)} of the scene: {rule}"] if names else []
 
 
 def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] | None) -> Answer:

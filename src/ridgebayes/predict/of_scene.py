@@ -29,6 +29,9 @@ _SEED = 0  # a scene has the same draws in all predictions
 
 Averaged = Sequence[tuple[Posterior, float]]
 
+# Values of a scene that change its loads, and that no form has.
+_NO_EFFECT = {"groove_depth_over_R", "corner_radius_over_R", "ogden", "friction"}
+
 
 def q_of_scene(
     averaged: Averaged,
@@ -206,3 +209,14 @@ class _SceneLoads:
             "nu": self._scene.nu,
             "load_unit": self._unit,
         }
+
+
+def without_effect(scene: Scene | None) -> list[str]:
+    """Return a warning that names the values of a scene that predictions do not use, if any."""
+    parts = () if scene is None else (scene, *scene.textures)
+    given = {name for part in parts for name in part.model_dump(exclude_defaults=True)}
+    names = sorted(name.removesuffix("_over_R") for name in given & _NO_EFFECT)
+    rule = (
+        "no effect on predictions, which hold for ridges and bodies like those of the fitted rows"
+    )
+    return [f"{', '.join(names)} of the scene: {rule}"] if names else []
