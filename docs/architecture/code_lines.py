@@ -26,7 +26,7 @@ BUDGETS = {
     "fea": 3_684,  # runs print displacements and forces of nodes; tables hold loads
     "model": 1_554,
     "inference": 2_481,  # points with the tails of Student rows
-    "predict": 1_072,  # loads over a/pitch of one count, names of DataArrays, unused values of scenes
+    "predict": 1_072,  # loads over a/pitch of one count, DataArrays, unused values of scenes
     "evidence": 627,  # which evidences under changed priors are computed again
     "comparison": 876,
     "checks": 768,
