@@ -26,7 +26,7 @@ from ridgebayes.evidence.pairs import (
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.importance import MAX_SE, Drawn, Effort
 from ridgebayes.inference.latent import LatentIntegral
-from ridgebayes.inference.pareto_smoothing import MAX_FINITE_VARIANCE_K, pareto_k
+from ridgebayes.inference.pareto_smoothing import MAX_FINITE_VARIANCE_K, are_bounded, pareto_k
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.inference.proposal import log_mean
 from ridgebayes.model.default_priors import SLOPES
@@ -209,15 +209,16 @@ def _between(task: _Task, change: _Change, outer: _Change, drawn: Drawn) -> tupl
 
 
 def _reweighted(task: _Task) -> dict[_Change, tuple[float, float]]:
-    """Return changes of ln evidence by reweighting, each with the Pareto k of its weights."""
+    """Return changes of ln evidence by reweighting, each with the Pareto k of its weights.
+
+    The k of bounded weights is -inf.
+    """
     draws = _Draws.of(task.pair, task.drawn)
-    results: dict[_Change, tuple[float, float]] = {}
-    for change in task.changes:
-        ratio = draws.log_ratio(change)
-        results[change] = (
-            (float(log_mean(ratio)), pareto_k(ratio)) if ratio.any() else (0.0, -math.inf)
-        )
-    return results
+    ratios = {change: draws.log_ratio(change) for change in task.changes}
+    return {
+        change: (float(log_mean(ratio)), -math.inf if are_bounded(ratio) else pareto_k(ratio))
+        for change, ratio in ratios.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,12 +259,16 @@ class _Draws:
             return ratio
         if prior in (SLOPES, NUGGET):
             return self._likelihood(_changed(self.pair, change)) - self._default_likelihood
-        model = self.pair.model()
+        model = self._model
         for name in _scaled_priors(model)[prior]:
             x, default = self.theta[:, model.outer_names.index(name)], model.priors[name]
             with np.errstate(invalid="ignore"):  # inf - inf for draws outside both supports
                 ratio += default.stretched(factor).log_pdf(x) - default.log_pdf(x)
         return np.where(np.isnan(ratio), -np.inf, ratio)
+
+    @cached_property
+    def _model(self) -> Model:
+        return self.pair.model()
 
     @cached_property
     def _default_likelihood(self) -> FloatArray:
@@ -273,12 +278,12 @@ class _Draws:
         """Return log densities under a pair with changed priors, at about 256 draws.
 
         Log K and smooth offsets are integrated out, so that their priors enter the likelihood. The
-        random points are the same for all changes. Ratios of estimates need more points than means.
+        random points are the same for all changes.
         """
         u = self.u[:: max(len(self.u) // _N_LIKELIHOOD_DRAW, 1)]
         rng = stream(self.pair.own_seed, "changed likelihood")
         integral = LatentIntegral(pair.model())
-        return integral.estimated(u, rng, 4 * QUICK.effort.n_point).log_density
+        return integral.estimated(u, rng, QUICK.effort.n_point).log_density
 
 
 def _changes(pair: Pair) -> list[_Change]:

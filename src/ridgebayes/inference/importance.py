@@ -24,7 +24,7 @@ from ridgebayes.errors import ComputationError
 from ridgebayes.inference.chains import Chains
 from ridgebayes.inference.log_evidence import LogEvidence
 from ridgebayes.inference.modes import N_START, find_modes
-from ridgebayes.inference.pareto_smoothing import MAX_PARETO_K, pareto_k
+from ridgebayes.inference.pareto_smoothing import MAX_PARETO_K, are_bounded, pareto_k
 from ridgebayes.inference.proposal import Mixture, log_mean, log_sum
 from ridgebayes.inference.target import Evaluated, Target, joined
 from ridgebayes.runtime.randomness import stream
@@ -33,9 +33,6 @@ N_REPEAT = 4  # independent sets of draws
 BLOCK = 32  # draws per block; thinning keeps whole blocks
 MAX_SE = 0.05  # standard error of a ln evidence, so that two of them give a Bayes factor to 7 %
 MAX_HALF_GAP = 0.1  # difference of ln evidences from all points and from half of the points
-# Largest weight, relative to the largest weight expected of a tail with Pareto k 0.7, up to which
-# weights count as bounded. In 300 of 300 simulated heavy tails the largest weight was larger.
-_MAX_BOUNDED_SHARE = 0.1
 # The share of the prior in a proposal keeps weights bounded far from all components. The first
 # proposal gets a larger share because it is rough.
 _PRIOR_SHARE, _PRIOR_SHARE_FIRST = 0.05, 0.3
@@ -199,12 +196,7 @@ def _evidence(
     se = max(within, float(between.std(ddof=1)) / math.sqrt(len(weights)))
     gap = abs(float(log_mean(np.concatenate(halves))) - value)
     k, failed = pareto_k(together), []
-    # The largest weight of a tail with shape k has about n^(k - 1) of the sum. Bounded weights can
-    # have a large fitted k too, but their largest weight has a far smaller share.
-    is_bounded = relative.max() / relative.sum() < _MAX_BOUNDED_SHARE * len(relative) ** (
-        MAX_PARETO_K - 1
-    )
-    if not (k <= MAX_PARETO_K or is_bounded):
+    if not (k <= MAX_PARETO_K or are_bounded(together)):
         failed.append(f"Pareto k {k:.2f}, above {MAX_PARETO_K}")
     if not se <= MAX_SE:
         failed.append(f"standard error {se:.2g}, above {MAX_SE:g}")
