@@ -191,6 +191,17 @@ def test_error_model__weights_are_with_forms_summed_out():
     assert found.ln_bf == pytest.approx(-summed["ln_bf"], rel=1e-14)
 
 
+def test_error_model__whose_evidence_failed_a_check_moves_the_range():
+    evidence = evidence_of(under_two(0.2, 8.0))
+    of_step = (evidence["form"] == "classic") & (evidence["noise"] == "step")
+    evidence.loc[of_step, "used"] = False
+    found = verdict_of(evidence, NO_SENSITIVITY, Noise(), told_apart)
+    step = math.log(0.2 / 0.8)
+    modified = np.logaddexp(0.0, step - 8.0)  # two error models, of 0.5 each
+    assert found.ln_bf_range[0] == pytest.approx(modified - np.logaddexp(-10.0, step), rel=1e-12)
+    assert "classic under step, whose evidence is uncertain" in found.why
+
+
 def test_error_model__under_which_the_best_form_has_no_evidence_leaves_it_undecided():
     values = under_two(0.2, 8.0)
     del values["modified", "step"]

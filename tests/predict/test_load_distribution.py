@@ -43,6 +43,14 @@ def test_quantile__of_far_apart_humps_is_found_too():
         assert float(load.cdf(load.quantile(prob))) == pytest.approx(prob, abs=1e-7)
 
 
+def test_quantile__counts_draws_that_never_reach_the_count():
+    load = loads_of(np.array([-5.0, np.inf]), np.array([0.1, 0.1]), np.array([0.8, 0.2]))
+    for prob in (0.1, 0.4, 0.79):
+        expected = stats.lognorm(s=0.1, scale=np.exp(-5)).ppf(prob / 0.8)
+        assert float(load.quantile(prob)) == pytest.approx(expected, rel=1e-9)  # the search's
+    assert float(load.quantile(0.81)) == np.inf
+
+
 def test_quantile__without_error_model_is_a_weighted_order_statistic():
     load = loads_of(np.log([[4.0], [1.0], [2.0]]), np.zeros(3), np.array([0.2, 0.5, 0.3]))
     found = [float(load.quantile(prob)[0]) for prob in (0.1, 0.5, 0.51, 0.8, 0.81, 0.99)]
