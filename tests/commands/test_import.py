@@ -173,7 +173,8 @@ def test_import__writes_a_map_to_start_from_that_works_when_filled_in(run):
 
 
 def test_import__interpolated_counts_lie_in_the_middle_of_their_increments(run):
-    loads = "".join(f"0.03,0.01,{i / 1000},{2 + 2 * (i // 4)}\n" for i in range(1, 12))
+    steps = (f"0.03,0.01,{i / 1000},{2 + 2 * (i // 4)}\n" for i in range(1, 12))
+    loads = "".join(step * (1 + i % 3) for i, step in enumerate(steps))  # some loads are held
     Path("steps.csv").write_text("a/R,b/R,p/E,ridges\n" + loads)
     assert run("steps.csv", "-o", "t.csv").code == 0
     frame = rb.read_table("t.csv").frame
