@@ -463,7 +463,7 @@ def test_import__each_texture_is_a_run_of_its_own(read):
         (
             "status Q=6,status Q=4",
             lambda i: f"{int(i > 2)},{int(i > 4)}",
-            "Q = 6 is touched at p/E = 0.003, before Q = 4; expected inner corners first",
+            "Q = 6 is touched at p/E = 0.003, before Q = 4; expected inner corners first, from",
         ),
         ("gap Q=4", lambda i: 4 - i, "a gap of a corner: expected the status of corners, open or"),
         (

@@ -165,6 +165,10 @@ def _on_rim(
         remarks.append(f"{beyond} surface nodes ignored: beyond the axis of a half mesh")
     remarks.append(how)
     gaps = np.array([rim.gaps(at, corners, radius)[1:] for at in position]) / rim.R
+    if history.undeformed is None and np.isnan(gaps[:, 0]).all():
+        near = f"{corners[1, 0]:.4g} from x = 0, where the second ridge begins"
+        rule = "expected x from the body's axis, and --R in its unit"
+        raise InputError(f"{where}: no surface nodes on both sides of {near}: {rule}")
     # Beside the flat tops the rim may dip into round corners without overlap.
     flat, width = corners + np.array([radius, 0.0]), run.a_over_R * rim.R - 2 * radius
     depth = np.array([rim.overlap(at, flat, width) for at in position])
