@@ -1,7 +1,7 @@
 """`ridgebayes export-deck`: write a scene as an input deck for a finite-element program."""
 
 from ridgebayes.commands import table_options as options
-from ridgebayes.commands.parsing import refuse_output
+from ridgebayes.commands.parsing import medians_taken, refuse_output
 from ridgebayes.commands.terminal import Answer
 from ridgebayes.fea.deck_text import REACTION, SURFACE, export_deck
 from ridgebayes.scene.scene import Scene
@@ -21,5 +21,6 @@ def command(asked: options.ExportDeck) -> Answer:
         f"--surface {SURFACE} --reaction {REACTION} --texture {texture.a_over_R:g},"
         f"{texture.b_over_R:g} --nu {scene.nu:g}{f' --corner {corner:g}' if corner else ''} "
         "-o TABLE.csv",
+        *medians_taken(scene.uncertain_names),
     )
     return Answer(lines, {"elements": n_cell, "levels": n_level}, [out])
