@@ -63,6 +63,7 @@ def test_corners_of__takes_series_of_even_counts_alone(headers, corners):
         ("E", "E, MPa", None, Fraction(10**6)),
         ("E", "E [N/mm²]", None, Fraction(10**6)),
         ("line", "P (kN/m)", None, Fraction(1000)),
+        ("line", "P (Newton/Millimeter)", None, Fraction(1000)),
         ("a", "w [-]", None, Fraction(1)),
         ("a", "w [mm]", "mm", Fraction(1, 1000)),
         ("nu", "nu [-]", None, Fraction(1)),

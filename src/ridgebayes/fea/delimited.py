@@ -148,9 +148,8 @@ def find_header(rows: Sequence[Row], problems: FileError) -> tuple[list[str], in
     if i is None:
         n_title = next((n for n, (_, cells) in enumerate(rows) if any(map(_is_number, cells))), 0)
         headers = [f"column {n}" for n in range(1, len(rows[n_title][1]) + 1)]
-        names = f"columns are {headers[0]!r} to {headers[-1]!r}"
-        above = f", {n_title} title lines above the rows" * bool(n_title)
-        problems.messages.append(f"{problems.where}: no header; {names}{above}")
+        names = f"rows from line {lines[n_title]} on, columns {headers[0]!r} to {headers[-1]!r}"
+        problems.messages.append(f"{problems.where}: no header; {names}")
         return headers, n_title
     headers = [*rows[i][1]]
     headers[0] = re.sub(r"^\s*(?:#|%|//)\s*", "", headers[0])
@@ -252,10 +251,9 @@ def _guess_header(rows: Sequence[Row]) -> int | None:
         score = over + 2 * n_known(cells) if over else 0
         if score > best:
             best, place = score, i
-    if place is None:
-        first = list(map(len, full)).index(width)
-        return None if any(map(_is_number, rows[first][1])) else first
-    return place
+    first = list(map(len, full)).index(width)
+    is_header = place is None and not any(map(_is_number, rows[first][1]))
+    return first if is_header else place
 
 
 def _refuse_rows(above: Sequence[Row], headers: Sequence[str], line: int, where: str) -> None:

@@ -166,9 +166,8 @@ def _on_rim(
     remarks.append(how)
     gaps = np.array([rim.gaps(at, corners, radius)[1:] for at in position]) / rim.R
     if history.undeformed is None and np.isnan(gaps[:, 0]).all():
-        near = f"{corners[1, 0]:.4g} from x = 0, where the second ridge begins"
-        rule = "expected x from the body's axis, and --R in its unit"
-        raise InputError(f"{where}: no surface nodes on both sides of {near}: {rule}")
+        at = f"x = {corners[1, 0]:.4g}, where the second ridge begins"
+        raise InputError(f"{where}: no surface nodes about {at}; expected x from the body's axis")
     # Beside the flat tops the rim may dip into round corners without overlap.
     flat, width = corners + np.array([radius, 0.0]), run.a_over_R * rim.R - 2 * radius
     depth = np.array([rim.overlap(at, flat, width) for at in position])

@@ -98,7 +98,7 @@ def transitions_of(
         first = int(np.argmax(touched))
         if later := [q for q, is_open in inner if is_open[first]]:
             early = f"Q = {Q[j]} is touched at p/E = {load[first]:.5g}, before Q = {later[0]}"
-            raise InputError(f"{early}; expected inner corners first, from the body's axis outwards")
+            raise InputError(f"{early}; expected inner corners first, from the axis outwards")
         lost = load[first:][gap[first:, j] > closed_gap]
         if lost.size:
             at = some_of([f"{at:.5g}" for at in lost], SHOWN)

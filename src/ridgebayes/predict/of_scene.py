@@ -220,7 +220,5 @@ def without_effect(scene: Scene | None, *more: str) -> list[str]:
     given = {name for part in parts for name in part.model_dump(exclude_defaults=True)}
     given |= set() if scene is None else {n.rpartition(".")[2] for n in scene.uncertain_names}
     names = sorted({name.removesuffix("_over_R") for name in given} & {*_NO_EFFECT, *more})
-    rule = (
-        "no effect on predictions, which hold for ridges and bodies like those of the fitted rows"
-    )
+    rule = "no effect on predictions, which hold for ridges and bodies like those of fitted rows"
     return [f"{', '.join(names)} of the scene: {rule}"] if names else []
