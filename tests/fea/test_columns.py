@@ -180,6 +180,7 @@ def test_import__counts_in_other_terms_become_edges(read, header, counts, option
         ("Force sd (mN)", ("", ""), [0.125, 0.05]),
         ("SEM (mN)", ("", ""), [0.125, 0.05]),
         ("Force sd (mN),n", (",4", ",25"), [0.0625, 0.01]),
+        ("Force sd (mN),Anzahl Messungen", (",4", ",25"), [0.0625, 0.01]),
         ("Standard error (mN),n", (",4", ",25"), [0.125, 0.05]),
         ("Force sd (mN),n,rel_se", (",4,.1", ",25,0"), [np.hypot(0.0625, 0.1), 0.01]),
     ],
