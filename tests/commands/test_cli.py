@@ -570,9 +570,13 @@ def test_predict__takes_units_of_a_body_or_of_a_scene(command, run):
     assert set(found.values()) == {found["plain"]}
     shape = 'corner_radius = "0.1 mm"\ngroove_depth = "0.2 mm"\n[load]\nfriction = 0.3'
     Path("round.toml").write_text(Path("my.toml").read_text().replace("[load]", shape))
-    for words in (("predict", run), ("design", run, "--goal", "P(Q >= 4) >= 0.9", *SIZES)):
-        said = command(*words, "--scene", "round.toml", "-o", f"{words[0]}.csv")
-        assert "warning: corner_radius, friction, groove_depth of the scene: no effect" in said.err
+    design = ("design", run, "--goal", "P(Q >= 4) >= 0.9", *SIZES)
+    shape = f'offset = "uniform(-0.5, 0.5)"\n{shape}'  # its median is no offset
+    Path("askew.toml").write_text(Path("my.toml").read_text().replace("[load]", shape))
+    for words, scene, more in ((("predict", run), "round", ""), (design, "askew", ", offset")):
+        said = command(*words, "--scene", f"{scene}.toml", "-o", f"{words[0]}.csv")
+        shown = f"corner_radius, friction, groove_depth{more} of the scene: no effect"
+        assert f"warning: {shown}" in said.err
     assert Path("predict.csv").read_bytes() == found["scene"]
 
 

@@ -173,7 +173,8 @@ def test_import__writes_a_map_to_start_from_that_works_when_filled_in(run):
 
 
 def test_import__interpolated_counts_lie_in_the_middle_of_their_increments(run):
-    loads = "".join(f"0.03,0.01,{i / 1000},{2 + 2 * (i // 4)}\n" for i in range(1, 12))
+    steps = (f"0.03,0.01,{i / 1000},{2 + 2 * (i // 4)}\n" for i in range(1, 12))
+    loads = "".join(step * (1 + i % 3) for i, step in enumerate(steps))  # some loads are held
     Path("steps.csv").write_text("a/R,b/R,p/E,ridges\n" + loads)
     assert run("steps.csv", "-o", "t.csv").code == 0
     frame = rb.read_table("t.csv").frame
@@ -195,13 +196,14 @@ def test_import__skipped_rows_and_header_row_say_where_the_table_is(run):
 
 
 def test_export_deck__says_how_to_import_it(command):
-    Path("my.toml").write_text(SCENE)
+    Path("my.toml").write_text(SCENE.replace("0.006", '"lognormal(0.006, 5 %)"'))
     said = command("export-deck", "my.toml", "-o", "my.inp", "--edges", "4")
     assert (said.code, said.err) == (0, "")
     assert re.match(r"my\.inp: \d+ elements, \d+ levels, R = 1, E = 1\n", said.out)
     assert (
         "ridgebayes import my.dat --deck my.inp --surface NARC --reaction NTOP "
-        f"--texture {A},{B} --nu {NU} -o TABLE.csv" in said.out
+        f"--texture {A},{B} --nu {NU} -o TABLE.csv\n"
+        "medians are taken of load.p_over_E\n" in said.out
     )
     assert Path("my.inp").read_text().startswith("** soft cylinder on rigid ridges")
     again = command("export-deck", "my.toml", "-o", "my.inp")

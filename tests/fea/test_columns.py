@@ -180,6 +180,7 @@ def test_import__counts_in_other_terms_become_edges(read, header, counts, option
         ("Force sd (mN)", ("", ""), [0.125, 0.05]),
         ("SEM (mN)", ("", ""), [0.125, 0.05]),
         ("Force sd (mN),n", (",4", ",25"), [0.0625, 0.01]),
+        ("Force sd (mN),Anzahl Messungen", (",4", ",25"), [0.0625, 0.01]),
         ("Standard error (mN),n", (",4", ",25"), [0.125, 0.05]),
         ("Force sd (mN),n,rel_se", (",4,.1", ",25,0"), [np.hypot(0.0625, 0.1), 0.01]),
     ],
@@ -463,7 +464,7 @@ def test_import__each_texture_is_a_run_of_its_own(read):
         (
             "status Q=6,status Q=4",
             lambda i: f"{int(i > 2)},{int(i > 4)}",
-            "Q = 6 is touched at p/E = 0.003, before Q = 4; expected inner corners first",
+            "Q = 6 is touched at p/E = 0.003, before Q = 4; expected inner corners first, from",
         ),
         ("gap Q=4", lambda i: 4 - i, "a gap of a corner: expected the status of corners, open or"),
         (

@@ -237,9 +237,10 @@ def test_read__a_long_cell_of_digits_is_refused_soon():
     [
         ("a,b,\n1,2,\n", ["a", "b"]),
         ("a, a ,p [Pa],p [Pa]\n1,2,3,4\n", ["a", "a #2", "p [Pa]", "p #4 [Pa]"]),
+        ("Test 7\n1,2,3\n4,5,6\n", ["column 1", "column 2", "column 3"]),
     ],
 )
-def test_read__headers_that_are_empty_or_stand_twice_stay_apart(text, headers):
+def test_read__headers_that_are_empty_or_missing_or_stand_twice_stay_apart(text, headers):
     assert list(read(text, ("a",)).frame) == headers
 
 

@@ -426,6 +426,16 @@ REFUSED = [
         lambda _: runs.febio(POSITION * [1, -1], "x;y"),
         "not the lower side of a circle .* above the ridges",
     ),
+    (
+        "febio",
+        lambda _: runs.febio(POSITION + np.array([0.5, 0.0]), "x;y"),
+        "no surface nodes about x = .*, where the second ridge begins",
+    ),
+    (
+        "nodes, status",
+        put(r",0\.(?=\d{9},\d$)", ",1.", count=0),  # x from 1 on
+        "before Q = 4; expected inner corners first",
+    ),
     ("febio", lambda text: text + "7,1\n", r"rim\.txt, line \d+: .*node, x, y"),
     ("febio", put(r"0\.1", "0,1"), "expected node, x, y"),
     ("febio", lambda _: "*Step = 1\n1,2\n", "line 2: '1,2'; expected"),
@@ -447,7 +457,7 @@ REFUSED = [
     (
         "series, PVD",
         put('step="[^"]*"', 'step="1.0"', count=0),
-        "twice; expected one file for each step",
+        "timestep '1.0' stands twice; expected a file each",
     ),
     (
         "series, PVD",

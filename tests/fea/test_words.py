@@ -21,8 +21,9 @@ KEYS = {
     "": "Note,ridge height,corner radius,load step,max pressure,shear modulus,reduced modulus,"
     "groove depth,friction force,q_lin,ridge spacing,Stegabstand,groove distance,ridge length,"
     "ridge angle,ridge type,groove radius,root radius,loss modulus,substrate modulus,E sd,"
-    "ridge width sd,mean contact pressure,Kontaktdruck,pull-off force,Adhesionskraft",
-    "load_sd": "Force sd,SD,standard deviation of the pressure",
+    "ridge width sd,mean contact pressure,Kontaktdruck,pull-off force,Adhesionskraft,"
+    "ridge fraction,Steganteil,groove/ridge ratio,number of grooves,Anzahl Rillen,ridge roughness",
+    "load_sd": "Force sd,SD,standard deviation of the pressure,Kraft Standardabw.",
     "load_lower": "untere Last",
     "a_over_R": "a/R",
     "b_over_R": "Groove width over radius",
@@ -62,6 +63,7 @@ def test_corners_of__takes_series_of_even_counts_alone(headers, corners):
         ("E", "E, MPa", None, Fraction(10**6)),
         ("E", "E [N/mm²]", None, Fraction(10**6)),
         ("line", "P (kN/m)", None, Fraction(1000)),
+        ("line", "P (Newton/Millimeter)", None, Fraction(1000)),
         ("a", "w [-]", None, Fraction(1)),
         ("a", "w [mm]", "mm", Fraction(1, 1000)),
         ("nu", "nu [-]", None, Fraction(1)),

@@ -124,5 +124,5 @@ def _answer(result: Design, out: Path, scene: Scene) -> Answer:
             text = f"{first['measure']} (known exactly, it would remove {share} of the uncertainty)"
         parts.append(f"What to measure next: {text}")
     beyond = f"the texture lies beyond what was calibrated: {row['extrapolation_of']}"
-    warnings = without_effect(scene) + ([beyond] if row["extrapolation"] else [])
+    warnings = without_effect(scene, "offset") + ([beyond] if row["extrapolation"] else [])
     return Answer(parts, result.to_dict(), files_in(out), warnings=warnings)

@@ -146,10 +146,11 @@ def find_header(rows: Sequence[Row], problems: FileError) -> tuple[list[str], in
         raise problems.error(f"--header-row {header_row}: expected a line with cells near the top")
     i = lines.index(header_row) if header_row else None if header_row == 0 else _guess_header(rows)
     if i is None:
-        headers = [f"column {n}" for n in range(1, len(rows[0][1]) + 1)]
-        names = f"columns are {headers[0]!r} to {headers[-1]!r}"
+        n_title = next((n for n, (_, cells) in enumerate(rows) if any(map(_is_number, cells))), 0)
+        headers = [f"column {n}" for n in range(1, len(rows[n_title][1]) + 1)]
+        names = f"rows from line {lines[n_title]} on, columns {headers[0]!r} to {headers[-1]!r}"
         problems.messages.append(f"{problems.where}: no header; {names}")
-        return headers, 0
+        return headers, n_title
     headers = [*rows[i][1]]
     headers[0] = re.sub(r"^\s*(?:#|%|//)\s*", "", headers[0])
     if header_row is None:
@@ -250,9 +251,9 @@ def _guess_header(rows: Sequence[Row]) -> int | None:
         score = over + 2 * n_known(cells) if over else 0
         if score > best:
             best, place = score, i
-    if place is None and not any(_is_number(rows[0][1][j]) for j in full[0]):
-        return list(map(len, full)).index(width)
-    return place
+    first = list(map(len, full)).index(width)
+    is_header = place is None and not any(map(_is_number, rows[first][1]))
+    return first if is_header else place
 
 
 def _refuse_rows(above: Sequence[Row], headers: Sequence[str], line: int, where: str) -> None:

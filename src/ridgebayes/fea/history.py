@@ -165,6 +165,9 @@ def _on_rim(
         remarks.append(f"{beyond} surface nodes ignored: beyond the axis of a half mesh")
     remarks.append(how)
     gaps = np.array([rim.gaps(at, corners, radius)[1:] for at in position]) / rim.R
+    if history.undeformed is None and np.isnan(gaps[:, 0]).all():
+        at = f"x = {corners[1, 0]:.4g}, where the second ridge begins"
+        raise InputError(f"{where}: no surface nodes about {at}; expected x from the body's axis")
     # Beside the flat tops the rim may dip into round corners without overlap.
     flat, width = corners + np.array([radius, 0.0]), run.a_over_R * rim.R - 2 * radius
     depth = np.array([rim.overlap(at, flat, width) for at in position])

@@ -112,7 +112,7 @@ def counts_repeat(frame: pd.DataFrame) -> bool:
     """Return whether rows are increments: counts of 4 or more repeat while the load rises.
 
     At least a third of the rows repeat the count of the previous row, and the load rises in 80 % of
-    the repeats up to the highest load of each curve.
+    the repeats with another load up to the highest load of each curve. Held loads stand repeatedly.
     """
     Q, load = frame["Q"].to_numpy(), frame["p_over_E"].to_numpy()
     same = Q[1:] == Q[:-1]
@@ -122,7 +122,7 @@ def counts_repeat(frame: pd.DataFrame) -> bool:
     curve = row_codes(*(frame[name] for name in frame if name not in ("Q", "p_over_E")))
     # A curve without loads has its highest load in the first row, and thus no increments.
     top = pd.Series(load).fillna(-np.inf).groupby(curve).transform("idxmax").to_numpy()
-    same &= (curve[1:] == curve[:-1]) & (np.arange(1, len(Q)) <= top[1:])
+    same &= (curve[1:] == curve[:-1]) & (np.arange(1, len(Q)) <= top[1:]) & (load[1:] != load[:-1])
     rising = same & (load[1:] > load[:-1])
     return bool(0 < 0.8 * same.sum() <= rising.sum())
 

@@ -34,14 +34,7 @@ KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _UNLISTED_KEYS), *_MEA
 _OVER_D = ("a_over_D", "b_over_D", "offset_over_D")  # doubled: D is twice R
 _MAPPED = (*KEYS, *SDS, *_SEMS, *_OVER_D)
 PER_Q = ("load", *LOADS, "status")
-_NUMERIC_KEYS = (
-    *NUMBERS,
-    *DIMENSIONS,
-    *_MEAN_KEYS,
-    *SDS,
-    *_SEMS,
-    *_OVER_D,
-)
+_NUMERIC_KEYS = (*NUMBERS, *DIMENSIONS, *_MEAN_KEYS, *SDS, *_SEMS, *_OVER_D)
 _NEVER_CONSTANT = ("Q", "p_over_E", "p_over_E_lower", "source")
 _CONSTANT = ("R", "D", "E", "thickness", "load_se", "a", "b", "pitch", "offset", *NUMBERS, *TEXTS)
 CONSTANTS = tuple(name for name in _CONSTANT if name not in _NEVER_CONSTANT)
@@ -247,7 +240,8 @@ class Columns:
         """Add columns that are recognised by the words in their headers."""
         keys, free = self._keys(), self._free()
         is_wide = any(use.Q is not None for use in self.uses)
-        of_mean = sum(recognise(words) in ("load_sd", "load_sem", "Q") for _, words, _ in free) > 2
+        found = keys | {recognise(words) for _, words, _ in free if plain(words) not in N_MEAN}
+        of_mean = "Q" in found and not found.isdisjoint(("load_sd", "load_sem"))
         for header, words, unit in free:
             key = "n_mean" if of_mean and plain(words) in N_MEAN else recognise(words)
             of_each_Q = is_wide and key.removesuffix("_lower") in ("Q", *PER_Q)

@@ -301,8 +301,8 @@ def _read_pvd(path: Path) -> tuple[list[Path], list[str]]:
     for name in names:
         if not (name.lower().endswith(".vtu") and is_beside(path, name)):
             raise InputError(f"{path}: file {clipped(name)}; expected a .vtu in the same folder")
-    if len(set(times)) < len(times):
-        raise InputError(f"{path}: a timestep stands twice; expected one file for each step")
+    if twice := [one for one, next_one in pairwise(sorted(times)) if one == next_one]:
+        raise InputError(f"{path}: timestep {clipped(twice[0])} stands twice; expected a file each")
     return [path.parent / name for name in names], times
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ridgebayes._types import FloatArray, IntArray
+from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.record import MOST, SHOWN
 from ridgebayes.fea.words import MOST_DISTINCT
@@ -57,7 +57,8 @@ def transitions_of(
     Raises
     ------
     InputError
-        If no corner was reached.
+        If no corner was reached, or an outer corner before an inner one that was known to be open:
+        columns were exchanged, or positions are not measured from the body's axis.
 
     Notes
     -----
@@ -86,13 +87,18 @@ def transitions_of(
     load, gap, error = load[order], gap[order], error[order]
     rows: list[dict[str, Any]] = []
     not_reached: list[int] = []
+    inner: list[tuple[int, BoolArray]] = []  # Q, and whether the corner is open, before contact
     for j in np.argsort(Q):
         is_known = ~np.isnan(gap[:, j])
         touched = is_known & (gap[:, j] <= closed_gap)
+        inner.append((int(Q[j]), is_known & ~np.logical_or.accumulate(touched)))
         if not touched.any():
             not_reached.append(int(Q[j]))
             continue
         first = int(np.argmax(touched))
+        if later := [q for q, is_open in inner if is_open[first]]:
+            early = f"Q = {Q[j]} is touched at p/E = {load[first]:.5g}, before Q = {later[0]}"
+            raise InputError(f"{early}; expected inner corners first, from the axis outwards")
         lost = load[first:][gap[first:, j] > closed_gap]
         if lost.size:
             at = some_of([f"{at:.5g}" for at in lost], SHOWN)
@@ -227,7 +233,6 @@ def transitions_of_runs(
         constants = curve.iloc[int(rows[0])]
         name = "" if n_run == 1 else f"{_label(constants)}: "
         try:
-            _check_order(load[rows], gap[rows], Q)
             frame, odd = transitions_of(load[rows], gap[rows], Q, brackets=True)
         except InputError as error:
             failed.append(f"{name}{error}")
@@ -252,15 +257,6 @@ def middle_loads(rows: pd.DataFrame) -> tuple[pd.DataFrame, int]:
         rel_se=np.where(is_interval, sd / middle, rows["rel_se"]),
         p_over_E_lower=np.nan,
     ), int(is_interval.sum())
-
-
-def _check_order(load: FloatArray, gap: FloatArray, Q: IntArray) -> None:
-    """Refuse a run whose outer corners touch before inner corners: columns were exchanged."""
-    touched = gap < 0
-    first = np.where(touched.any(axis=0), touched.argmax(axis=0), len(load))
-    for i in np.flatnonzero(np.diff(first) < 0).tolist():
-        early = f"Q = {Q[i + 1]} is touched at p/E = {load[first[i + 1]]:.5g}, before Q = {Q[i]}"
-        raise InputError(f"{early}; expected inner corners first")
 
 
 def _label(run: "pd.Series[Any]") -> str:

@@ -30,7 +30,7 @@ _SEED = 0  # a scene has the same draws in all predictions
 Averaged = Sequence[tuple[Posterior, float]]
 
 # Values of a scene that change its loads, and that no form has.
-_NO_EFFECT = {"groove_depth_over_R", "corner_radius_over_R", "ogden", "friction"}
+_NO_EFFECT = ("groove_depth", "corner_radius", "ogden", "friction")
 
 
 def q_of_scene(
@@ -211,12 +211,14 @@ class _SceneLoads:
         }
 
 
-def without_effect(scene: Scene | None) -> list[str]:
-    """Return a warning that names the values of a scene that predictions do not use, if any."""
+def without_effect(scene: Scene | None, *more: str) -> list[str]:
+    """Return a warning that names the values of a scene that predictions do not use, if any.
+
+    `more` are further values without effect. A distribution has none either, whatever its median.
+    """
     parts = () if scene is None else (scene, *scene.textures)
     given = {name for part in parts for name in part.model_dump(exclude_defaults=True)}
-    names = sorted(name.removesuffix("_over_R") for name in given & _NO_EFFECT)
-    rule = (
-        "no effect on predictions, which hold for ridges and bodies like those of the fitted rows"
-    )
+    given |= set() if scene is None else {n.rpartition(".")[2] for n in scene.uncertain_names}
+    names = sorted({name.removesuffix("_over_R") for name in given} & {*_NO_EFFECT, *more})
+    rule = "no effect on predictions, which hold for ridges and bodies like those of fitted rows"
     return [f"{', '.join(names)} of the scene: {rule}"] if names else []
