@@ -96,7 +96,8 @@ def test_cautions__what_no_body_can_have_is_told_with_the_worst_row(comparison, 
     high = next(one for one in loads if "p/E above 0.5" in one)
     n = int((60 * rows["p_over_E"] > 0.5).sum())
     assert high.startswith(f"{n} rows with p/E above 0.5, up to 1.16: no model here holds there.")
-    assert not any("wider" in one or "p/E above" in one for one in told())
+    assert not any("wider" in one or "above" in one for one in told(rel_se=1.0))
+    assert any(one.startswith("41 rows with rel_se above 1, up to 5.") for one in told(rel_se=5.0))
 
 
 def test_cautions__series_that_have_no_texture_in_common(paper):

@@ -116,6 +116,11 @@ def _beyond_any_body(table: ContactTable) -> list[str]:
             f"{worst['a_over_R']:g}, b/R = {worst['b_over_R']:g} ends {reach.max():.2g} R from the "
             f"axis. {_CHECK}."
         )
+    if n := int((rows["rel_se"] > 1).sum()):
+        sentences.append(
+            f"{count(n, 'row')} with rel_se above 1, up to {rows['rel_se'].max():.3g}. Check that "
+            "rel_se is a fraction: 0.05 for 5 %."
+        )
     if n := int((rows["p_over_E"] > REACH).sum()):
         sentences.append(
             f"{count(n, 'row')} with p/E above {REACH:g}, up to {rows['p_over_E'].max():.3g}: "

@@ -115,7 +115,7 @@ class Request:
             )
         for form in chosen:
             refuse_circular(rows, form)
-        preset = Preset.named(accuracy) if isinstance(accuracy, str) else accuracy
+        preset = accuracy if isinstance(accuracy, Preset) else Preset.named(accuracy)
         data = Observations.from_table(rows)  # refuses rows that cannot be fitted
         noises = error_models_for(noise, data.n_series)
         if not preset.extras and len(noises) > 1:  # quick runs use normal errors only
@@ -153,6 +153,8 @@ class Request:
 
 def _checked_odds(prior_odds: Mapping[str, float], forms: Sequence[str]) -> dict[str, float]:
     """Return the prior odds of forms; invalid odds raise InputError."""
+    if not isinstance(prior_odds, Mapping):
+        raise InputError(f"prior odds: expected a mapping of forms to numbers, got {prior_odds!r}")
     for name, odds in prior_odds.items():
         if name not in forms:
             raise InputError(

@@ -26,6 +26,7 @@ from ridgebayes.inference.presets import STANDARD, Preset
 from ridgebayes.model.forms import FORMS, Form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import AUTO, Noise
+from ridgebayes.model.observations import nearest_load
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.predict import Predictive
 from ridgebayes.request import PriorsLike, Request, TableLike
@@ -166,7 +167,8 @@ class Fit(Posterior, Predictive, Tabular):
         Returns
         -------
         matplotlib.axes.Axes
-            Axes drawn on. At most the first 500 rows are shown; brackets are shown at their middle.
+            Axes drawn on. At most the first 500 rows are shown, a bracket at its load nearest to
+            the prediction.
 
         Raises
         ------
@@ -180,9 +182,9 @@ class Fit(Posterior, Predictive, Tabular):
                 f"{self.form.name}: expected a row with a load to plot, got only counts"
             )
         texture, upper, lower = data.texture[shown], data.log_load[shown], data.log_lower[shown]
-        observed = np.exp(np.where(np.isfinite(lower), (lower + upper) / 2, upper))
         a, b = data.a_over_R[texture], data.b_over_R[texture]
         predicted = self.predict_load(a, b, data.Q[shown]).widened(data.rel_se[shown])
+        observed = nearest_load(predicted.median(), np.exp(upper), np.exp(lower))
         frame = predicted.to_dataframe().assign(p_over_E_observed=observed)
         return drawing.records.draw_errors(frame, self.form.name, ax)
 

@@ -7,7 +7,7 @@ from ridgebayes.checks.cost import COST_COLUMNS
 
 
 def test_cost__keep_every_promise(paper):
-    costs = rb.cost(paper, rb.Modified(), rng=3)
+    costs = rb.cost(paper.frame, "modified", rng=3)
     assert list(costs) == list(COST_COLUMNS)
     assert costs["status"].unique().tolist() == ["ok"]
     assert (costs["error"] < costs["target_error"]).all()

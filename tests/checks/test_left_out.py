@@ -75,7 +75,7 @@ def test_folds_of__refuses_unknown_words_and_a_single_fold(few):
         rb.InputError, match=r"leave: expected one of texture, step, series, row, got 'fold'"
     ):
         folds_of(few, (rb.Hybrid(), IID), leave="fold")
-    with pytest.raises(rb.InputError, match="expected at least two values of"):
+    with pytest.raises(rb.InputError, match="leaving out each texture: expected rows of two"):
         folds_of(few.take(few.texture == 0), (rb.Hybrid(), IID))
 
 

@@ -39,6 +39,32 @@ def test_percent_errors_use_the_reduced_load(reference):
     assert row["percent"] == pytest.approx(100 * (load / row["p_over_E"] - 1))
 
 
+def test_errors_of_brackets_are_those_of_their_nearest_loads(comparison):
+    # Algebra: the prediction itself inside a bracket, else its nearer end.
+    fit, frame = comparison.fits["modified"], comparison.table.frame
+    a, b, q = frame["a_over_R"], frame["b_over_R"], frame["Q"]
+    c = float(f"{fit.summary['mean'][0]:.12g}")
+    load = ((q / 2 - 1) * (a + b) / c) ** 2
+    ends = np.array([[0.9, 1.1], [1.05, 1.1], [0.8, 0.9]])[np.arange(len(frame)) % 3]
+    lower, upper = (load.to_numpy() * ends.T).tolist()
+    brackets = frame.assign(p_over_E_lower=lower, p_over_E=upper)
+    found = replace(comparison, table=rb.ContactTable.from_frame(brackets))
+    errors = percent_errors(found, comparison.table.textures)
+    errors = errors[(errors["form"] == "modified") & (errors["coefficients"] == "calibrated")]
+    expected = 100 * (np.array([1, 1 / 1.05, 1 / 0.9]) - 1)
+    assert len(errors) == len(frame)
+    place = frame.reset_index().merge(errors[["a_over_R", "b_over_R", "Q", "percent"]])
+    np.testing.assert_allclose(place["percent"], expected[place.index % 3], atol=1e-9)
+    held_out = held_out_loads(found)
+    assert held_out["p_over_E_observed"].tolist() != held_out["p_over_E_nearest"].tolist()
+    mine = held_out[held_out["form"] == "modified"]
+    overlap = mine["p_over_E_lower"].le(mine["p_over_E_observed"]) & mine["p_over_E_upper"].ge(
+        mine["p_over_E_observed_lower"]
+    )
+    assert mine["inside"].tolist() == overlap.tolist()
+    assert mine["inside"].any()
+
+
 def test_slopes_of_modified_are_two_c_over_pitch(comparison):
     slopes = slopes_table(comparison).query("form == 'modified'")
     c = comparison.fits["modified"].draws[:, 0].mean()

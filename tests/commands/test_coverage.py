@@ -119,7 +119,10 @@ def test_coverage__that_failed_somewhere_is_written_and_says_so(command, canned)
         (("--forms", "hybrid,cubic"), "cubic"),
         (("--forms", "half-plane"), "circular"),
         (("nowhere.csv",), "nowhere.csv"),
-        (("one.csv", "--workers", "1"), "expected at least two values of texture"),
+        (
+            ("one.csv", "--workers", "1"),
+            "leaving out each texture: expected rows of two",
+        ),
         (("brackets.csv", "--workers", "1"), "got only brackets and counts"),
         (("--workers", "0"), "--workers"),
     ],

@@ -107,6 +107,7 @@ def test_prior_odds__are_told_in_words_where_they_were_set(odds):
         ({"modified": math.nan}, "got nan"),
         ({"modified": "2"}, "got '2'"),
         ({"modified": True}, "got True"),
+        ([2], r"prior odds: expected a mapping of forms to numbers, got \[2\]"),
     ],
 )
 def test_prior_odds__that_make_no_sense_are_refused(paper, prior, words):

@@ -90,14 +90,14 @@ def test_shortcomings__names_each_rule_broken_and_nothing_else():
     summary = pd.DataFrame(
         {
             "parameter": ["c", "K[a]", "sigma", "tau"],
-            "r_hat": [1.005, 1.0101, 1.0, np.nan],
+            "r_hat": [1.005, 1.0104, 1.0, np.nan],
             "ess_bulk": [400.0, 500.0, 399.0, np.nan],
             "ess_tail": [400.0, 500.0, 12.0, 500.0],
         }
     )
     missing = failed_diagnostics(summary)
     assert [text.split(",")[0].split(" is ")[0] for text in missing] == [
-        "K[a]: R-hat 1.01",
+        "K[a]: R-hat 1.0104",
         "sigma: ess_bulk 399",
         "sigma: ess_tail 12",
         "tau: R-hat nan",

@@ -1,19 +1,21 @@
+import re
+
 import numpy as np
 import pytest
 
 import ridgebayes as rb
 from ridgebayes import InputError, Noise, generate
 from ridgebayes.evidence.pairs import weigh_pairs
-from ridgebayes.inference.presets import PRESETS, Preset
+from ridgebayes.inference.presets import PRESETS
 from ridgebayes.model.observations import Observations
 from ridgebayes.simulate.solvers import LOAD_PRESETS
 
 
-def test_accuracy__of_another_name_is_refused():
-    with pytest.raises(
-        InputError, match=r"accuracy: expected one of quick, standard, reference, got 'best'"
-    ):
-        Preset.named("best")
+@pytest.mark.parametrize("name", ["best", None, ["quick"]])
+def test_accuracy__of_another_name_is_refused(paper, name):
+    words = f"accuracy: expected one of quick, standard, reference, got {name!r}"
+    with pytest.raises(InputError, match=re.escape(words)):
+        rb.calibrate(paper, "modified", accuracy=name)
 
 
 @pytest.fixture(scope="module")

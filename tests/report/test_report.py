@@ -12,10 +12,14 @@ import pytest
 import ridgebayes as rb
 from ridgebayes.checks.coverage import COVERAGE_COLUMNS
 from ridgebayes.checks.left_out import LEFT_OUT_COLUMNS
+from ridgebayes.checks.report_data import report_data
 from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.report import _rendered, render_report
+from ridgebayes.report.evidence import prior_table
 from ridgebayes.report.figures.gallery import Gallery
-from ridgebayes.report.first_screen import headline
+from ridgebayes.report.first_screen import headline, lead
+from ridgebayes.report.predictions import held_out_section
+from ridgebayes.report.wording import number
 from tests.once import once
 
 SCRIPTS = [{"type": "application/json"}, {}]  # a table, and the page's own code
@@ -154,6 +158,22 @@ def test_rows_left_out_are_counted_aloud(odd):
     assert "1 row: diverged <i>at</i> step 3" in text
 
 
+def test_held_out_brackets_are_shown_whole_and_textures_left_undrawn_are_counted(comparison):
+    frame = comparison.table.frame
+    held = frame.assign(role="held-out", p_over_E_lower=0.5 * frame["p_over_E"])
+    rows = rb.ContactTable.from_frame(pd.concat([frame.iloc[:1], held.iloc[1:]]))
+    data = report_data(replace(comparison, table=rows))
+    _, picture, _, details = held_out_section(data)
+    assert "The first 3 of 10 textures." in picture.caption
+    low, high = (number(frame["p_over_E"][1] * share) for share in (0.5, 1))
+    assert details.blocks[0].rows[0][3] == f"{low} to {high}"
+    # All K share a row of the priors; medians are 2 * 1.382 over the widest and narrowest pitch.
+    ends = [f"log-normal, median {2.764 / pitch:.4g}, log-sd 0.3" for pitch in (0.062, 0.022)]
+    named = [row for row in prior_table(data).rows if row[0].startswith("K of ")]
+    expected = ["K of a0.012_b0.01 and of the others", ", to ".join(ends)]
+    assert [row[:2] for row in named] == [expected]
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_one_form_that_did_not_converge_says_so_in_red(single):
     assert not single.complete
@@ -180,6 +200,9 @@ def test_headline__undecided_names_every_form_that_is_nearly_as_probable():
     # e^-2 of 0.4 is 0.0541.
     said = "The evidence does not decide among Modified, Hybrid and Power law."
     assert headline(verdict, shares) == said
+    # The lead is never rounded to a number that its grade contradicts: 1.55 is under 2.
+    wide = replace(verdict, ln_bf=1.55, ln_bf_range=(-1.2, 16.3))
+    assert lead(wide).endswith("is 1.6; across priors and error models it lies between −1 and 16.")
     two = {"modified": 0.9, "hybrid": 0.1}
     said = "The evidence does not decide between Modified and Hybrid."
     assert headline(verdict, two) == said

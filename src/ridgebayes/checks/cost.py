@@ -16,14 +16,15 @@ from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.importance import Drawn, at_least, importance_sample
 from ridgebayes.inference.presets import PRESETS, REFERENCE
 from ridgebayes.inference.target import ModelTarget
-from ridgebayes.model.forms import Form, Hybrid
+from ridgebayes.model.forms import Form, Hybrid, as_form
 from ridgebayes.model.model import Model
 from ridgebayes.model.noise import Noise
 from ridgebayes.model.observations import Observations
+from ridgebayes.request import TableLike
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.simulate.solvers import LOAD_PRESETS
-from ridgebayes.table.table import ContactTable
+from ridgebayes.table.table import read_table
 
 COST_COLUMNS = ("task", "method", "preset", "target_error", "error", "cpu_s", "status")
 _N_TRANSITIONS = 3  # transitions compared: finite elements take seconds for each
@@ -32,8 +33,8 @@ _T = TypeVar("_T")
 
 
 def cost(
-    table: ContactTable,
-    form: Form | None = None,
+    table: TableLike,
+    form: Form | str | None = None,
     *,
     texture: Texture | None = None,
     elements: bool = False,
@@ -45,9 +46,9 @@ def cost(
 
     Parameters
     ----------
-    table : ContactTable
+    table : ContactTable, path or pandas.DataFrame
         Table whose calibration rows are fitted with independent errors.
-    form : Form, optional
+    form : Form or str, optional
         Contact form; Hybrid if not given.
     texture : (float, float), optional
         a/R and b/R of the loads; the middle texture of the table if not given.
@@ -78,9 +79,9 @@ def cost(
     >>> bool((costs["error"] < costs["target_error"]).all()), len(costs)
     (True, 9)
     """
-    rows, seed = table.calibration, seed_of(rng)
+    rows, seed = read_table(table).calibration, seed_of(rng)
     texture = texture or rows.textures[len(rows.textures) // 2]
-    model = Model(Observations.from_table(table), form or Hybrid(), Noise())
+    model = Model(Observations.from_table(rows), as_form(form or Hybrid()), Noise())
     try:
         exact = importance_sample(ModelTarget(model, seed), REFERENCE.effort.doubled, seed + 1)
         best = _moments(model, exact), exact.evidence.value

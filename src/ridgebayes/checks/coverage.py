@@ -14,14 +14,14 @@ from ridgebayes.checks.left_out import Fold, clustered_se, form_of, of_folds, ro
 from ridgebayes.drawing import PROBS
 from ridgebayes.errors import ComputationError
 from ridgebayes.inference.posterior import Posterior
-from ridgebayes.model.forms import Form
+from ridgebayes.model.forms import Form, as_form
 from ridgebayes.model.noise import Noise, as_noise
 from ridgebayes.model.observations import Observations, refuse_circular
 from ridgebayes.model.prior_files import ResolvedPriors
-from ridgebayes.request import DEFAULT_FORMS
+from ridgebayes.request import DEFAULT_FORMS, TableLike
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of
-from ridgebayes.table.table import ContactTable
+from ridgebayes.table.table import read_table
 
 COVERAGE_COLUMNS = ["form", "noise", "prob", "n", "covered", "share", "share_se", "mean_width"]
 COVERAGE_COLUMNS += ["share_extrapolated", "n_texture", "n_unconverged", "n_failed", "failed"]
@@ -32,8 +32,8 @@ _NO_ROWS = pd.DataFrame(columns=list(_ROW_COLUMNS), dtype=float)
 
 
 def coverage(
-    table: ContactTable,
-    forms: Sequence[Form | Fit] = DEFAULT_FORMS,
+    table: TableLike,
+    forms: Sequence[Form | Fit | str] = DEFAULT_FORMS,
     noises: Sequence[str | Noise] | None = None,
     *,
     probs: Sequence[float] = PROBS,
@@ -48,10 +48,10 @@ def coverage(
 
     Parameters
     ----------
-    table : ContactTable
+    table : ContactTable, path or pandas.DataFrame
         Table whose rows of role calibration and status ok are used. Rows that give the load
         exactly are predicted.
-    forms : sequence of Form or Fit, optional
+    forms : sequence of Form, Fit or str, optional
         Contact forms; Classic, power law, Modified and Hybrid if not given. A fit to all rows under
         the same priors saves drawing from its posteriors again.
     noises : sequence of str or Noise, optional
@@ -95,21 +95,23 @@ def coverage(
     >>> shares[["form", "n", "n_texture"]].values.tolist()
     [['hybrid', 41, 9]]
     """
-    for form in forms:
-        refuse_circular(table, form_of(form))
-    data, seed = Observations.from_table(table), seed_of(rng)
+    rows, seed = read_table(table), seed_of(rng)
+    chosen = [form if isinstance(form, Fit) else as_form(form) for form in forms]
+    for form in chosen:
+        refuse_circular(rows, form_of(form))
+    data = Observations.from_table(rows)
     if not data.is_exact.any():  # a bracket or count has no load that a band could contain
         return pd.DataFrame(columns=COVERAGE_COLUMNS)
     every = [as_noise(noise) for noise in (Noise.every() if noises is None else noises)]
-    pairs, work = list(product(forms, every)), partial(_predicted, probs)
+    pairs, work = list(product(chosen, every)), partial(_predicted, probs)
     groups = of_folds(work, data, pairs, executor=executor, seed=seed, priors=priors)
-    rows = []
+    counted = []
     for form, noise in pairs:
         name = form_of(form).name
         with nullcontext() if progress is None else progress(f"{name}, {noise.name}"):
             results = [(fold.name, result) for fold, result in next(groups)]
-        rows += count_covered(name, noise.name, probs, results)
-    return pd.DataFrame(rows, columns=COVERAGE_COLUMNS)
+        counted += count_covered(name, noise.name, probs, results)
+    return pd.DataFrame(counted, columns=COVERAGE_COLUMNS)
 
 
 def _predicted(probs: Sequence[float], fold: Fold) -> _Result:

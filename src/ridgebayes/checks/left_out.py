@@ -125,9 +125,7 @@ def folds_of(
         dealt = stream(seed, f"groups of {leave}").permutation(len(names)) % _N_GROUPS
         codes, names = dealt[codes], [f"group {i + 1} of {_N_GROUPS}" for i in range(_N_GROUPS)]
     if len(names) < 2:
-        raise InputError(
-            f"leave: expected at least two values of {leave} to leave one out, got one"
-        )
+        raise InputError(f"leaving out each {leave}: expected rows of two or more, got one")
     form, noise = form_of(pair[0]), pair[1]
     posterior = pair[0].posteriors.get(noise.name) if isinstance(pair[0], Fit) else None
 

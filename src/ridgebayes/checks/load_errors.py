@@ -11,6 +11,7 @@ from ridgebayes.comparison.bands import loads_table, predicted_rows
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.model.forms import PowerLaw
+from ridgebayes.model.observations import nearest_load
 
 _MAX_TEXTURES_SHOWN = 3  # one panel for each in a row
 
@@ -27,20 +28,24 @@ def held_out_loads(comparison: Comparison) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Table of `comparison.bands.loads_table` with the simulation bands of held-out rows. Column
-        ``inside`` says whether the band contains the observed load; ``prior_alone`` marks
-        predictions of the power law for textures without K. The frame is empty if no transition is
-        held out, or no form has a probability.
+        ``inside`` says whether the band contains the observed load, or a load of its bracket;
+        ``p_over_E_observed_lower`` is the lower end of the bracket, ``p_over_E_nearest`` its load
+        nearest to the median; ``prior_alone`` marks predictions of the power law for textures
+        without K. The frame is empty if no transition is held out, or no form has a probability.
     """
     held_out = comparison.table.held_out
     # Without a usable evidence there are no weights for the average of the forms.
     if not comparison.probabilities or predicted_rows(held_out).empty:
         return pd.DataFrame()
     loads = loads_table(replace(comparison, table=held_out), kinds=("simulation",))
-    observed, power_law = loads["p_over_E_observed"], comparison.fits.get("power-law")
+    rows, power_law = predicted_rows(held_out), comparison.fits.get("power-law")
+    lower = np.resize(rows["p_over_E_lower"].to_numpy(), len(loads))
+    nearest = nearest_load(loads["p_over_E_median"], loads["p_over_E_observed"], lower)
     with_k = list(power_law.model.data.textures) if power_law is not None else []
     has_k = pd.MultiIndex.from_frame(loads[["a_over_R", "b_over_R"]]).isin(with_k)
     loads["prior_alone"] = (loads["form"] == "power-law") & ~has_k
-    loads["inside"] = observed.between(loads["p_over_E_lower"], loads["p_over_E_upper"])
+    loads = loads.assign(p_over_E_observed_lower=lower, p_over_E_nearest=nearest)
+    loads["inside"] = loads.eval("p_over_E_lower <= p_over_E_nearest <= p_over_E_upper")
     return loads
 
 
@@ -85,13 +90,14 @@ def percent_errors(
     pandas.DataFrame
         Columns form, coefficients (``calibrated``: posterior means, or ``published`` in the study),
         a_over_R, b_over_R, Q, role, p_over_E, percent. A positive error means that the form
-        overestimates the load. The power law has no row for a texture without K.
+        overestimates the load. Of a bracket p_data is the load nearest to p_form. The power law has
+        no row for a texture without K.
     """
     frame = predicted_rows(comparison.table)
     blocks = []
     for a, b in shown_textures(comparison) if textures is None else textures:
         rows = frame[(frame["a_over_R"] == a) & (frame["b_over_R"] == b)].sort_values("Q")
-        q, p, nu = (rows[name].to_numpy() for name in ("Q", "p_over_E", "nu"))
+        q, nu, p, lower = rows[["Q", "nu", "p_over_E", "p_over_E_lower"]].to_numpy(float).T
         for name, fit in comparison.fits.items():
             if isinstance(fit.form, PowerLaw) and (a, b) not in fit.form.textures:
                 continue
@@ -101,7 +107,8 @@ def percent_errors(
             if fit.form.published is not None:
                 sets["published"] = np.array(fit.form.published)
             for coefficients, theta in sets.items():
-                error = 100 * (fit.form.load(q, a, b, theta, nu) / p - 1)
+                load = fit.form.load(q, a, b, theta, nu)
+                error = 100 * (load / nearest_load(load, p, lower) - 1)
                 blocks.append(rows.assign(form=name, coefficients=coefficients, percent=error))
     columns = ["form", "coefficients", "a_over_R", "b_over_R", "Q", "role", "p_over_E", "percent"]
     if not blocks:

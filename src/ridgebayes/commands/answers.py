@@ -65,7 +65,8 @@ def _rows_text(done: Comparison, out: Path, then: str = "") -> str:
     held_out = f", {n} held out" if (n := len(table.held_out)) else ""
     lines = [f"{out}: {fitted} fitted{held_out}. {then}".strip(), *done.cautions]
     if n_left_out := len(table.left_out):
-        lines.insert(0, f"{table.where}: {n_left_out} rows are not ok and were not fitted")
+        rows = count(n_left_out, "row is", "rows are")
+        lines.insert(0, f"{table.where}: {rows} not ok and not fitted")
     return "\n".join(lines)
 
 
@@ -92,8 +93,8 @@ def _rounded(summary: pd.DataFrame) -> pd.DataFrame:
         places = 3
         if 0 < row["sd"] < math.inf:
             places = max(1 - math.floor(math.log10(row["sd"])), 0)
-        cells = {name: f"{row[name]:.{places}f}" for name in ("mean", "sd")}
-        ends = " to ".join(f"{row[name]:.{places}f}" for name in ("eti_lower", "eti_upper"))
+        cells = {name: f"{row[name]:z.{places}f}" for name in ("mean", "sd")}
+        ends = " to ".join(f"{row[name]:z.{places}f}" for name in ("eti_lower", "eti_upper"))
         parameter = {"parameter": short_label(str(row["parameter"]))}
         rows.append(parameter | cells | {f"{100 * row['prob']:g} % interval": ends})
     return pd.DataFrame(rows)

@@ -58,13 +58,13 @@ def command(asked: options.Generate) -> Answer:
         left_out = _neglected_effects(scene, None, **solving)
     failed = len(table.left_out)
     size = f"{count(len(table), 'row')}, {count(len(table.textures), 'texture')}"
-    summary = f"{asked.out}: {size}, {failed} not ok"
+    rows, summary = count(failed, "row is", "rows are"), f"{asked.out}: {size}, {failed} not ok"
     return Answer(
         (summary, *medians_taken(scene.uncertain_names), *left_out),
         {"rows": len(table), "textures": len(table.textures), "not_ok": failed},
         [asked.out, *(files_in(asked.fields) if asked.fields else ())],
         early=warned,
-        problem=f"{failed} rows are not ok, see column status of {asked.out}" if failed else "",
+        problem=f"{rows} not ok, see column status of {asked.out}" if failed else "",
     )
 
 

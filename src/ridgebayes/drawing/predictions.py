@@ -197,7 +197,9 @@ def plot_held_out(loads: pd.DataFrame) -> Figure:
     Parameters
     ----------
     loads : pandas.DataFrame
-        Held-out rows of the run folder's loads.csv with kind_of_band simulation.
+        Held-out rows of the run folder's loads.csv with kind_of_band simulation, and column
+        p_over_E_nearest: the observed load, of a bracket its load nearest to the median. The first
+        three textures are drawn.
 
     Returns
     -------
@@ -214,7 +216,7 @@ def plot_held_out(loads: pd.DataFrame) -> Figure:
             rows = here[here["form"] == form]
             place = rows["Q"] + 1.4 * ((k + 0.5) / len(forms) - 0.5)
             look = look_of(form) | {"markersize": 5, "capsize": 2.5, "elinewidth": 1.3}
-            draw_intervals(axes, place, rows, rows["p_over_E_observed"], **look)
+            draw_intervals(axes, place, rows, rows["p_over_E_nearest"], **look)
         axes.axhline(0, color=OBSERVED, linewidth=1)
         axes.set_xticks(sorted(set(here["Q"])))
         axes.set(xlabel="edges in contact $Q$", title=texture_title(texture))

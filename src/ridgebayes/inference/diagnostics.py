@@ -163,7 +163,7 @@ def failed_diagnostics(summary: pd.DataFrame) -> tuple[str, ...]:
     failed = []
     for row in summary.to_dict("records"):
         if not row["r_hat"] < MAX_R_HAT:
-            failed.append(f"{row['parameter']}: R-hat {row['r_hat']:.4g}, not under {MAX_R_HAT}")
+            failed.append(f"{row['parameter']}: R-hat {row['r_hat']:.4f}, not under {MAX_R_HAT}")
         for name in ("ess_bulk", "ess_tail"):
             if not row[name] >= MIN_ESS:
                 failed.append(f"{row['parameter']}: {name} {row[name]:.0f}, under {MIN_ESS:.0f}")

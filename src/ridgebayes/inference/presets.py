@@ -57,7 +57,7 @@ class Preset:
         InputError
             If no preset has this name.
         """
-        if name not in PRESETS:
+        if name not in [*PRESETS]:  # a list as name is not hashable
             raise InputError(f"accuracy: expected one of {', '.join(PRESETS)}, got {name!r}")
         return PRESETS[name]
 

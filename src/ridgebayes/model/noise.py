@@ -97,7 +97,7 @@ class Noise:
         InputError
             If there is no error model of this name.
         """
-        structure, colon, tail = name.partition(":")
+        structure, colon, tail = str(name).partition(":")  # None, too, is refused
         if structure not in _STRUCTURE_NAMES or (colon and tail not in cls.tails):
             raise InputError(
                 f"noise {name!r}: not an error model; expected STRUCTURE or STRUCTURE:student, "
@@ -184,4 +184,4 @@ def error_models_for(noise: str | Noise, n_series: int) -> list[Noise]:
 
 def as_noise(noise: str | Noise) -> Noise:
     """Return the error model, or the error model of the given name."""
-    return Noise.named(noise) if isinstance(noise, str) else noise
+    return noise if isinstance(noise, Noise) else Noise.named(noise)

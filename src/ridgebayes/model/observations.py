@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.contact.scaling import Texture, reduced_load
@@ -154,6 +155,30 @@ class Observations:
             series=self.series[rows],
             series_labels=self.series_labels,
         )
+
+
+def nearest_load(predicted: ArrayLike, load: ArrayLike, lower: ArrayLike) -> FloatArray:
+    """Return what a row observed, as near to a prediction as its bracket allows.
+
+    Parameters
+    ----------
+    predicted, load : array_like of float, shape (n_row,), dimensionless
+        Predicted load, and the observed load or the upper end of its bracket.
+    lower : array_like of float, shape (n_row,), dimensionless
+        Lower end of the bracket; NaN for a row that gives its load exactly.
+
+    Returns
+    -------
+    ndarray of float, shape (n_row,), dimensionless
+        The observed load, or the prediction limited to the bracket.
+
+    Examples
+    --------
+    >>> nearest_load([1.0, 1.0, 5.0], [2.0, 2.0, 2.0], [np.nan, 0.5, 1.5]).tolist()
+    [2.0, 1.0, 2.0]
+    """
+    nearest: FloatArray = np.clip(np.asarray(predicted), np.fmin(lower, load), load)
+    return nearest
 
 
 def _refuse_offsets(table: ContactTable) -> None:

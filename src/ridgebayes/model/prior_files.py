@@ -67,6 +67,8 @@ def resolve_priors(
     if isinstance(given, str | os.PathLike):
         where, folder = str(given), Path(given).parent
         given = read_toml(Path(given))
+    elif not isinstance(given, Mapping | None):
+        raise InputError(f"{where}: expected a mapping by form or a path, got {given!r}")
     defaults: dict[str, dict[str, Distribution | None]] = {
         form.name: dict(coefficient_priors(form.bind(data.textures, data.labels))) for form in forms
     }

@@ -3,7 +3,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -275,15 +275,21 @@ def _priors(data: ReportData) -> Iterator[tuple[str, str, Distribution, bool]]:
                 yield form, name, prior, several[name.partition("[")[0]] > 1
 
 
+def _least_and_most(priors: Sequence[Distribution]) -> dict[str, None]:
+    """Return the priors with the smallest and the largest median, in words; one if they agree."""
+    ordered = sorted(priors, key=lambda prior: float(prior.value_at(0.0)))
+    return dict.fromkeys([ordered[0].words, ordered[-1].words])
+
+
 def prior_table(data: ReportData) -> Table:
-    """Return the prior of every parameter and its reason; the first K represents all K."""
+    """Return the prior of every parameter and its reason; all K share a row."""
     forms: dict[tuple[str, str], dict[str, None]] = {}  # by parameter and prior, in order
-    shown: dict[tuple[str, str], tuple[str, str]] = {}
+    shown: dict[tuple[str, str], tuple[str, list[Distribution]]] = {}
     for form, name, prior, is_several in _priors(data):
-        # Forms may differ in their prior of a parameter. Among several K the first is shown.
+        # Forms may differ in their prior of a parameter.
         key = name.partition("[")[0], "" if is_several else prior.words
-        more = " and of the others" if is_several else ""
-        shown.setdefault(key, (parameter_name(name) + more, prior.words))
+        label = parameter_name(name) + is_several * " and of the others"
+        shown.setdefault(key, (label, []))[1].append(prior)
         forms.setdefault(key, {})[form] = None
     kinds = Counter(kind for kind, _ in shown)
 
@@ -295,7 +301,7 @@ def prior_table(data: ReportData) -> Table:
         shown,
         {
             "Parameter": parameter,
-            "Prior": lambda key: shown[key][1],
+            "Prior": lambda key: ", to ".join(_least_and_most(shown[key][1])),
             "Why": lambda key: REASONS.get(key[0], ABSENT),
         },
         say("prior_table_caption"),

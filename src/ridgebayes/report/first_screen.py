@@ -128,7 +128,7 @@ def prior_words(comparison: Comparison) -> str:
 
 
 def lead(verdict: Verdict) -> str:
-    """Return the Bayes factor and its range as a sentence, rounded as the range allows."""
+    """Return the Bayes factor and its range as a sentence; its width rounds the range."""
     return say("bayes_factor", verdict=verdict)
 
 

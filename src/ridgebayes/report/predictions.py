@@ -35,7 +35,7 @@ def held_out_section(data: ReportData) -> list[Block]:
     if not len(loads):
         return []
     band = f"{percent(loads['prob'].iloc[0])} band"
-    errors = 100 * (loads["p_over_E_median"] / loads["p_over_E_observed"] - 1)
+    errors = 100 * (loads["p_over_E_median"] / loads["p_over_E_nearest"] - 1)
     by_form = dict(list(loads.assign(error=errors).groupby("form")))
     forms = data.ranked if len(data.ranked) == 1 else (*data.ranked, AVERAGE)
     sums = Table.of(
@@ -56,7 +56,7 @@ def held_out_section(data: ReportData) -> list[Block]:
             "a/R": lambda row: f"{row['a_over_R']:g}",
             "b/R": lambda row: f"{row['b_over_R']:g}",
             "Q": lambda row: str(row["Q"]),
-            "Observed p/E": lambda row: number(row["p_over_E_observed"]),
+            "Observed p/E": _observed,
             "Median": lambda row: number(row["p_over_E_median"]),
             band: lambda row: f"{number(row['p_over_E_lower'])} to {number(row['p_over_E_upper'])}",
             "Observed is": lambda row: "inside" if row["inside"] else "outside",
@@ -66,13 +66,19 @@ def held_out_section(data: ReportData) -> list[Block]:
         badge=6,
     )
     alt = f"Held-out loads inside the {band}: {_firsts(sums.rows)}."
-    has_prior = loads["prior_alone"].any()
+    n, has_prior = loads.groupby(["a_over_R", "b_over_R"]).ngroups, loads["prior_alone"].any()
     return [
         Text(say("held_out", n_row=len(data.comparison.table.held_out))),
-        Picture("held-out", say("held_out_caption", has_prior=has_prior), alt),
+        Picture("held-out", say("held_out_caption", n=n, has_prior=has_prior), alt),
         sums,
         Folded("Row by row", [row_by_row], short=True),
     ]
+
+
+def _observed(row: dict[str, Any]) -> str:
+    """Return an observed load, or both ends of its bracket."""
+    ends = row["p_over_E_observed_lower"], row["p_over_E_observed"]
+    return " to ".join(number(end) for end in ends if pd.notna(end))
 
 
 def _extrapolation(part: pd.DataFrame) -> str:

@@ -151,8 +151,7 @@ def decimals(x: float, places: int) -> str:
     """
     if x is None or math.isnan(x):
         return ABSENT
-    text = f"{x:.{places}f}"
-    return _minus(text if float(text) != 0 else f"{0:.{places}f}")
+    return _minus(f"{x:z.{places}f}")
 
 
 def with_error(value: float, error: float, most: int = 4) -> str:
