@@ -24,7 +24,7 @@ BUDGETS = {
     "scene": 1_297,  # with loads as they are typed, which were in commands and texture_design
     "simulate": 496,
     "fea": 3_684,  # runs print displacements and forces of nodes; tables hold loads
-    "model": 1_560,  # the loads of brackets nearest to a prediction, for all load errors
+    "model": 1_563,  # the loads of brackets nearest to a prediction, for all load errors; no bools
     "inference": 2_482,  # points with the tails of Student rows
     "predict": 1_072,  # loads over a/pitch of one count, DataArrays, unused values of scenes
     "evidence": 628,  # which evidences under changed priors are computed again

@@ -146,6 +146,7 @@ COMPARE = ("compare", SWEEP, *IID)
         ((*FIT, "quadratic"), ["form 'quadratic': unknown", "classic, power-law, modified"]),
         ((*COMPARE, "--forms", "hybrid,cubic"), ["form 'cubic': unknown"]),
         ((*COMPARE, "--forms", "hybrid,,classic"), ["--forms 'hybrid,,classic': an empty name"]),
+        ((*COMPARE, "--forms", ""), ["--forms '': an empty name"]),
         (
             (*COMPARE, "--forms", "hybrid,Hybrid"),
             ["forms: expected one or more, without repeats, got hybrid, hybrid"],

@@ -337,6 +337,7 @@ WIDTH, LOAD, COUNT = (
         ((A, B, 0.01), {"nu": 0.6}, "nu: expected 0 <= nu <= 0.5, got 0.6"),
         ((A, B, 0.01), {"nu": "soft"}, "nu: expected numbers, got 'soft'"),
         (("wide", B, 0.01), {}, "a_over_R: expected numbers, got 'wide'"),
+        ((A, B, True), {}, "p_over_E: expected numbers, got True"),
         ((A, B, np.ma.array([0.01, 0.02], mask=[0, 1])), {}, f"p_over_E: {LOAD}masked"),
         (([A, A], [B] * 3, 0.01), {}, r"broadcast, got a_over_R \(2,\), b_over_R \(3,\)"),
         ((A, B, [0.01] * 2), {"nu": [0.5] * 3}, r"broadcast, got nu \(3,\), p_over_E \(2,\)"),

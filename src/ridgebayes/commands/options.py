@@ -36,7 +36,7 @@ class Run(FitOptions):
     """
 
     table: Path | None = None
-    forms: str = ""
+    forms: str | None = None
     resume: bool = False
     workers: Positive[int | None] = None
     scheduler: str | None = None
@@ -71,7 +71,7 @@ class Compare(FitOptions):
     """
 
     table: Argument[Path]
-    forms: str = ""
+    forms: str | None = None
     prior_odds: str = ""
 
 
@@ -230,8 +230,8 @@ class Coverage:
 
     table: Argument[Path | None] = None
     out: Path = Path("ridgebayes-coverage")
-    forms: str = ""
-    noise: str = ""
+    forms: str | None = None
+    noise: str | None = None
     seed: Natural[int] = 0
     force: bool = False
     workers: Positive[int | None] = None

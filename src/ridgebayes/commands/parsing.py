@@ -38,9 +38,9 @@ def refuse_output(path: Path, force: bool, *suffixes: str) -> None:
         raise InputError(f"{path}: {why}")
 
 
-def parse_names(text: str, option: str = "--forms") -> list[str]:
-    """Parse comma-separated names."""
-    names = [name.strip() for name in text.split(",")] if text else []
+def parse_names(text: str | None, option: str = "--forms") -> list[str]:
+    """Parse comma-separated names; none if the option is not given."""
+    names = [] if text is None else [name.strip() for name in text.split(",")]
     if not all(names):
         raise InputError(f"{option} {text!r}: an empty name; expected names separated by commas")
     return names
@@ -57,7 +57,7 @@ def parse_form(text: str) -> str:
     return "-".join(text.lower().split())
 
 
-def parse_forms(text: str) -> list[str]:
+def parse_forms(text: str | None) -> list[str]:
     """Parse comma-separated names of forms."""
     return [parse_form(name) for name in parse_names(text)]
 

@@ -39,7 +39,7 @@ class Shared:
         Folder of a finished run.
     force : bool
         Replace an existing output.
-    forms : str
+    forms : str, optional
         Comma-separated forms: classic, power-law, modified, hybrid, half-plane. The first
         four if not given.
     noise : str

@@ -48,7 +48,10 @@ def loads(p_over_E: ArrayLike) -> FloatArray:
 def numbers(name: str, values: ArrayLike) -> FloatArray:
     """Return an argument as floats, masked ones as NaN; InputError names one that is no number."""
     try:
-        return np.asarray(values.filled(np.nan) if np.ma.isMA(values) else values, dtype=float)
+        array = np.asarray(values.filled(np.nan) if np.ma.isMA(values) else values)
+        if array.dtype.kind == "b":
+            raise TypeError
+        return array.astype(float)
     except (TypeError, ValueError):
         raise InputError(f"{name}: expected numbers, got {values!r}") from None
 
