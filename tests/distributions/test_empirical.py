@@ -22,6 +22,9 @@ def test_quantiles__are_the_samples(sample):
         # Discretisation: between knots a quarter of an sd apart, of a sample of noise 1/sqrt(n p).
         seen = float(own.value_at(stats.norm.ppf(share)))
         assert np.mean(sample < seen) == pytest.approx(share, abs=0.006)
+    few = sample[:100]
+    ends = Empirical.of(few).value_at(stats.norm.ppf([0.005, 0.995]))  # Hazen's shares of the ends
+    np.testing.assert_allclose(ends, [few.min(), few.max()], rtol=1e-9)  # rounding
 
 
 @pytest.mark.slow

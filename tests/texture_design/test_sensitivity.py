@@ -9,7 +9,13 @@ from ridgebayes.texture_design.bodies import Bodies, Tolerance
 from ridgebayes.texture_design.goal_values import Value, ratio_loads
 from ridgebayes.texture_design.goals import parse_goals
 from ridgebayes.texture_design.next_simulation import next_simulation
-from ridgebayes.texture_design.sensitivity import SIMULATION, Sources, sobol_shares, what_to_measure
+from ridgebayes.texture_design.sensitivity import (
+    SIMULATION,
+    Sources,
+    drawn_check,
+    sobol_shares,
+    what_to_measure,
+)
 
 TEXTURE = (0.022, 0.02)
 SD_MODULUS, SD_LOAD = 0.2, 0.1
@@ -112,3 +118,21 @@ def test_next_simulation__of_two_forms_that_differ_is_where_they_differ(fits, fi
     same = next_simulation([fit.averaged, fit.averaged], textures, 1)
     assert same["information"].max() == pytest.approx(0, abs=1e-12)
     assert next_simulation([fit.averaged], textures, 1).empty
+
+
+# By hand: Q is 2, 4 or 6 with probabilities 0.2, 0.5 and 0.3, its mean 4.2 and its variance 1.96.
+@pytest.mark.parametrize(("text", "value"), [("sd(Q) <= 1", 1.4), ("P(Q >= 6) >= 0.4", 0.3)])
+def test_drawn_check__scatters_as_its_standard_error_says(text, value):
+    class Drawn:
+        def draw(self, n, seed):
+            return np.random.default_rng(seed).choice([2, 4, 6], n, p=[0.2, 0.5, 0.3])
+
+        def outcome(self, Q):
+            return Q, Q < 6
+
+    (goal,) = parse_goals(text)
+    checks = [drawn_check(Drawn(), goal, seed) for seed in range(100)]
+    found, se = ([check[name] for check in checks] for name in ("probability", "se"))
+    assert np.mean(found) == pytest.approx(value, abs=4 * np.mean(se) / 10)  # Monte Carlo
+    # The scatter of 100 values has a relative standard error of 7 %.
+    assert np.std(found, ddof=1) == pytest.approx(np.mean(se), rel=4 / np.sqrt(200))
