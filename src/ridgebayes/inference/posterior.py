@@ -79,6 +79,7 @@ class Posterior:
     def __post_init__(self) -> None:
         u = self.kept_chains.u[..., : self.model.n_parameter]
         object.__setattr__(self, "_kept", self.model.to_theta(u))
+        self._kept.flags.writeable = False  # views of it, as `draws`, are read-only too
 
     def __getstate__(self) -> dict[str, object]:
         """Drop cached results, which can be many times larger than the draws."""
