@@ -90,8 +90,8 @@ def percent_errors(
     pandas.DataFrame
         Columns form, coefficients (``calibrated``: posterior means, or ``published`` in the study),
         a_over_R, b_over_R, Q, role, p_over_E, percent. A positive error means that the form
-        overestimates the load. Of a bracket p_data is the load nearest to p_form. The power law has
-        no row for a texture without K.
+        overestimates the load. For a bracket, p_data is its load nearest to p_form. The power law
+        has no row for a texture without K.
     """
     frame = predicted_rows(comparison.table)
     blocks = []

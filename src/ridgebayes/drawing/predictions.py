@@ -198,8 +198,8 @@ def plot_held_out(loads: pd.DataFrame) -> Figure:
     ----------
     loads : pandas.DataFrame
         Held-out rows of the run folder's loads.csv with kind_of_band simulation, and column
-        p_over_E_nearest: the observed load, of a bracket its load nearest to the median. The first
-        three textures are drawn.
+        p_over_E_nearest: the observed load; for a bracket, its load nearest to the median. The
+        first three textures are drawn.
 
     Returns
     -------
