@@ -25,7 +25,7 @@ BUDGETS = {
     "simulate": 496,
     "fea": 3_684,  # runs print displacements and forces of nodes; tables hold loads
     "model": 1_563,  # the loads of brackets nearest to a prediction, for all load errors; no bools
-    "inference": 2_483,  # points with the tails of Student rows; read-only draws
+    "inference": 2_484,  # points with the tails of Student rows; read-only draws
     "predict": 1_072,  # loads over a/pitch of one count, DataArrays, unused values of scenes
     "evidence": 628,  # which evidences under changed priors are computed again
     "comparison": 876,

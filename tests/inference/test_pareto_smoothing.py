@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ridgebayes.inference.pareto_smoothing import pareto_k, pareto_smoothed
+from ridgebayes.inference.pareto_smoothing import are_bounded, pareto_k, pareto_smoothed
 
 
 @pytest.mark.parametrize("shape", [0.2, 0.5, 0.9])
@@ -24,6 +24,11 @@ def test_pareto_smoothed__leaves_weights_without_a_tail_as_they_are(log_weights)
     smoothed, k = pareto_smoothed(log_weights)
     assert k == np.inf
     np.testing.assert_allclose(smoothed - smoothed[0], log_weights, atol=1e-12)  # rounding
+
+
+def test_are_bounded__equal_weights_are_and_weights_of_nothing_are_not():
+    assert are_bounded(np.zeros(64))
+    assert not are_bounded(np.full(64, -np.inf))  # without a warning, which would be an error
 
 
 def test_pareto_k__of_weights_that_are_not_numbers_is_not_to_be_trusted():

@@ -33,9 +33,10 @@ def are_bounded(log_weights: FloatArray) -> bool:
     """Return whether the largest weight has a far smaller share of the sum than in a heavy tail.
 
     The largest weight of a tail with shape k has about n^(k - 1) of the sum. Bounded weights can
-    have a large fitted k too.
+    have a large fitted k too. Weights that are all 0 are not bounded.
     """
-    largest_share = math.exp(log_weights.max() - float(logsumexp(log_weights)))
+    with np.errstate(invalid="ignore"):  # the difference of infinities, if all weights are 0
+        largest_share = math.exp(log_weights.max() - logsumexp(log_weights))
     most: float = _MAX_BOUNDED_SHARE * len(log_weights) ** (MAX_PARETO_K - 1)
     return largest_share < most
 

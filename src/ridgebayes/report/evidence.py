@@ -275,10 +275,10 @@ def _priors(data: ReportData) -> Iterator[tuple[str, str, Distribution, bool]]:
                 yield form, name, prior, several[name.partition("[")[0]] > 1
 
 
-def _least_and_most(priors: Sequence[Distribution]) -> dict[str, None]:
+def _least_and_most(priors: Sequence[Distribution]) -> str:
     """Return the priors with the smallest and the largest median, in words; one if they agree."""
     ordered = sorted(priors, key=lambda prior: float(prior.value_at(0.0)))
-    return dict.fromkeys([ordered[0].words, ordered[-1].words])
+    return ", to ".join(dict.fromkeys([ordered[0].words, ordered[-1].words]))
 
 
 def prior_table(data: ReportData) -> Table:
@@ -301,7 +301,7 @@ def prior_table(data: ReportData) -> Table:
         shown,
         {
             "Parameter": parameter,
-            "Prior": lambda key: ", to ".join(_least_and_most(shown[key][1])),
+            "Prior": lambda key: _least_and_most(shown[key][1]),
             "Why": lambda key: REASONS.get(key[0], ABSENT),
         },
         say("prior_table_caption"),

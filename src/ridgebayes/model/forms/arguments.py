@@ -51,7 +51,7 @@ def numbers(name: str, values: ArrayLike) -> FloatArray:
         array = np.asarray(values.filled(np.nan) if np.ma.isMA(values) else values)
         if array.dtype.kind == "b":
             raise TypeError
-        return array.astype(float)
+        return array.astype(float, copy=False)
     except (TypeError, ValueError):
         raise InputError(f"{name}: expected numbers, got {values!r}") from None
 
