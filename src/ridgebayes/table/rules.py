@@ -229,6 +229,9 @@ _NUMBER = re.compile(
     r"\s*[+-]?((\d+(?:\.\d*)?|\.\d+)(e[+-]?\d+)?|inf|infinity|nan)\s*", re.I | re.A
 )
 
+# Most numbers: whole columns are matched at once.
+_PLAIN_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+
 
 def shortest(value: float) -> str:
     """Return the shortest text that reads back as the same number.
@@ -329,6 +332,9 @@ def as_numbers(cells: "pd.Series[Any]") -> tuple[FloatArray, BoolArray, BoolArra
         return values, empty, np.zeros(len(cells), dtype=bool)
     if isinstance(cells.dtype, pd.StringDtype):  # each distinct text is converted once
         codes, distinct = pd.factorize(cells, use_na_sentinel=False)
+        if distinct.str.fullmatch(_PLAIN_NUMBER).all():
+            no_cell = np.zeros(len(cells), dtype=bool)
+            return distinct.to_numpy(dtype=object).astype(float)[codes], no_cell, no_cell.copy()
         once = as_numbers(pd.Series(distinct, dtype=object))
         return once[0][codes], once[1][codes], once[2][codes]
     # One Python call for each cell: columns of plain numbers have returned above.
