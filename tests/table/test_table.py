@@ -173,6 +173,8 @@ def test_row_codes__agree_with_a_dictionary_of_rows() -> None:
 def test_as_numbers__takes_nothing_for_a_number_that_is_none(cell) -> None:
     _, _, text = as_numbers(pd.Series([cell, 1.0], dtype=object))
     assert text.tolist() == [True, False]
+    _, _, text = as_numbers(pd.Series([str(cell), "1."], dtype=str))
+    assert text.tolist() == [cell != 10**400, False]  # a number with many digits
 
 
 # --- every rule, broken ----------------------------------------------------------------------
