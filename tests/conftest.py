@@ -196,7 +196,7 @@ def comparison(compare, paper):
 @pytest.fixture(scope="session")
 def reference(compare, fe_table):
     forms = [rb.Classic(), rb.PowerLaw(), rb.Modified(), rb.Hybrid(), rb.HalfPlane()]
-    return compare(fe_table, forms, rng=0, noise="iid")
+    return compare(fe_table, forms, rng=0, noise="iid", accuracy="quick")
 
 
 @pytest.fixture(scope="session")

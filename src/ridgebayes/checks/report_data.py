@@ -163,8 +163,8 @@ def report_data(comparison: Comparison) -> ReportData:
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> forms = [rb.Modified(), rb.Hybrid()]
-    >>> data = report_data(rb.compare(rb.paper_sweep(), forms, noise="iid", rng=1))
+    >>> forms = ["modified", "hybrid"]
+    >>> data = report_data(rb.compare(rb.paper_sweep(), forms, noise="iid", accuracy="quick"))
     >>> data.ranked, data.is_paper_sweep, len(data.held_out)
     (('hybrid', 'modified'), True, 9)
     """

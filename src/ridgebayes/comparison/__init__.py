@@ -7,7 +7,7 @@ the tables of predicted Q and loads in a run folder, averaged over forms and err
 package neither draws figures nor writes files.
 
 >>> import ridgebayes as rb
->>> cmp = rb.compare(rb.paper_sweep(), [rb.Classic(), rb.Modified()], noise="iid", rng=1)
+>>> cmp = rb.compare(rb.paper_sweep(), ["classic", "modified"], noise="iid", accuracy="quick")
 >>> cmp.best, cmp.complete
 ('modified', True)
 >>> cmp.bayes_factors[["form_a", "form_b", "reading"]].iloc[0].tolist()

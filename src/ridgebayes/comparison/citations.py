@@ -29,10 +29,9 @@ def citations(result: Fit | Comparison) -> pd.DataFrame:
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    >>> cmp = rb.compare(rb.paper_sweep(), ["modified", "hybrid"], noise="iid", accuracy="quick")
     >>> list(rb.citations(cmp)["used"])[6:]
-    ['importance sampling', 'MCMC', 'moves', 'bridge sampling', 'its error',
-    'words for Bayes factors', 'leave-one-out scores', 'stacking']
+    ['importance sampling', 'words for Bayes factors', 'leave-one-out scores', 'stacking']
     """
     fits = list(result.fits.values()) if isinstance(result, Comparison) else [result]
     reasons = {"always"}

@@ -92,7 +92,7 @@ def compare(  # noqa: PLR0913  (all but the table have a default)
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    >>> cmp = rb.compare(rb.paper_sweep(), ["modified", "hybrid"], noise="iid", accuracy="quick")
     >>> cmp.best
     'hybrid'
     >>> [round(float(ln_bf), 1) for ln_bf in cmp.bayes_factors["ln_bf"]]

@@ -68,7 +68,7 @@ class Comparison(Predictive, Tabular):
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    >>> cmp = rb.compare(rb.paper_sweep(), ["modified", "hybrid"], noise="iid", accuracy="quick")
     >>> cmp.best, cmp.to_dataframe()["model_probability"].round(2).tolist()
     ('hybrid', [0.99, 0.01])
     >>> cmp.complete, cmp.unconverged, cmp.verdict.grade

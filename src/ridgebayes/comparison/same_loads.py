@@ -37,7 +37,7 @@ def same_loads(first: Posterior, other: Posterior) -> bool:
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    >>> cmp = rb.compare(rb.paper_sweep(), ["modified", "hybrid"], noise="iid", accuracy="quick")
     >>> same_loads(cmp.fits["modified"], cmp.fits["hybrid"])  # textures of several a/pitch
     False
     """

@@ -55,7 +55,7 @@ class Verdict:
     Examples
     --------
     >>> import ridgebayes as rb
-    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    >>> cmp = rb.compare(rb.paper_sweep(), ["modified", "hybrid"], noise="iid", accuracy="quick")
     >>> entries = cmp.verdict.to_dict()
     >>> entries["form"], entries["over"], entries["grade"], round(entries["ln_bf"], 1)
     ('hybrid', 'modified', 'supports', 4.5)

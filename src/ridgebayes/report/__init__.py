@@ -7,7 +7,7 @@ is computed here. All text that comes from a table is escaped.
 Examples
 --------
 >>> import ridgebayes as rb
->>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+>>> cmp = rb.compare(rb.paper_sweep(), ["modified", "hybrid"], noise="iid", accuracy="quick")
 >>> print(render_report(cmp, ".md").splitlines()[4])
 **The evidence supports Hybrid among the forms compared.**
 """
@@ -68,7 +68,7 @@ def write_report(
     --------
     >>> import tempfile
     >>> import ridgebayes as rb
-    >>> cmp = rb.compare(rb.paper_sweep(), [rb.Modified(), rb.Hybrid()], noise="iid", rng=1)
+    >>> cmp = rb.compare(rb.paper_sweep(), ["modified", "hybrid"], noise="iid", accuracy="quick")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_report(cmp, f"{folder}/report.md")
     ...     print(Path(folder, "report.md").read_text(encoding="utf-8").splitlines()[4])
