@@ -24,9 +24,9 @@ _OF_NOISE = {
     )
 }
 _ONE_SERIES = (
-    "No texture has rows of two series (sources, where no series is named). What sets series apart "
-    "cannot be told from what sets textures apart, and bands are for a new series. If all rows "
-    "come from one rig or solver, give them one series label."
+    "No texture has rows of two series (sources, where no series is named). Differences between "
+    "series cannot be told from differences between textures, and bands are for a new series. If "
+    "all rows come from one rig or solver, give them one series label."
 )
 _MAX_PRIOR_SDS = 4.0  # distance from a prior's centre above which loads contradict it
 # A groove ten times as wide as its ridge reduces the load of Q = 4 to 0.4 of a smooth body's; wrong

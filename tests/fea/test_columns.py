@@ -87,6 +87,11 @@ UNDERSCORES = {"a": "a_mm", "b": "b_um", "line": "line_N_per_mm", "R": "R_mm", "
             for width, mm in (("Land", 0.24), ("Groove", 0.08))
         ),
         (
+            "Ridge [mm],Groove [mm],Q,Force [N],R [mm]\n0.3,0.5,4,0.041,9\n",
+            {"a_over_R": [1 / 30], "b_over_R": [1 / 18]},
+            {name: SLICE[name] for name in ("E", "thickness")},
+        ),
+        (
             CONTRACT.replace("E\n", "E,p\n").replace("1\n", "1,60\n").replace("4\n", "4,90\n"),
             {"p_over_E": [0.01, 0.015]},
             {"mapping": {"p": "p"}, "E": "6000"},

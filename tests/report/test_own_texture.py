@@ -115,7 +115,7 @@ def test_page__widths_may_be_shares_of_the_radius_and_loads_p_over_E(browser, av
     found = fill(browser, width_unit="R", a="0,02", b="0.017", load_unit="p/E", load="0.004:0.012")
     q = averaged.predict(0.02, 0.017, 0.012)
     assert found["band"][1] == q.median()
-    assert found["said"].startswith(f"At 0.012 p/E: Q = {int(q.median())}, 90 % band ")
+    assert found["said"].startswith(f"At 0.012 p/E: Q = {int(q.median())}, 90\u00a0% band ")
     assert found["plot"].count('class="load"') == 2  # both ends of the range
 
 

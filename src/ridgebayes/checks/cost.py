@@ -84,11 +84,11 @@ def cost(
     model = Model(Observations.from_table(rows), as_form(form or Hybrid()), Noise())
     try:
         exact = importance_sample(ModelTarget(model, seed), REFERENCE.effort.doubled, seed + 1)
-        best = _moments(model, exact), exact.evidence.value
+        reference = _moments(model, exact), exact.evidence.value
     except ComputationError:  # the presets fail too, and report the reason
-        best = np.array(np.nan), np.nan
+        reference = np.array(np.nan), np.nan
     tasks = {
-        "posterior": partial(_posterior, model, *best, repeats, seed),
+        "posterior": partial(_posterior, model, *reference, repeats, seed),
         "half-plane": partial(_half_plane, texture, repeats),
         "finite elements": partial(_elements, texture, float(rows.frame["p_over_E"].max())),
     }

@@ -147,8 +147,7 @@ def main() -> None:
     except _UsageError as error:
         terminal = import_module("ridgebayes.commands.terminal")
         name, code = next((word for word in words if word in _COMMANDS), None), error.exit_code
-        output = Output(as_json=True)
-        terminal.tell(name, terminal.Answer(), code, error.format_message(), output)
+        terminal.tell(name, terminal.Answer(), code, error.format_message(), Output(as_json=True))
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -72,7 +72,7 @@ def command(asked: options.Friction) -> Answer:
         f"{draws.contact_relative_error:.1g}. Means over draws:"
     )
     if outside:
-        warnings.append(f"{outside:.2%} of draws and loads lie beyond the calibrated range")
+        warnings.append(f"{100 * outside:.3g} % of draws and loads lie beyond the calibrated range")
     if model is None:
         return Answer((summary, means.round(6)), means, [asked.out], warnings=warnings)
     if not model.kappa:

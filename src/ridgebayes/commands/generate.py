@@ -57,8 +57,8 @@ def command(asked: options.Generate) -> Answer:
             table.write(asked.out)
         left_out = _neglected_effects(scene, None, **solving)
     failed = len(table.left_out)
-    size = f"{count(len(table), 'row')}, {count(len(table.textures), 'texture')}"
-    rows, summary = count(failed, "row is", "rows are"), f"{asked.out}: {size}, {failed} not ok"
+    rows = count(failed, "row is", "rows are")
+    summary = f"{asked.out}: {count(len(table), 'row')}, {count(len(table.textures), 'texture')}"
     return Answer(
         (summary, *medians_taken(scene.uncertain_names), *left_out),
         {"rows": len(table), "textures": len(table.textures), "not_ok": failed},

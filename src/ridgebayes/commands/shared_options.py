@@ -109,5 +109,6 @@ def parameters_of(record: type[Any]) -> Iterator[Parameter]:
             kind, mark = get_args(kind)[0], copy(get_args(kind)[1])
         mark.help = texts.get(parameter.name, "")
         if isinstance(mark, OptionInfo):
+            mark.metavar = "" if kind is bool else None  # a flag takes no value
             mark.param_decls = FLAGS.get(parameter.name, (f"--{parameter.name.replace('_', '-')}",))
         yield parameter.replace(annotation=Annotated[kind, mark], kind=Parameter.KEYWORD_ONLY)

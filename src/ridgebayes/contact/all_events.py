@@ -66,18 +66,19 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
     all ridges and events.
     """
     compliance = -math.log(math.sin(0.5 * math.pi * profile.a / profile.pitch))
+    # First guess of the number of ridges or pairs, from the half-width under a smooth body.
     n = math.sqrt(2 * W_max) / profile.pitch + 0.1 + 0.5 * compliance
     n = math.ceil(n if profile.mirrored else 2 * n) + 1
-    bearing = W_max
+    row_load = W_max  # sets the half-width of contact that the row can describe
     W, ok = np.empty(0), np.empty(0, dtype=bool)
     while True:
-        half_width = bearing_half_width(profile, bearing)
+        half_width = bearing_half_width(profile, row_load)
         m = max(coefficients_for(profile, rel_tol, half_width), 3)
-        most = MOST_UNKNOWNS // m
-        if most < max(len(W), 1):
+        most_events = MOST_UNKNOWNS // m
+        if most_events < max(len(W), 1):
             why = too_many(profile, (len(W) + 1) * m).status
             break
-        n = min(n, most, n_max)
+        n = min(n, most_events, n_max)
         try:
             row = RidgeRow.of(profile, n, m, half_width)
         except np.linalg.LinAlgError as error:
@@ -87,11 +88,11 @@ def all_events(profile: Profile, *, W_max: float, n_max: int, rel_tol: float) ->
         W, ok = rounds.events()
         ok &= np.diff(W, prepend=0.0) > 0
         if rounds.cut_off:
-            bearing *= 4
+            row_load *= 4
         elif n == n_max or not ok[-1] or W[-1] > W_max:
             why = ""
             break
-        elif n == most:
+        elif n == most_events:
             why = too_many(profile, (n + 1) * m).status
             break
         else:
@@ -111,6 +112,7 @@ class _Rounds:
         self._ends = np.ones((2, n, n))  # ends of contact, by ridge and event
         self._nearest = np.full(n, -1.0)  # t of the nearest point on the ridge ahead
         w, corner, half = row.half_width, row.profile.corner, 0.5 * row.profile.a
+        # On a ridge x = w t: x^2/(2 corner) = t^2/(2 radius), and the flat top ends at t = flat.
         self._radius, self._flat = corner / w**2, (half - corner) / w
         # Whether contact exceeds the half-width of the row, and whether ridges are wider than it.
         self.cut_off, self._cut = False, w < half
@@ -149,8 +151,8 @@ class _Rounds:
         self._ends[:, ridge, event] = contacts.ends + contacts.steps
         residual = np.zeros_like(self._moments)
         residual[ridge, 0, event] = math.pi * (contacts.level + row.shift * force - approach[event])
-        apart = self._moments[ridge, 1:, event] - contacts.moments[1:].T
-        residual[ridge, 1:, event] = row.energies[1:] * apart
+        mismatch = self._moments[ridge, 1:, event] - contacts.moments[1:].T
+        residual[ridge, 1:, event] = row.energies[1:] * mismatch
         change = self._newton(residual, contacts, potentials)
         beyond = contacts.ends - self._flat  # beyond a kink, pressure falls to 0 over this length
         scale = np.where(beyond > 0, np.minimum(beyond, contacts.share), contacts.share)

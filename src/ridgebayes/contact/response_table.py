@@ -113,14 +113,14 @@ class ResponseTable:
             if self._axes[1].n > 1:
                 self._margin = _CLOSEST_OFFSETS
             mesh = np.meshgrid(*(axis.nodes for axis in self._axes), indexing="ij")
-            rows = np.stack([choice.ravel() for choice in mesh], axis=1)
+            rows = np.stack([coordinate.ravel() for coordinate in mesh], axis=1)
         else:
             rows = distinct[:, self._columns]
         over_ridge = self._columns == _OVER_RIDGE
         profiles = [_profile(row, over_ridge=over_ridge) for row in rows]
         if self._axes:
             _refuse_narrow(profiles)
-        self._shapes = [_Shape(choice, self._margin) for choice in profiles]
+        self._shapes = [_Shape(profile, self._margin) for profile in profiles]
 
     def _weights(self, shapes: FloatArray) -> FloatArray:
         """Return the weight of each shape, (n, n_shape)."""
@@ -223,9 +223,9 @@ def _n_node(low: float, high: float) -> int:
     return int(np.clip(np.ceil(dense) + 1, _N_NODE // 4 + 1, _N_NODE))
 
 
-def _profile(at: FloatArray, *, over_ridge: bool) -> Profile:
+def _profile(shape: FloatArray, *, over_ridge: bool) -> Profile:
     """Return the profile of a shape; sharp profiles have a pitch of 1."""
-    groove, offset, depth, corner, ridge = at.tolist()
+    groove, offset, depth, corner, ridge = shape.tolist()
     if corner == -math.inf:
         a = 1 / (1 + math.exp(groove))
         return Profile(a, 1 - a, math.exp(depth), 0.0, offset)
@@ -338,11 +338,11 @@ def _free_ends(solution: ContactSolution) -> tuple[bool, ...]:
 def _flat_values(solution: ContactSolution, Q: int) -> FloatArray:
     """Return the fields of `ContactValues` after W as one array, shape (5 + 4 Q,)."""
     if solution.status != "ok" or solution.Q != Q:
-        at = solution.profile
-        shape = f"groove_width {at.b / at.a:.3g}, corner_radius {at.corner / at.a:.3g}"
+        body = solution.profile
+        shape = f"groove_width {body.b / body.a:.3g}, corner_radius {body.corner / body.a:.3g}"
         state = f"Q = {solution.Q} for {Q}, {solution.status}"
         raise ComputationError(
-            f"scene: {shape} of ridge_width, offset {at.offset:.3g}: expected a contact that can "
+            f"scene: {shape} of ridge_width, offset {body.offset:.3g}: expected a contact that can "
             f"be solved, got {state}; a truncated distribution keeps to values whose contact can be"
         )
     first, last = solution.ends

@@ -182,7 +182,7 @@ def _by_texture(frame: pd.DataFrame) -> tuple[list[tuple[pd.DataFrame, dict[str,
         frame = frame.assign(**loads.rename(columns=lambda x: x.replace("load", "p_over_E", 1)))
     by_texture = islice(rows_by_texture(frame).items(), MOST_TEXTURES)
     return [
-        (rows, {"color": _COLOURS[i % len(_COLOURS)], "label": f"a/R {a:g}, b/R {b:g}"})
+        (rows, {"color": _COLOURS[i % len(_COLOURS)], "label": f"a/R {a:.4g}, b/R {b:.4g}"})
         for i, ((a, b), rows) in enumerate(by_texture)
     ], load_label(unit)
 

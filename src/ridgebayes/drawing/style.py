@@ -216,7 +216,7 @@ def symbol(parameter: str) -> str:
 def texture_title(texture: tuple[float, float], rows: pd.DataFrame | None = None) -> str:
     """Return the heading of a texture's panel; it says if all rows are held out."""
     held_out = rows is not None and len(rows) and (rows["role"] == "held-out").all()
-    return f"$a/R$ = {texture[0]:g}, $b/R$ = {texture[1]:g}" + ("\n(held out)" if held_out else "")
+    return "$a/R$ = {:.4g}, $b/R$ = {:.4g}".format(*texture) + ("\n(held out)" if held_out else "")
 
 
 def rows_by_texture(frame: pd.DataFrame) -> dict[tuple[float, float], pd.DataFrame]:

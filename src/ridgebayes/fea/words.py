@@ -150,18 +150,27 @@ def column_unit(key: str, header: str, explicit: str | None) -> tuple[str, Fract
 def divided(over: FloatArray, *under: FloatArray) -> FloatArray:
     """Divide an array by others, each of shape (n_row,) or ().
 
-    Quotients have rounding errors of some units in the last place. Quotients within rounding of a
-    decimal with 14 digits are replaced by that decimal, unless there are over 10,000 distinct
-    quotients.
+    Numbers within rounding of a decimal with 14 digits count as that decimal. Their quotients are
+    exact before one rounding, so that equal widths in any unit give equal ratios. With over 10,000
+    distinct rows, quotients have rounding errors of some units in the last place.
     """
     with np.errstate(all="ignore"):
         quotient = np.asarray(functools.reduce(np.divide, under, over))
-    place, distinct = pd.factorize(quotient.ravel(), use_na_sentinel=False)
-    if distinct.size > MOST_DISTINCT:
+    parts = [part.ravel().tolist() for part in np.broadcast_arrays(over, *under)]
+    rows = list(zip(*parts, strict=True))
+    quotients = dict(zip(rows, quotient.ravel().tolist(), strict=True))
+    if len(quotients) > MOST_DISTINCT:
         return quotient
-    short = np.array([float(f"{number:.14g}") for number in distinct])
-    near = np.isclose(short, distinct, rtol=2e-15, atol=0.0)
-    return np.where(near, short, distinct)[place].reshape(quotient.shape)
+    for row, rounded in quotients.items():
+        if np.isfinite([*row, rounded]).all():
+            quotients[row] = float(_decimal(row[0]) / math.prod(map(_decimal, row[1:])))
+    return np.array([quotients[row] for row in rows]).reshape(quotient.shape)
+
+
+def _decimal(number: float) -> Fraction:
+    """Return a number exactly, or the decimal with 14 digits that it is within rounding of."""
+    short = f"{number:.14g}"
+    return Fraction(short if math.isclose(float(short), number, rel_tol=2e-15) else number)
 
 
 def _any_of(words: Iterable[str]) -> str:

@@ -258,7 +258,7 @@ class InputDraws:
             out |= {f"edge_{name}": np.full(edge_shape, np.nan) for name in ("x", "K", "G")}
             out["edge_side"] = np.zeros(edge_shape, dtype=np.int8)
         factor = np.broadcast_to(load_factor(0.0) * (1 - nu**2)[:, None], p.shape)
-        # Load at which the half-plane behaves as the body does under p.
+        # Load at which the half-plane behaves as the body does under p, or NaN.
         half_plane = two_scale.half_plane_load(p, nu[:, None], self._ogden)
         is_large = np.isfinite(half_plane)
         W = factor * np.where(is_large, half_plane, p)
@@ -267,18 +267,18 @@ class InputDraws:
             contact = self._table.at(profiles[i], count, W[here])
             if math.isnan(self.contact_relative_error):
                 self.contact_relative_error = self._table_error(profiles, Q, W, rng)
-            at, line = contact.W / factor[here], 2 * p[here]
-            large = two_scale.load_of(at, nu[i], self._ogden)
-            p_mechanics = np.where(is_large[here] & np.isfinite(large), large, at)
+            p_half_plane, line_load = contact.W / factor[here], 2 * p[here]
+            p_large = two_scale.load_of(p_half_plane, nu[i], self._ogden)
+            p_mechanics = np.where(is_large[here] & np.isfinite(p_large), p_large, p_half_plane)
             out["p_over_E_mechanics"][here] = p_mechanics
             out["contact_length_over_R"][here] = contact.length
             out["contact_fraction"][here] = contact.length / contact.extent
-            out["ridge_force_mean"][here] = line * contact.share / count
-            out["ridge_force_max"][here] = line * contact.largest_share
-            out["penetration_over_R"][here] = contact.penetration * p_mechanics / at
+            out["ridge_force_mean"][here] = line_load * contact.share / count
+            out["ridge_force_max"][here] = line_load * contact.largest_share
+            out["penetration_over_R"][here] = contact.penetration * p_mechanics / p_half_plane
             if self._edges:
                 modulus = 1 / (1 - nu[i][:, None] ** 2)
-                K = np.maximum(contact.K, 0.0) * modulus * (p[here] / at)[:, None]
+                K = np.maximum(contact.K, 0.0) * modulus * (p[here] / p_half_plane)[:, None]
                 K[profiles[i, _CORNER] > 0] = np.nan
                 for name, column in (("x", contact.x), ("K", K), ("G", 0.5 * K**2 / modulus)):
                     out[f"edge_{name}"][i, j, : 2 * count] = column

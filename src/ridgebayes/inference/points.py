@@ -32,7 +32,7 @@ _POINT_SCALE = 0.65
 _MIN_TAIL_PROBABILITY = np.finfo(float).eps  # keeps points finite
 _PRIOR_PAIR_PERIOD = 4  # if rows are intervals, every fourth pair of points is drawn from the prior
 _N_INNER_POINT = 8  # points of a texture's score for each point of the rest
-_MIN_INFORMED_PIVOT = 1.02  # scores with a smaller pivot of M are drawn from a normal distribution
+_MIN_INFORMED_PIVOT = 1.02  # scores with a smaller pivot in `Precision` get normal points
 # Working rows are updated until nine of ten draws have no predictor whose precision changes by more
 # than a tenth; points need no better approximation. Student rows with outliers and few degrees of
 # freedom take the most passes.
@@ -246,8 +246,7 @@ class PointIntegral:
             return np.empty((1, *rest.shape[:-1], 0)), log_rows.sum(axis=-1)[None]
         moved = np.einsum("pdr,drf->pdf", rest - normal.rest, precision.border)
         centre = normal.first - moved / precision.diagonal
-        by_rows = self.tail.parameter_names != () and bool(self.rows.exact.all())
-        n_at_rows = n // 4 if by_rows else 0
+        n_at_rows = n // 4 if self.tail.parameter_names and self.rows.exact.all() else 0
         # Strata of equal probability suit a smooth one-dimensional integral. Each stratum has two
         # points, so that every second point gives an estimate too.
         n_strata = (n - n_at_rows) // 2 if n > 1 else 1
@@ -285,12 +284,8 @@ class PointIntegral:
         pick = (stratum[:, None, None, None] + u) / (stratum[-1] + 1) * self._n_in_texture
         row = self._order[self._begins + np.minimum(pick.astype(int), self._n_in_texture - 1)]
         scale = np.broadcast_to(batch.scale, (*error.shape[1:-1], len(self.rows.upper)))
-        row_scale = np.take_along_axis(
-            np.broadcast_to(scale, row.shape[:-1] + scale.shape[-1:]), row, -1
-        )
-        row_error = np.take_along_axis(
-            np.broadcast_to(error, row.shape[:-1] + error.shape[-1:]), row, -1
-        )
+        row_scale = np.take_along_axis(scale[None, None], row, -1)
+        row_error = np.take_along_axis(error[None], row, -1)
         row_error = row_error - row_scale * self.tail.rvs(rng, batch.df, row.shape)
         return np.nan_to_num(row_error / batch.root.first, posinf=1e30, neginf=-1e30)
 

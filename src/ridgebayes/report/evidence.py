@@ -238,11 +238,11 @@ def prior_section(data: ReportData) -> list[Block]:
             "c and c₁" if (name := part["prior"].iloc[0]) == "c" else parameter_name(name)
         ),
         "Scale, times default": lambda part: "{:g} to {:g}".format(*part["factor"].iloc[[0, -1]]),
-        "ln BF at the least": lambda part: decimals(part["ln_bf"].iloc[0], 1),
-        "at default": lambda part: decimals(
+        "ln BF at the lowest scale": lambda part: decimals(part["ln_bf"].iloc[0], 1),
+        "at the default": lambda part: decimals(
             part["ln_bf"].iloc[(part["factor"] - 1).abs().argmin()], 1
         ),
-        "at the most": lambda part: decimals(part["ln_bf"].iloc[-1], 1),
+        "at the highest": lambda part: decimals(part["ln_bf"].iloc[-1], 1),
     }
     scales = {"low": factors["factor"].min(), "high": factors["factor"].max()}
     ahead = usable.loc[usable["ln_bf"] > 0, "form"].unique().tolist()

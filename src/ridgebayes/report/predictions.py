@@ -136,7 +136,7 @@ def errors_section(data: ReportData) -> list[Block]:
         key: _range(part["percent"])
         for key, part in errors.groupby(["form", "a_over_R", "b_over_R"], sort=False)
     }
-    titles = [f"a/R = {a:g}, b/R = {b:g}" for a, b in data.textures]
+    titles = [f"a/R = {a:.4g}, b/R = {b:.4g}" for a, b in data.textures]
     rows = [
         [form_name(form), *(cells.get((form, *texture), ABSENT) for texture in data.textures)]
         for form in data.ranked

@@ -32,13 +32,14 @@ from ridgebayes.scene.effects import (
 from ridgebayes.scene.scene import Scene, Texture
 
 _SAFETY = 1.5  # bound of a change over its estimate
-# Below the Poisson's ratios of two-scale loads, finite strain multiplies half-plane loads by
+# If Poisson's ratio is too small for two-scale loads: finite strain multiplies half-plane loads by
 # 1 + 0.3 (w/R)^2, fitted for half-widths w up to 0.26 R (data/fea).
 _FINITE_STRAIN_FACTOR = 0.3
 # CPU seconds of a contact, and the number of its intervals that doubles them; measured for sharp
 # and round ridges, with and without floors, on up to 130 ridges. The loads of all transitions take
-# as long as two contacts; over floors as sixteen, and eight more for each: a factor of three.
-_CONTACT_S, _TWICE_AS_LONG = 8e-3, 30
+# as long as two contacts; over floors, as sixteen and eight more for each transition. Run times are
+# right to a factor of three.
+_CONTACT_S, _DOUBLING_INTERVALS = 8e-3, 30
 _MAX_TRANSITIONS = 64  # transitions per texture
 _FE_TRANSITION_S = 5.0  # CPU seconds per transition, by finite elements
 _SMOOTH_BODY_S = 15.0  # CPU seconds, of a smooth body by finite elements
@@ -221,7 +222,7 @@ class _Base:
     def cost(self, n_contact: float, n_interval: float) -> float:
         """Return the CPU seconds of contacts on a number of intervals, at all offsets."""
         n_curve = N_OFFSETS if self.texture.offset == "uniform" else 1
-        return n_curve * n_contact * _CONTACT_S * (1 + (n_interval / _TWICE_AS_LONG) ** 2)
+        return n_curve * n_contact * _CONTACT_S * (1 + (n_interval / _DOUBLING_INTERVALS) ** 2)
 
 
 def _decide(base: _Base, effects: list[Effect], allowance: float) -> list[Effect]:

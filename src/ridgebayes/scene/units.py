@@ -21,8 +21,8 @@ EXAMPLES: dict[Dimension, str] = {
 }
 _LOADS: tuple[Dimension, ...] = ("pressure", "line load", "force")
 _SIZES = (  # that these loads need: the first, two or all three
-    "Young's modulus (--E)",
-    "the radius (--R)",
+    "Young's modulus (--E, or body.youngs_modulus of a scene)",
+    "the radius (--R, or body.radius of a scene)",
     "the body's length (--thickness, or load.length of a scene)",
 )
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9])")
@@ -240,7 +240,7 @@ class Body:
         needed = zip(_SIZES[: 1 + _LOADS.index(dimension)], self.sizes.values(), strict=False)
         lacking = [name for name, size in needed if size is None]
         if lacking:
-            raise InputError(f"{text!r}: needs {' and '.join(lacking)}, or a scene that has them")
+            raise InputError(f"{text!r}: needs {' and '.join(lacking)}")
         return float(value / loads_at_modulus(*self.sizes.values())[dimension])
 
     @property

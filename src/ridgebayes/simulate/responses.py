@@ -173,8 +173,8 @@ def ridge_forces(
         for (segment, (left, right)), force in contacts:
             kind, share = "floor" if segment.ridge is None else "ridge", force / pressing.load
             number = profile.ridge_before(segment)
-            pressure, hang = 2 * load * share / (right - left), grooves.get(number, math.nan)
-            values = [left, right, share, pressure, hang * scale, error]
+            pressure, penetration = 2 * load * share / (right - left), grooves.get(number, math.nan)
+            values = [left, right, share, pressure, penetration * scale, error]
             rows.append([label, load, kind, number, *values, solution.status])
     return pd.DataFrame(rows, columns=FORCE_COLUMNS)
 
@@ -286,30 +286,30 @@ def _solved(
         # Forces on ridges need ridges, even if these have no effect on transition loads.
         sharp = [Profile(texture.a_over_R, texture.b_over_R) for texture in scene.textures]
         plans = plan(scene)
-        profiles = [planned.profile or none for planned, none in zip(plans, sharp, strict=True)]
+        profiles = [planned.profile or ridges for planned, ridges in zip(plans, sharp, strict=True)]
         high = bool(loads.max() > HIGHEST_LOAD)
         solvers = ["two-scale" if high else planned.solver for planned in plans]
     for texture, profile, chosen in zip(scene.textures, profiles, solvers, strict=True):
         label = texture_label(texture.a_over_R, texture.b_over_R)
         offsets = offsets_between(_N_OFFSETS) if texture.offset == "uniform" else [profile.offset]
         places = [replace(profile, offset=offset) for offset in offsets]
-        by_body = np.ones_like(loads)
+        load_ratio = np.ones_like(loads)
         if solver == "auto" and scene.nu < two_scale.LEAST_NU:
-            by_body[loads > HIGHEST_LOAD] = math.nan
+            load_ratio[loads > HIGHEST_LOAD] = math.nan
         elif chosen != "half-plane":
-            by_body = two_scale.width_ratio(loads, scene.nu, scene.ogden) ** -2.0
-        by_place = [_pressed(place, scene, loads, by_body, rel_tol) for place in places]
-        scales = zip(loads.tolist(), by_body.tolist(), strict=True)
+            load_ratio = two_scale.width_ratio(loads, scene.nu, scene.ogden) ** -2.0
+        by_place = [_pressed(place, scene, loads, load_ratio, rel_tol) for place in places]
+        scales = zip(loads.tolist(), load_ratio.tolist(), strict=True)
         for (load, scale), solutions in zip(scales, zip(*by_place, strict=True), strict=True):
             yield label, load, solutions, scale
 
 
 def _pressed(
-    profile: Profile, scene: Scene, loads: FloatArray, by_body: FloatArray, rel_tol: float
+    profile: Profile, scene: Scene, loads: FloatArray, load_ratio: FloatArray, rel_tol: float
 ) -> list[ContactSolution]:
-    """Return the contact at each load, from a half-plane at the load over `by_body`."""
-    within = np.isfinite(by_body)
-    W = load_factor(scene.nu) * loads[within] / by_body[within]
+    """Return the contact at each load, from a half-plane at the load over `load_ratio`."""
+    within = np.isfinite(load_ratio)
+    W = load_factor(scene.nu) * loads[within] / load_ratio[within]
     checked = two_scale.checked(scene.ogden)
     solved = iter(solve_many_contacts(profile, W, rel_tol=rel_tol))
     beyond = no_solution(profile, two_scale.BEYOND)
@@ -318,5 +318,5 @@ def _pressed(
         replace(solution, status=two_scale.UNCHECKED)
         if scale != 1.0 and load > checked and solution.status == "ok"
         else solution
-        for load, scale, solution in zip(loads, by_body, solutions, strict=True)
+        for load, scale, solution in zip(loads, load_ratio, solutions, strict=True)
     ]

@@ -162,7 +162,7 @@ class Sources:
         return list(dict.fromkeys([*self._uncertain.sources, *joint]))
 
     def _placed(self, draws: Draws) -> list[tuple[BoolArray, IntArray, PlacedDraws]]:
-        """Return, for each posterior, where its draws are, their indices, and the draws."""
+        """Return for each posterior a mask of draws, their posterior draws, and their loads."""
         n = len(draws["score"])
         bodies = Bodies.draw(self.scene, self.tolerance, n, 0, draws)
         forms = np.array([loads.loads.fit.form.name for loads, _ in self.loads])

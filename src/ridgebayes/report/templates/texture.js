@@ -133,7 +133,7 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
 
   // Curves of Q are steps at load quantiles; a farther ridge is never reached before a nearer one.
   const draw = (x, steps, top) => {
-    const W = 480, H = 260, left = 40, right = 12, above = 10, below = 44;
+    const W = 480, H = 260, left = 52, right = 12, above = 10, below = 44;
     const reached = steps.high.filter(load => load < top).length;
     const Qtop = T.Q[Math.min(reached, T.Q.length - 1)];
     const X = load => left + (W - left - right) * load / top;
@@ -162,6 +162,7 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
     if (end < top) svg += `<path class="end" d="M${X(end)},${above}V${H - below}"/><text x="${X(end) - 5}" y="${above + 12}" text-anchor="end">calibrated</text>`;
     for (const load of x.ends) svg += `<path class="load" d="M${X(load)},${above}V${H - below}"/>`;
     svg += `<text x="${(W + left) / 2}" y="${H - 6}" text-anchor="middle">load in ${x.unit}</text>`;
+    svg += `<text transform="translate(14,${(H - below + above) / 2}) rotate(-90)" text-anchor="middle">edges in contact Q</text>`;
     part("plot").innerHTML = svg;
   };
 
@@ -186,7 +187,7 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
     const [low, middle, high] = [TAIL, 0.5, 1 - TAIL].map(quantile);
     const more = high === T.Q.at(-1) ? " or more" : "", found = beyond(x, load, high);
     part("said").textContent = `At ${digits(load)} ${x.unit}` + (x.unit === "p/E" ? "" : ` (p/E = ${digits(load / x.perE)})`)
-      + `: Q = ${middle}, 90 % band ${low === high ? high : `${low} to ${high}`}${more}.`;
+      + `: Q = ${middle}, 90\u00a0% band ${low === high ? high : `${low} to ${high}`}${more}.`;
     const own = T.knows && T.fitted.some(([a, b]) => same(a, x.a) && same(b, x.b));
     part("beyond").textContent = (found.length ? `Extrapolation: ${found.map(one => one[1]).join("; ")}.` : "Nothing is extrapolated.")
       + (own ? " This texture was fitted: ridgebayes predict uses its own offset, this page takes it as a new one." : "");
