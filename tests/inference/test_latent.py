@@ -183,6 +183,7 @@ def tiny(observed):
 E, B, C = "exact", "bracket", "count"
 TINY = {
     "texture:student": ([(0, 4), (0, 6), (0, 8)], [E] * 3, [0.0, 0.3, 0.0]),
+    "texture:student, outliers": ([(0, 4), (0, 6), (0, 8)], [E] * 3, [0.6, 0.61, 0.59]),
     "texture": ([(0, 4), (0, 6), (0, 8)], [E, B, C], 0.0),
     "texture, two": ([(0, 4), (0, 6), (1, 8), (1, 4)], [B, C, B, E], 0.0),
     "step:student": ([(0, 4), (1, 4), (2, 4), (0, 6)], [E] * 4, [0.0, 0.3, 0.0, 0.1]),
@@ -195,8 +196,10 @@ TINY = {
 
 
 BY_GRID = [(name, "modified") for name in TINY] + [
-    (name, "power-law") for name in TINY if name not in ("step", "step:student")
-]  # of these two the power law has more than two offsets
+    (name, "power-law")
+    for name in TINY
+    if name not in ("step", "step:student", "texture:student, outliers")
+]  # the power law has more than two offsets, and a small sigma is below its grid's spacing
 
 
 @pytest.mark.slow
@@ -209,9 +212,12 @@ def test_estimates__have_the_mean_that_brute_force_gives(tiny, name, form):
     draws = some_draws(model, 2, seed=5)
     # Loads within the grid's reach, and the power law's sigma not below the grid's spacing.
     draws[:, : max(model.n_outer_coefficient, 1)] *= 0.2
+    # Rows that agree far from the prior: a mode near them, and the mass where all are outliers.
+    are_outliers = "outliers" in name
+    draws[:, [model.n_outer_coefficient, -1]] -= 2 * are_outliers  # sigma and df
     for u in draws:
         expected = oracles.log_density_by_grid(model, u)
         ratio = np.exp(densities(model, np.repeat(u[None], n, axis=0), 16) - expected)
         # Monte Carlo: the largest of 32.
         assert abs(ratio.mean() - 1) < 4 * ratio.std() / np.sqrt(n) + 1e-9
-        assert ratio.std() < 0.5  # of 16 points
+        assert ratio.std() < (1.0 if are_outliers else 0.5)  # of 16 points

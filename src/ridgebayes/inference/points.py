@@ -109,8 +109,12 @@ class PointIntegral:
         self._richtmyer = np.sqrt(_primes(max(design.n_rest, 1))) % 1.0
         # This order groups the rows by texture.
         self._order = np.argsort(rows.texture, kind="stable")
-        self._n_in_texture = np.bincount(rows.texture)
-        self._begins = np.cumsum(self._n_in_texture) - self._n_in_texture
+        n_in_texture = np.bincount(rows.texture)
+        self._begins = np.cumsum(n_in_texture) - n_in_texture
+        # Normal rows and intervals add no mode of their own to the density of a texture's score.
+        self._is_peak = rows.exact & (tail.parameter_names != ())
+        self._peaks = self._order[self._is_peak[self._order]]
+        self._n_peak = np.bincount(rows.texture[self._peaks], minlength=len(n_in_texture))
 
     def n_points(self, n_point: int) -> tuple[int, int]:
         """Return the number of points of the rest, and of texture scores for each of these."""
@@ -246,48 +250,51 @@ class PointIntegral:
             return np.empty((1, *rest.shape[:-1], 0)), log_rows.sum(axis=-1)[None]
         moved = np.einsum("pdr,drf->pdf", rest - normal.rest, precision.border)
         centre = normal.first - moved / precision.diagonal
-        n_at_rows = n // 4 if self.tail.parameter_names and self.rows.exact.all() else 0
+        n_wide = 2 * max(n // 8, 1)
         # Strata of equal probability suit a smooth one-dimensional integral. Each stratum has two
         # points, so that every second point gives an estimate too.
-        n_strata = (n - n_at_rows) // 2 if n > 1 else 1
-        stratum = np.repeat(np.arange(n_strata), min(n, 2))[:, None, None, None]
+        n_strata = (n - n_wide) // 2
+        stratum = np.repeat(np.arange(n_strata), 2)[:, None, None, None]
         u = (stratum + rng.random((len(stratum), *centre.shape))) / n_strata
         u = np.clip(u, _MIN_TAIL_PROBABILITY, 1 - _MIN_TAIL_PROBABILITY)
         first = centre + _points(u) / precision.diagonal
-        if n_at_rows:
-            first = np.concatenate([first, self._at_rows(batch, error, rng, n_at_rows)])
+        first = np.concatenate([first, self._wide_points(batch, error, rng, n_wide)])
         shifted = error - (root.first * first)[..., self.design.first]
         log_rows = self.rows.log_density(shifted, batch.scale, self.tail, batch.df)
         joint = np.add.reduceat(log_rows[..., self._order], self._begins, axis=-1)
         t = (first - centre) * precision.diagonal
         log_q = _log_points(t) + np.log(precision.diagonal)
-        if n_at_rows:
-            top = np.maximum.reduceat(log_rows[..., self._order], self._begins, axis=-1)
-            relative = np.exp(log_rows - top[..., self.rows.texture])
-            mean = np.add.reduceat(relative[..., self._order], self._begins, axis=-1)
-            log_rows_mean = top + np.log(mean / self._n_in_texture) + np.log(root.first)
-            share = n_at_rows / n
-            log_q = np.logaddexp(log_q + math.log(1 - share), log_rows_mean + math.log(share))
-        log_weight = joint - 0.5 * (first**2 + LOG_2PI) - log_q
+        at_peaks = np.exp(log_rows) * self._is_peak
+        wide = root.first * np.add.reduceat(at_peaks[..., self._order], self._begins, axis=-1)
+        log_prior = -0.5 * (first**2 + LOG_2PI)
+        log_wide = np.log(wide + np.exp(log_prior)) - np.log1p(self._n_peak)
+        share = n_wide / n
+        log_q = np.logaddexp(log_q + math.log(1 - share), log_wide + math.log(share))
+        log_weight = joint + log_prior - log_q
         return first, np.where(np.isnan(log_weight), -np.inf, log_weight)
 
-    def _at_rows(
+    def _wide_points(
         self, batch: Batch, error: FloatArray, rng: np.random.Generator, n: int
     ) -> FloatArray:
-        """Return texture scores at which a randomly selected row has a random error.
+        """Return texture scores from the prior, or at which a random row has a random error.
 
-        The density of a texture's score can have a mode near each Student row. The density of
-        these points is the mean of the rows' error densities.
+        The density of a texture's score can have a mode near each exact Student row, and a mode
+        where the prior is high and all rows are outliers. The density of these points is the mean
+        of the prior and of the rows' error densities.
         """
-        u = rng.random((n, *error.shape[:-1], len(self._begins)))
-        stratum = np.arange(n) // 2 if n > 1 else np.zeros(1)  # two points each, as above
-        pick = (stratum[:, None, None, None] + u) / (stratum[-1] + 1) * self._n_in_texture
-        row = self._order[self._begins + np.minimum(pick.astype(int), self._n_in_texture - 1)]
-        scale = np.broadcast_to(batch.scale, (*error.shape[1:-1], len(self.rows.upper)))
-        row_scale = np.take_along_axis(scale[None, None], row, -1)
+        u = rng.random((n, *error.shape[:-1], len(self._n_peak)))
+        stratum = (np.arange(n) // 2)[:, None, None, None]  # two points each, as above
+        pick = ((stratum + u) / (stratum[-1] + 1) * (self._n_peak + 1)).astype(int)
+        points = rng.standard_normal(u.shape)
+        if not len(self._peaks):
+            return points
+        begins = np.cumsum(self._n_peak) - self._n_peak
+        row = self._peaks[np.minimum(begins + pick, len(self._peaks) - 1)]
         row_error = np.take_along_axis(error[None], row, -1)
+        row_scale = np.take_along_axis(batch.scale[None, None], row, -1)
         row_error = row_error - row_scale * self.tail.rvs(rng, batch.df, row.shape)
-        return np.nan_to_num(row_error / batch.root.first, posinf=1e30, neginf=-1e30)
+        at_rows = np.nan_to_num(row_error / batch.root.first, posinf=1e30, neginf=-1e30)
+        return np.where(pick < self._n_peak, at_rows, points)
 
 
 def _primes(n: int) -> FloatArray:
