@@ -21,7 +21,7 @@ BUDGETS = {
     "drawing": 945,
     "contact": 3_249,  # few orders solved together, events started from the last two: floors
     "table": 648,  # with the check for plain CSV that import uses too; a constructor that validates
-    "scene": 1_297,  # with loads as they are typed, which were in commands and texture_design
+    "scene": 1_309,  # with loads as they are typed; equality and bounds of distributions
     "simulate": 496,
     "fea": 3_684,  # runs print displacements and forces of nodes; tables hold loads
     "model": 1_563,  # the loads of brackets nearest to a prediction, for all load errors; no bools
