@@ -26,14 +26,14 @@ BUDGETS = {
     "fea": 3_684,  # runs print displacements and forces of nodes; tables hold loads
     "model": 1_563,  # the loads of brackets nearest to a prediction, for all load errors; no bools
     "inference": 2_484,  # points with the tails of Student rows; read-only draws
-    "predict": 1_072,  # loads over a/pitch of one count, DataArrays, unused values of scenes
+    "predict": 1_073,  # loads over a/pitch of one count, DataArrays, unused values of scenes
     "evidence": 628,  # which evidences under changed priors are computed again
-    "comparison": 876,
+    "comparison": 877,
     "checks": 774,  # load errors of brackets; tables and forms by name, as elsewhere
     "friction": 863,  # draws the blocks of a scene itself, with one BLAS thread
-    "texture_design": 1_107,  # with the refusal of loads above all models
+    "texture_design": 1_109,  # with the refusal of loads above all models; cautions on a scene
     "report": 1_471,  # held-out brackets, the range of the priors of K
-    "commands": 2_186,
+    "commands": 2_190,  # cautions of a design appear once
 }
 _NO_CODE = {
     tokenize.COMMENT,

@@ -1,5 +1,8 @@
 """Exceptions of the package, which separate invalid input from failed computations."""
 
+import warnings
+from collections.abc import Iterable
+
 
 class RidgebayesError(Exception):
     """Base class of the package's exceptions.
@@ -50,7 +53,7 @@ class WorkerLostError(ComputationError):
 
 
 class CautionWarning(UserWarning):
-    """A doubtful result because of the table, an error model or a prior; the message says why.
+    """A doubtful result because of a table, scene, error model or prior; the message says why.
 
     Examples
     --------
@@ -58,3 +61,9 @@ class CautionWarning(UserWarning):
     >>> issubclass(rb.CautionWarning, UserWarning)
     True
     """
+
+
+def warn_of(sentences: Iterable[str]) -> None:
+    """Warn of each caution at the line that called a public function."""
+    for sentence in sentences:
+        warnings.warn(sentence, CautionWarning, stacklevel=3)

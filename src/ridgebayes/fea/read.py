@@ -2,7 +2,6 @@
 
 import os
 import re
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ridgebayes.errors import CautionWarning, InputError
+from ridgebayes.errors import InputError, warn_of
 from ridgebayes.fea.binary_tables import TABLES
 from ridgebayes.fea.convert import Converter, listed
 from ridgebayes.fea.delimited import SUFFIXES, table_content
@@ -114,8 +113,7 @@ def import_table(
     read = import_files(
         [Path(path) for path in paths], Given(texture=texture, **facts), program=program, role=role
     )
-    for caution in read.cautions:
-        warnings.warn(caution, CautionWarning, stacklevel=2)
+    warn_of(read.cautions)
     return read.table
 
 

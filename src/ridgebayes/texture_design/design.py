@@ -11,8 +11,9 @@ from ridgebayes._types import Json, Rng, __version__
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact import two_scale
 from ridgebayes.contact.scaling import Texture
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, warn_of
 from ridgebayes.inference.posterior import Posterior
+from ridgebayes.predict.of_scene import without_effect
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.scene.scene import Scene, as_scene
@@ -87,6 +88,11 @@ def design(
     ComputationError
         If a comparison has no form with an evidence.
 
+    Warns
+    -----
+    CautionWarning
+        If values of the scene have no effect.
+
     Notes
     -----
     Probabilities cover forms, error models, coefficients, body, load and manufactured widths. They
@@ -113,6 +119,7 @@ def design(
     (True, True)
     """
     scene, seed, tol = as_scene(scene), seed_of(rng), Tolerance.parse(tolerance)
+    warn_of(without_effect(scene, "offset"))
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
     alternatives = _alternatives(loads, objective, scene.body)
