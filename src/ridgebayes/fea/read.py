@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.errors import InputError, warn_of
-from ridgebayes.fea.binary_tables import TABLES
+from ridgebayes.fea.binary_tables import ALL, SHEET, TABLES
 from ridgebayes.fea.convert import Converter, listed
 from ridgebayes.fea.delimited import SUFFIXES, table_content
 from ridgebayes.fea.layouts import (
     counts_repeat,
-    fill_down,
+    filled_down,
     melted,
     of_corners,
     of_counts,
@@ -228,7 +228,9 @@ def read_columns(path: Path, facts: Given) -> Imported:
     problems.known = {use.name: use.typed for use in uses if use.repeat is None}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
     if cells.select_dtypes("number").isna().any(axis=None):
-        fill_down(cells, uses, problems)
+        sheet = cells[SHEET] if facts.sheet == ALL and SHEET in cells else np.zeros(len(cells))
+        parts = (part for _, part in cells.groupby(sheet, sort=False))
+        cells = pd.concat([filled_down(part, uses, problems) for part in parts])
     for use in uses:
         if use.header not in cells:
             rule = "expected numbers or text"
