@@ -26,7 +26,7 @@ BUDGETS = {
     "fea": 3_684,  # runs print displacements and forces of nodes; tables hold loads
     "model": 1_563,  # the loads of brackets nearest to a prediction, for all load errors; no bools
     "inference": 2_484,  # points with the tails of Student rows; read-only draws
-    "predict": 1_076,  # counts far below a load are not summed; loads over a/pitch of one count, DataArrays, unused values of scenes
+    "predict": 1_077,  # loads over a/pitch of one count, DataArrays, counts far below a load
     "evidence": 628,  # which evidences under changed priors are computed again
     "comparison": 877,
     "checks": 774,  # load errors of brackets; tables and forms by name, as elsewhere
