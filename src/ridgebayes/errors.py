@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Iterable
+from typing import Any
 
 
 class RidgebayesError(Exception):
@@ -67,3 +68,19 @@ def warn_of(sentences: Iterable[str]) -> None:
     """Warn of each caution at the line that called a public function."""
     for sentence in sentences:
         warnings.warn(sentence, CautionWarning, stacklevel=3)
+
+
+def expect(*kinds: Any, **arguments: object) -> None:
+    """Raise InputError for an argument of another type.
+
+    Examples
+    --------
+    >>> expect(str, None, goal=5)
+    Traceback (most recent call last):
+    ridgebayes.errors.InputError: goal: expected str or None, got 5
+    """
+    types = tuple(type(None) if kind is None else kind for kind in kinds)
+    for name, value in arguments.items():
+        if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
+            shown = " or ".join("None" if kind is None else kind.__name__ for kind in kinds)
+            raise InputError(f"{name}: expected {shown}, got {value!r:.200}")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ridgebayes.errors import InputError, warn_of
+from ridgebayes.errors import InputError, expect, warn_of
 from ridgebayes.fea.binary_tables import ALL, SHEET, TABLES
 from ridgebayes.fea.convert import Converter, listed
 from ridgebayes.fea.delimited import SUFFIXES, table_content
@@ -108,6 +108,8 @@ def import_table(
     >>> table.textures, [round(p, 6) for p in table.frame["p_over_E"]]
     (((0.025, 0.02),), [0.0005, 0.003])
     """
+    for path in paths or (None,):
+        expect(str, os.PathLike, paths=path)
     if isinstance(texture, str):
         texture = parse_texture(texture, facts.get("R"), "texture")
     read = import_files(

@@ -116,7 +116,7 @@ def survival(columns: Callable[[IntArray], Columns], y: FloatArray, where: str =
         for mean, sd in zip(*(x.T for x in columns(np.arange(first, first + n))), strict=True):
             # The probability of reaching a ridge cannot exceed that of the ridge before it.
             steps.append(np.minimum(_interpolated_cdf(y, mean, sd), steps[-1]))
-            if steps[-1].max() < NEGLIGIBLE_PROBABILITY:
+            if steps[-1].max(initial=0.0) < NEGLIGIBLE_PROBABILITY:
                 return np.stack(steps, axis=-1)
     raise InputError(f"p_over_E: expected counts up to {MAX_Q}, got more{where}")
 
