@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from itertools import permutations, product
 
 from ridgebayes._types import FloatArray
-from ridgebayes.errors import InputError, expect
+from ridgebayes.errors import InputError
 from ridgebayes.runtime.text import clipped
 from ridgebayes.scene.typed import parse_loads
 from ridgebayes.scene.units import NO_UNITS, Body, load_to_si
@@ -158,8 +158,6 @@ def parse_goals(
 unit='p/E')),)),), 0.95)
     """
     texts = [*text] if isinstance(text, list | tuple) and text else [text]
-    for line in texts:
-        expect(str, goal=line)
     parts = [part for line in texts for part in re.split(r";|\band\b", _plain(line))]
     goals = tuple(_goal(part.strip(), tuple(loads), body) for part in parts)
     for goal, other in permutations(goals, 2):
