@@ -119,7 +119,6 @@ class Request:
             )
         for form in chosen:
             refuse_circular(rows, form)
-        expect(str, Preset, accuracy=accuracy)
         preset = accuracy if isinstance(accuracy, Preset) else Preset.named(accuracy)
         data = Observations.from_table(rows)  # refuses rows that cannot be fitted
         noises = error_models_for(noise, data.n_series)
