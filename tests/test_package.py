@@ -185,3 +185,33 @@ def test_modules__have_400_lines_at_most():
 @pytest.mark.parametrize("path", sorted((PACKAGE.parents[1] / "data").glob("*.py")))
 def test_recipes_of_data__import_what_exists(path):
     runpy.run_path(str(path))  # computes nothing: the name of the module is not __main__
+
+
+SCENE = rb.Scene.of([(0.02, 0.02)])
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda: rb.plan(5), "scene"),
+        (lambda: rb.export_deck(5, "calculix", "x.inp"), "scene"),
+        (lambda: rb.export_deck(SCENE, "calculix", 5), "path"),
+        (lambda: rb.generate(SCENE, rel_tol="x"), "rel_tol"),
+        (lambda: rb.generate(SCENE, executor=5), "executor"),
+        (lambda: rb.contact_at_loads(SCENE, []), "p_over_E"),
+        (lambda: rb.design(5, SCENE, "P(Q >= 8) >= 0.95"), "source"),
+        (lambda: rb.friction_inputs(None, SCENE), "source"),
+        (lambda: rb.coverage(rb.paper_sweep(), 5), "forms"),
+        (lambda: rb.cost(rb.paper_sweep(), repeats=0), "repeats"),
+        (lambda: rb.import_table(), "paths"),
+        (lambda: rb.read_run(None), "folder"),
+        (lambda: rb.run(rb.paper_sweep(), settings=5), "settings"),
+        (lambda: rb.Scene.from_dict([1]), "data"),
+        (lambda: rb.SampleSettings(n_burn="x"), "n_burn"),
+        (lambda: rb.Normal("x", 1.0), "mean"),
+        (lambda: rb.Empirical.of(["x"]), "a sample"),
+    ],
+)
+def test_public_functions__name_an_argument_of_a_wrong_type(call, name):
+    with pytest.raises(rb.InputError, match=f"^{name}[:,; ].*expected "):
+        call()

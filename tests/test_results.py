@@ -133,6 +133,9 @@ def test_calibrate__rows_without_misfit_give_their_coefficients_where_offsets_ar
     [
         ({"noise": "cauchy"}, "noise 'cauchy': not an error model"),
         ({"noise": None}, "noise None: not an error model"),
+        ({"settings": 5}, "settings: expected SampleSettings or None, got 5"),
+        ({"progress": "x"}, "progress: expected Callable or None, got 'x'"),
+        ({"accuracy": np.zeros(2)}, "accuracy: expected one of quick, standard, reference, got"),
         ({"rng": -3}, "rng: expected a non-negative integer or a numpy Generator, got -3"),
         ({"priors": [1]}, r"priors: expected a mapping by form or a path, got \[1\]"),
     ],

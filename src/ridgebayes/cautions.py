@@ -1,6 +1,5 @@
 """Cautions that a fit or comparison prints with its result."""
 
-import warnings
 from collections.abc import Collection, Mapping
 
 import numpy as np
@@ -8,7 +7,6 @@ from scipy.special import logsumexp, ndtri
 
 from ridgebayes.contact.hertz import transition_load
 from ridgebayes.contact.two_scale import REACH
-from ridgebayes.errors import CautionWarning
 from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.noise import SERIES, Noise
@@ -97,12 +95,6 @@ def cautions(
         form: (*sentences, *_contradicted(posterior), *([] if with_tails else _outlying(posterior)))
         for form, posterior in posteriors.items()
     }
-
-
-def warn_of(sentences: Collection[str]) -> None:
-    """Warn of each caution at the line that called a public function."""
-    for sentence in sentences:
-        warnings.warn(sentence, CautionWarning, stacklevel=3)
 
 
 def _beyond_any_body(table: ContactTable) -> list[str]:

@@ -1,5 +1,9 @@
 """Exceptions of the package, which separate invalid input from failed computations."""
 
+import warnings
+from collections.abc import Iterable
+from typing import Any
+
 
 class RidgebayesError(Exception):
     """Base class of the package's exceptions.
@@ -50,7 +54,7 @@ class WorkerLostError(ComputationError):
 
 
 class CautionWarning(UserWarning):
-    """A doubtful result because of the table, an error model or a prior; the message says why.
+    """A doubtful result because of a table, scene, error model or prior; the message says why.
 
     Examples
     --------
@@ -58,3 +62,25 @@ class CautionWarning(UserWarning):
     >>> issubclass(rb.CautionWarning, UserWarning)
     True
     """
+
+
+def warn_of(sentences: Iterable[str]) -> None:
+    """Warn of each caution at the line that called a public function."""
+    for sentence in sentences:
+        warnings.warn(sentence, CautionWarning, stacklevel=3)
+
+
+def expect(*kinds: Any, **arguments: object) -> None:
+    """Raise InputError for an argument of another type.
+
+    Examples
+    --------
+    >>> expect(str, None, goal=5)
+    Traceback (most recent call last):
+    ridgebayes.errors.InputError: goal: expected str or None, got 5
+    """
+    types = tuple(type(None) if kind is None else kind for kind in kinds)
+    for name, value in arguments.items():
+        if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
+            shown = " or ".join("None" if kind is None else kind.__name__ for kind in kinds)
+            raise InputError(f"{name}: expected {shown}, got {value!r:.200}")

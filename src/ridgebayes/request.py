@@ -13,7 +13,7 @@ from typing import TypeAlias
 import pandas as pd
 
 from ridgebayes._types import Rng
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect
 from ridgebayes.evidence.pairs import WeighedPairs, weigh_pairs
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings
 from ridgebayes.inference.presets import STANDARD, Preset
@@ -84,6 +84,10 @@ class Request:
     checkpoints: Path | None = None
     scores: bool = True
 
+    def __post_init__(self) -> None:
+        expect(SampleSettings, None, settings=self.settings)
+        expect(Callable, None, progress=self.progress)
+
     @classmethod
     def of(
         cls,
@@ -126,7 +130,7 @@ class Request:
             forms=chosen,
             noises=noises,
             priors=resolve_priors(priors, chosen, noises, data),
-            prior_odds=_checked_odds(prior_odds or {}, names),
+            prior_odds=_checked_odds({} if prior_odds is None else prior_odds, names),
             accuracy=preset,
             seed=seed_of(rng),
             settings=settings,

@@ -11,9 +11,9 @@ import pandas as pd
 
 from ridgebayes import drawing
 from ridgebayes._types import Rng, Tabular, __version__
-from ridgebayes.cautions import cautions, warn_of
+from ridgebayes.cautions import cautions
 from ridgebayes.distributions.grammar import priors_to_json
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, warn_of
 from ridgebayes.evidence.walk_pair import walk_pair
 from ridgebayes.inference.arviz_groups import all_groups
 from ridgebayes.inference.chains import ProgressCallback, SampleSettings

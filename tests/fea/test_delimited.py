@@ -61,6 +61,7 @@ def test_read__decimals_are_the_numbers_python_reads(mark, separator):
     [
         ("0,03;0.01;4", "line 2, column 'a' = '0,03': expected a finite number, with a point"),
         ("1,234;2;4\n5,678;2;6", "cells such as '1,234' may have a decimal comma or thousands"),
+        ("1.234;25;4\n-5.678;2;6", "cells such as '1.234' may have a decimal point or thousands"),
         ("1.234,5;1.5;4", "column 'a' = '1.234,5': expected a finite number"),
         ("1,23,456;1;4", "column 'a' = '1,23,456': expected a finite number"),
         ("1 23;1;4", "column 'a' = '1 23': expected a finite number"),
@@ -80,6 +81,7 @@ def test_read__marks_that_could_mean_two_things_are_refused(rows, words):
         ("1 234,5;0,1;4", 1234.5, "decimal comma, ' ' between thousands"),
         ("1'234.5;0.1;4", 1234.5, 'decimal point, "\'" between thousands'),
         ("1\xa0234;0,1;4", 1234, "decimal comma"),
+        ("1.234;0.012;4", 1.234, "decimal point"),
     ],
 )
 def test_read__marks_between_thousands_are_recognised_and_said(rows, number, said):
@@ -89,8 +91,10 @@ def test_read__marks_between_thousands_are_recognised_and_said(rows, number, sai
 
 
 @pytest.mark.parametrize(("decimal", "number"), [("comma", 1.234), ("point", 1234)])
-def test_read__a_doubtful_comma_is_what_the_user_says(decimal, number):
-    assert read("a;b;Q\n1,234;2;4\n", decimal=decimal).frame["a"].tolist() == [number]
+def test_read__a_doubtful_mark_is_what_the_user_says(decimal, number):
+    for cell, expected in (("1,234", number), ("1.234", 1234 / number * 1.234)):
+        read_number = read(f"a;b;Q\n{cell};2;4\n", decimal=decimal).frame["a"]
+        assert read_number.tolist() == pytest.approx([expected], rel=1e-12)  # rounding
 
 
 @pytest.mark.parametrize("word", ["n/a", "-", "NaN"])

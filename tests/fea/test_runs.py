@@ -240,6 +240,16 @@ def test_import__pressure_is_as_status(tmp_path, whole):
     text = runs.node_table(RUN, "Inc,Node,F,Place,CPRESS", pressure)
     read = imported(tmp_path, "nodes", lambda _: text, map=("load=F", "x=Place"), top=None)
     np.testing.assert_array_equal(loads_of(read), loads_of(whole("nodes, status")))
+    assert read.doubts == ()
+    # Every eighth node: corners between nodes are touched before a node is.
+    head, *rows = text.splitlines(keepends=True)
+    coarse = head + "".join(row for i, row in enumerate(rows) if i % N % 8 == 0)
+    rough = imported(tmp_path, "nodes", lambda _: coarse, map=("load=F", "x=Place"), top=None)
+    fine = read.table.frame.set_index("Q")["p_over_E"]
+    found = rough.table.frame.set_index("Q")["p_over_E_lower"]
+    late = found.index[found >= fine.reindex(found.index)]
+    assert len(late)
+    assert all(f"Q = {Q}: load about " in rough.cautions[0] for Q in late)
 
 
 @pytest.mark.parametrize(

@@ -203,5 +203,7 @@ def test_spreadsheet__all_sheets_of_a_header_are_read_one_after_the_other(read, 
     assert found.table.column("series").tolist() == ["loads", "loads", "July", "July"]
     assert found.table.column("p_over_E").tolist() == [0.001, 0.004, 0.0011, 0.0045]
     assert "sheets ignored, with another header: 'notes'" in found.messages
+    merged = workbook(first, July=[HEADER, again[0], [None, None, *again[1][2:]]])
+    assert read(merged, sheet="all").table.frame["a_over_R"].tolist() == [0.03] * 4
     broken = workbook(first, July=[[], HEADER, [0.03, 0.01, 4, "oops", "x"]])
     assert "sheet 'July', cell D3, column 'p_over_E' = 'oops'" in refusal(broken, sheet="all")

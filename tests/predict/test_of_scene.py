@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -36,6 +38,13 @@ def test_predict__of_an_uncertain_modulus_is_the_average_over_moduli(fit):
     assert found.to_dataframe()["load"].tolist() == pytest.approx([0.35], rel=1e-12)  # rounding
     assert found.to_dataframe()["load_unit"].tolist() == ["N"]
     assert fit.predict(scene.at_medians()).at_least(8) < 1e-6
+    round_scene = scene_of(texture=TEXTURE | {"corner_radius": "9 um ± 5 %"})
+    words = "corner_radius of the scene: no effect on predictions"
+    design = partial(rb.design, fit, goal="P(Q >= 4) >= 0.9", sizes={"step": 0.01})
+    for answer in (fit.predict, partial(fit.predict_load, Q=8), design):
+        with pytest.warns(rb.CautionWarning, match=words) as caught:
+            answer(round_scene)
+        assert [one.filename for one in caught] == [__file__]
 
 
 @pytest.mark.slow

@@ -172,6 +172,23 @@ def test_workers__end_when_their_parent_is_killed(tmp_path):
     until(lambda: not Path(f"/proc/{worker}").exists())
 
 
+UNGUARDED = """
+import os
+from ridgebayes.runtime.pool import end_unguarded_worker, workers
+end_unguarded_worker()
+with workers(1) as pool:
+    pool.submit(os.getpid).result()
+"""
+
+
+def test_workers__of_a_script_without_a_guard_are_one_error_that_names_it(tmp_path):
+    (script := tmp_path / "script.py").write_text(UNGUARDED)
+    said = subprocess.run([sys.executable, script], capture_output=True, text=True)
+    assert said.returncode == 1
+    assert said.stderr.count("Error: ") == 1
+    assert 'call run below `if __name__ == "__main__":`' in said.stderr
+
+
 SERVER = """
 import sys
 from ridgebayes.runtime.pool import start_server, workers

@@ -1,5 +1,7 @@
 """Values of a scene that are distributions: in files and in programs, drawn jointly."""
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -71,6 +73,29 @@ def test_draw_scene__are_the_distributions_of_the_file(read):
     again, other = draw_scene(read(), n, 3), draw_scene(read(), n, 4)
     assert (again.profile["a"] == a).all()
     assert not (other.profile["a"] == a).any()
+
+
+@pytest.mark.parametrize("groove", ["array", "scipy", "rows", "normal"])
+def test_scenes_are_equal_by_their_distributions(groove):
+    def scene(sd):
+        sample = np.random.default_rng(1).normal([0.02, 0.01], sd, (30, 2))
+        width = {
+            "array": sample[:, 0],
+            "scipy": stats.norm(0.01, sd),
+            "normal": "normal(0.01, 5 %)",
+        }
+        texture = {"ridge_width": f"normal(0.02, {sd})", "groove_width": width.get(groove, 0.01)}
+        of = ["texture.ridge_width", "texture.groove_width"]
+        joint = {"of": of, "correlation": [[1.0, 900 * sd], [900 * sd, 1.0]]}
+        if groove == "rows":
+            texture, joint = dict.fromkeys(texture, 0.01), {"of": of, "draws": sample}
+        return Scene.from_dict({"texture": texture, "joint": [joint]})
+
+    one = scene(0.001)
+    for same in (pickle.loads(pickle.dumps(one)), scene(0.001)):
+        assert (same == one, hash(same)) == (True, hash(one))
+    assert one != scene(0.0011)
+    assert one != one.at_medians()
 
 
 def test_from_dict__takes_what_a_program_has():
@@ -145,7 +170,11 @@ def test_generate__takes_medians_and_says_so(read):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("5 %", "40 %", "texture.ridge_width.*must be > 0; this distribution has 0.0062 of its"),
+        (
+            "5 %",
+            "40 %",
+            "ridge_width = .normal.*must be > 0, got a distribution that reaches -0.0004",
+        ),
         ("60 kPa", "60 mm", "youngs_modulus.*'60 mm': must be a number and a unit of pressure"),
         ("60 kPa", "60", "with a unit, but body.youngs_modulus.*without"),
         ("(60 kPa, 20 %)", "(60 kPa)", r"expected lognormal\(median, log_sd\)"),
@@ -153,7 +182,10 @@ def test_generate__takes_medians_and_says_so(read):
         ("-0.9], [", "0.9], [", "joint.correlation: expected a symmetric matrix"),
         ("-0.9], [", "], [", "joint.correlation: expected a symmetric matrix"),
         ('of = ["texture.ridge', 'of = ["texture.bridge', "joint.of: .*'texture.bridge_width'"),
-        ("0.45, 0.5", "0.45, 0.6", "poissons_ratio = 0.525: .*less than or equal to 0.5"),
+        ("0.45, 0.5", "0.4, 0.6", "ratio = 'uniform.*: input .* equal to 0.5, got .* reaches 0.6;"),
+        ("uniform(0.45, 0.5)", "0.48 ± 5 %", "ratio = '0.48 ± 5 %': .* got .* reaches 0.68"),
+        ("[load]", 'offset = "normal(0.4, 0.1)"\n[load]', "must be .* from -0.5 to 0.5, .* got"),
+        ("[load]", 'corner_radius = "normal(9 um, 9 um)"\n[load]', "corner_radius = .* >= 0, got"),
         (
             "normal(0.25 mm, 5 %)",
             "empirical(w.csv, w)",
@@ -170,8 +202,9 @@ def test_from_toml__bad_distributions_are_one_error(read, tmp_path, old, new, wo
     assert "scene.toml" in str(refused.value)
 
 
-def test_draw_scene__draws_beyond_bounds_are_refused(read):
-    scene = read(("uniform(0.45, 0.5)", "normal(0.48, 0.05)"))
+def test_draw_scene__draws_beyond_bounds_are_refused():
+    body = {"poissons_ratio": lambda rng: rng.normal(0.48, 0.05)}
+    scene = Scene.from_dict({"body": body, "texture": {"ridge_width": 0.02, "groove_width": 0.02}})
     with pytest.raises(
         InputError, match=r"nu .*of 1000 draws break a rule: expected from 0 to 0.5"
     ):

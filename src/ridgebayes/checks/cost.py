@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from functools import partial
+from numbers import Integral
 from typing import TypeVar
 
 import numpy as np
@@ -12,7 +13,7 @@ import pandas as pd
 from ridgebayes._types import FloatArray, Rng
 from ridgebayes.contact import halfplane
 from ridgebayes.contact.scaling import Texture
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError, InputError, expect
 from ridgebayes.inference.importance import Drawn, at_least, importance_sample
 from ridgebayes.inference.presets import PRESETS, REFERENCE
 from ridgebayes.inference.target import ModelTarget
@@ -80,6 +81,10 @@ def cost(
     (True, 9)
     """
     rows, seed = read_table(table).calibration, seed_of(rng)
+    expect(Integral, repeats=repeats)
+    expect(tuple, None, texture=texture)
+    if repeats < 1:
+        raise InputError(f"repeats: expected at least 1, got {repeats}")
     texture = texture or rows.textures[len(rows.textures) // 2]
     model = Model(Observations.from_table(rows), as_form(form or Hybrid()), Noise())
     try:

@@ -1,6 +1,6 @@
 """Coverage of the bands: how often they contain transitions of textures that were not fitted."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
@@ -12,7 +12,7 @@ import pandas as pd
 from ridgebayes._types import Rng
 from ridgebayes.checks.left_out import Fold, clustered_se, form_of, of_folds, row_loads
 from ridgebayes.drawing import PROBS
-from ridgebayes.errors import ComputationError
+from ridgebayes.errors import ComputationError, expect
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms import Form, as_form
 from ridgebayes.model.noise import Noise, as_noise
@@ -95,6 +95,10 @@ def coverage(
     >>> shares[["form", "n", "n_texture"]].values.tolist()
     [['hybrid', 41, 9]]
     """
+    expect(Iterable, forms=forms)
+    expect(Iterable, None, noises=noises)
+    expect(Mapping, None, priors=priors)
+    expect(Callable, None, progress=progress)
     rows, seed = read_table(table), seed_of(rng)
     chosen = [form if isinstance(form, Fit) else as_form(form) for form in forms]
     for form in chosen:

@@ -1,6 +1,7 @@
 """`ridgebayes design`: search for textures that meet a goal, given a run and a scene."""
 
 from pathlib import Path
+from warnings import catch_warnings
 
 import pandas as pd
 
@@ -8,7 +9,7 @@ from ridgebayes.commands import options
 from ridgebayes.commands.run_files import read_run
 from ridgebayes.commands.run_folder import new_folder, write_csv
 from ridgebayes.commands.terminal import Answer, files_in
-from ridgebayes.errors import InputError
+from ridgebayes.errors import CautionWarning, InputError
 from ridgebayes.predict.of_scene import without_effect
 from ridgebayes.report.design_page import design_page, drawn_design
 from ridgebayes.runtime.atomic import write_text
@@ -37,7 +38,10 @@ def command(asked: options.DesignOptions) -> Answer:
     }
     tolerance = Tolerance.parse(asked.tolerance, lambda text: _over_radius(text, body))
     parse_goals(asked.goal, body=body)  # report errors before the run is read, which takes seconds
-    with new_folder(asked.out, force=asked.force, about=_ABOUT) as folder:
+    with (
+        new_folder(asked.out, force=asked.force, about=_ABOUT) as folder,
+        catch_warnings(action="ignore", category=CautionWarning),  # the answer has them
+    ):
         result = design(
             read_run(asked.folder),
             scene,

@@ -39,7 +39,7 @@ from ridgebayes.commands.terminal import Answer, files_in
 from ridgebayes.comparison.bands import bands_table, loads_table
 from ridgebayes.comparison.compare import compared
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect
 from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY
 from ridgebayes.inference.chains import SampleSettings
 from ridgebayes.inference.presets import STANDARD, Preset
@@ -51,7 +51,7 @@ from ridgebayes.report import write_reports
 from ridgebayes.report.figures.gallery import Gallery
 from ridgebayes.request import DEFAULT_FORMS, FormsLike, PriorsLike, Request, TableLike
 from ridgebayes.runtime.memory import watched_memory
-from ridgebayes.runtime.pool import executor_for, n_cpu, submit_or_defer
+from ridgebayes.runtime.pool import end_unguarded_worker, executor_for, n_cpu, submit_or_defer
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.table.datafiles import paper_sweep, reference_fe
@@ -132,7 +132,8 @@ def run(
         interruption. None for a run that will not be resumed, so that Ctrl-C removes its files.
     workers : int, optional
         Processes on this machine. If neither `workers` nor `scheduler` is given, ``run`` uses one
-        for each processor. Results do not depend on their number.
+        for each processor. Results do not depend on their number. Workers import the script, so
+        that its calls have to stand below ``if __name__ == "__main__":``.
     scheduler : str, optional
         Address of a Dask scheduler whose workers compute.
     began : float, optional
@@ -161,6 +162,9 @@ def run(
     >>> again.best == done.best == "hybrid", again.evidence.equals(done.evidence)
     (True, True)
     """
+    end_unguarded_worker()
+    expect(SampleSettings, None, settings=settings)
+    expect(str, command=command)
     if command not in _STAGES:
         raise InputError(f"command: expected one of {', '.join(_STAGES)}, got {command!r}")
     preset, seed = Preset.named(accuracy), seed_of(rng)

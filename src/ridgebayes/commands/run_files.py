@@ -19,7 +19,7 @@ from ridgebayes.comparison.bayes_factors import BAYES_FACTOR_COLUMNS
 from ridgebayes.comparison.citations import citations
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect
 from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS
 from ridgebayes.evidence.tables import EVIDENCE_COLUMNS, error_model_weights, used_evidence
@@ -241,6 +241,7 @@ def read_run(folder: str | os.PathLike[str]) -> Comparison:
     >>> again.verdict.grade, again.cautions == done.cautions
     ('supports', True)
     """
+    expect(str, os.PathLike, folder=folder)
     folder = Path(folder)
     about = _read_about(folder)
     failures, forms = about["verdicts"]["failures"], about["forms"]

@@ -7,6 +7,7 @@ import pandas as pd
 
 from ridgebayes._types import __version__
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.errors import expect
 from ridgebayes.results import Fit
 
 _COLUMNS = ["used", "reference", "doi"]
@@ -33,6 +34,7 @@ def citations(result: Fit | Comparison) -> pd.DataFrame:
     >>> list(rb.citations(cmp)["used"])[6:]
     ['importance sampling', 'words for Bayes factors', 'leave-one-out scores', 'stacking']
     """
+    expect(Fit, Comparison, result=result)
     fits = list(result.fits.values()) if isinstance(result, Comparison) else [result]
     reasons = {"always"}
     reasons |= {posterior.sampler for fit in fits for posterior in (fit, *fit.others.values())}

@@ -9,10 +9,11 @@ from dataclasses import replace
 import pandas as pd
 
 from ridgebayes._types import Rng
-from ridgebayes.cautions import cautions, warn_of
+from ridgebayes.cautions import cautions
 from ridgebayes.comparison.bayes_factors import bayes_factor_table, summed_bayes_factors
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.scores import LOO_COLUMNS, loo_table
+from ridgebayes.errors import warn_of
 from ridgebayes.evidence.pairs import MIN_FORM_PROBABILITY, Pair, WeighedPairs
 from ridgebayes.evidence.prior_sensitivity import SENSITIVITY_COLUMNS, prior_sensitivity
 from ridgebayes.evidence.tables import error_model_weights, evidence_table

@@ -9,6 +9,7 @@ full contact and no others: an event of a `RidgeRow`, solved with one Cholesky f
 import functools
 import math
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from ridgebayes.contact.contact_solution import DEFAULT_REL_TOL
 from ridgebayes.contact.logkernel import log_ellipse
 from ridgebayes.contact.ridge_row import RidgeRow
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect
 
 # 7,000 unknowns take 400 MB and a few seconds; larger problems get a status instead.
 MAX_UNKNOWNS = 7000
@@ -128,11 +129,17 @@ def transition_loads(
             raise InputError(f"{name} = {width!r}: must be finite and > 0")
     if not (n_transitions >= 1 and n_transitions % 1 == 0):
         raise InputError(f"n_transitions = {n_transitions!r}: must be an integer of at least 1")
-    if not 0.0 < rel_tol <= 0.1:
-        raise InputError(f"rel_tol = {rel_tol!r}: must be in (0, 0.1]")
+    check_tolerance(rel_tol)
     n_table = 1 << (int(n_transitions) - 1).bit_length()
     table = _table(2.0 * groove_width / ridge_width, n_table, float(rel_tol))
     return HalfPlaneLoads(table.F[:n_transitions], table.status[:n_transitions])
+
+
+def check_tolerance(rel_tol: float) -> None:
+    """Raise InputError for a relative tolerance that is not above 0 and at most 0.1."""
+    expect(Real, rel_tol=rel_tol)
+    if not 0.0 < rel_tol <= 0.1:
+        raise InputError(f"rel_tol = {rel_tol!r}: must be in (0, 0.1]")
 
 
 def forget_loads() -> None:

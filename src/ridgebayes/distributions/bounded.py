@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy import special
 
 from ridgebayes._types import FloatArray
 from ridgebayes.distributions.distribution import Distribution
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Uniform(Distribution):
     kind: ClassVar[str] = "uniform"
 
     def __post_init__(self) -> None:
+        expect(Real, np.ndarray, **vars(self))
         width = np.subtract(self.high, self.low)
         if not (np.all(np.isfinite(width)) and np.all(width > 0)):
             raise InputError(
@@ -95,6 +97,8 @@ class Truncated(Distribution):
     is_stackable: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
+        expect(Distribution, base=self.base)
+        expect(Real, low=self.low, high=self.high)
         if isinstance(self.base, Truncated):
             raise InputError("truncated distribution: expected a base that is not truncated itself")
         least, most = self.base.support

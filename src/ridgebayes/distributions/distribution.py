@@ -11,13 +11,14 @@ tails too, and nothing is cut off, because tails are computed from log probabili
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import ClassVar
 
 import numpy as np
 from scipy import special
 
 from ridgebayes._types import LOG_2PI, FloatArray
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ class Distribution(ABC):
     is_stackable: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
+        expect(Real, np.ndarray, **vars(self))
         for name, value in vars(self).items():
             positive = name != "mean"
             if not np.all(np.isfinite(value)) or (positive and not np.all(np.greater(value, 0))):

@@ -87,7 +87,8 @@ class Empirical(Distribution):
         >>> round(float(found.value_at(0.0)), 12)
         2.0
         """
-        sample = np.asarray(sample, dtype=float)
+        with refusing(source, OverflowError, TypeError, ValueError, rule="; expected numbers"):
+            sample = np.asarray(sample, dtype=float)
         n = sample.size
         if n < LEAST_SAMPLE or not np.isfinite(sample).all():
             raise InputError(f"{source}: expected {LEAST_SAMPLE} finite values or more, got {n}")

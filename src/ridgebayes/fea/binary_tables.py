@@ -39,7 +39,7 @@ _HIDDEN = re.compile(
 _PARSED = (".xml", ".rels")
 # Values that Python parses as numbers and Excel does not, like "1_000" or digits of other scripts.
 _NOT_EXCEL_NUMBER = re.compile(rb"<(?:\w{1,50}:)?v\b[^>]{0,200}>[^<]*?(\d_|[&\x80-\xff])")
-ALL = "all"  # option value for all sheets
+ALL, SHEET = "all", "Sheet"  # option value for all sheets, and the column of their names
 Grids = dict[str, list[list[str]]]  # text of cells by sheet, row and column
 
 
@@ -94,8 +94,8 @@ def _joined(grids: Grids, problems: FileError) -> tuple[list[list[str]], list[tu
         full = [row for row in filled_rows if row[0] > facts.skip_rows]
         headers, n_head = find_header(full[:LOOKED_AT], FileError(f"{path}, sheet {name!r}", facts))
         if not rows:
-            rows, places = [[*headers, "Sheet"]], [(name, full[max(n_head - 1, 0)][0])]
-        names[is_read := rows[0] == [*headers, "Sheet"]].append(name)
+            rows, places = [[*headers, SHEET]], [(name, full[max(n_head - 1, 0)][0])]
+        names[is_read := rows[0] == [*headers, SHEET]].append(name)
         for line, row in full[n_head:] if is_read else ():
             rows.append([*row, *[""] * (len(headers) - len(row)), name])
             places.append((name, line))

@@ -200,6 +200,7 @@ def numbers_in(
     units: Mapping[str, tuple[str, bool]],
     typed: Collection[str],
     problems: FileError,
+    separator: str = "\t",
 ) -> tuple[pd.DataFrame, str]:
     """Parse text as numbers in the style that fits most cells, and report the other cells.
 
@@ -214,6 +215,8 @@ def numbers_in(
     problems : FileError
         The import, with the decimal mark and texts that mean an empty cell; collects messages and
         cells that are not numbers.
+    separator : str, optional
+        Separator between cells; with semicolons, programs also write decimal commas.
 
     Returns
     -------
@@ -240,7 +243,7 @@ def numbers_in(
             f"{fortran[0].strip()!r} = {numbers[fortran[0]]:g}"
         )
     rest = {cell: n for cell, n in counts.items() if cell not in numbers}
-    decimal, thousands, pattern = _style_of(rest, problems)
+    decimal, thousands, pattern = _style_of(rest, problems, separator)
     for cell in filter(pattern.fullmatch, rest):
         numbers[cell] = float(cell.replace(thousands, "").replace(_DECIMALS[decimal], "."))
     numbers = {cell: number for cell, number in numbers.items() if math.isfinite(number)}
@@ -263,8 +266,8 @@ def numbers_in(
     return frame, f"decimal {decimal}" + (f", {thousands!r} between thousands" if thousands else "")
 
 
-def _style_of(counts: Mapping[str, int], problems: FileError) -> Style:
-    """Return the first style that fits most cells; ask the user if a comma is ambiguous."""
+def _style_of(counts: Mapping[str, int], problems: FileError, separator: str) -> Style:
+    """Return the first style that fits most cells; ask the user if its mark is ambiguous."""
 
     def n_off(style: Style) -> int:
         return sum(n for cell, n in counts.items() if not style[2].fullmatch(cell))
@@ -272,11 +275,12 @@ def _style_of(counts: Mapping[str, int], problems: FileError) -> Style:
     decimal = problems.facts.decimal
     styles = [style for style in _STYLES if decimal in (None, style[0])]
     style = next((s for s in styles if not n_off(s)), None) or min(styles, key=n_off)
-    if not decimal and style[:2] == ("comma", ""):
-        commas = [cell for cell in counts if "," in cell and style[2].fullmatch(cell)]
-        if commas and all(map(_STYLES[2][2].fullmatch, commas)):
+    mark, other = (",", "point") if style[0] == "comma" else (".", "comma")
+    if not decimal and not style[1] and (mark == "," or separator == ";"):
+        marked = [cell for cell in counts if mark in cell and style[2].fullmatch(cell)]
+        if marked and all(map(_style(other, mark)[2].fullmatch, marked)):
             problems.need(
-                f"cells such as {commas[0]!r} may have a decimal comma or thousands, and no "
+                f"cells such as {marked[0]!r} may have a decimal {style[0]} or thousands, and no "
                 "cell tells which: expected --decimal comma or point",
                 decimal="?",
             )

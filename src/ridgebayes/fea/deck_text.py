@@ -16,10 +16,10 @@ from ridgebayes.contact import hertz
 from ridgebayes.contact.cylinder.faces import first_height
 from ridgebayes.contact.cylinder.mesh import DiskMesh, disk_mesh
 from ridgebayes.contact.rigid_profile import Profile
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.templates import rendered
-from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.scene import Scene, as_scene
 
 FORMATS = ("calculix", "abaqus")
 SURFACE, REACTION = "NARC", "NTOP"
@@ -296,9 +296,9 @@ def export_deck(
     >>> "*STEP" in text, len(disk.cells) > 100
     (True, True)
     """
-    where, scene = (
-        ("", scene) if isinstance(scene, Scene) else (f"{scene}: ", Scene.from_toml(scene))
-    )
+    where, scene = ("" if isinstance(scene, Scene) else f"{scene}: "), as_scene(scene)
+    expect(int, float, edges=edges)
+    expect(str, os.PathLike, path=path)
     try:
         disk = pressed_disk(scene, edges=edges)
         text = deck_text(disk, program)

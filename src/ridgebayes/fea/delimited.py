@@ -344,7 +344,8 @@ class TextTable(TableFile):
         columns = [name for name in self.headers if name in numeric]
         frame, style = self._plain(columns), "decimal point"
         if frame is None:
-            numbers, style = numbers_in(self._typed[columns], self._units, self._is_typed, problems)
+            cells, mark = self._typed[columns], self._separator
+            numbers, style = numbers_in(cells, self._units, self._is_typed, problems, mark)
             frame = self._typed.assign(**numbers)
         frame = frame.assign(**{n: lossless(frame[n]) for n in self.headers if n not in columns})
         problems.messages.insert(0, f"{self.where}: {self._kind}, {style}, {len(frame)} rows")
@@ -375,4 +376,7 @@ class TextTable(TableFile):
         if not all(frame[name].dtype.kind in "if" for name in numeric):
             return None
         frame = frame.astype(dict.fromkeys(numeric, float))
-        return None if np.isinf(frame[numeric].to_numpy()).any() else frame
+        values = frame[numeric].to_numpy()
+        # Points may separate thousands beside semicolons, unless a number is such as 0.25.
+        is_clear = self._separator != ";" or (np.abs(values[values % 1 > 0]) < 1).any()
+        return frame if is_clear and not np.isinf(values).any() else None

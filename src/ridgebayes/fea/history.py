@@ -14,6 +14,7 @@ from ridgebayes.fea.deck import Run
 from ridgebayes.fea.record import HUGE, Imported
 from ridgebayes.fea.rim import NEAR, Rim
 from ridgebayes.fea.transitions import half_digit, transitions_of
+from ridgebayes.runtime.text import percent
 from ridgebayes.table.table import ContactTable
 
 _REST_ERROR = 3e-6  # error over R of the height of a rim that rests on a ridge
@@ -103,12 +104,13 @@ def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:
     remarks: list[str] = []
     errors: dict[str, Any] = {}
     if history.Q is None or history.closed is None:
-        run, gaps, errors = _on_rim(history, run, remarks)
+        run, gaps, errors, past = _on_rim(history, run, remarks)
         Q = 4 + 2 * np.arange(gaps.shape[1])
     elif run.R is None and history.load_is != "p_over_E":
         raise InputError(f"{where}: expected --R, the body's radius")
     else:
         gaps, Q = np.where(history.closed, -np.inf, np.inf), history.Q
+        past = np.zeros(int(Q.max()) // 2)
     is_force, divisor = history.load_is == "force", 2 * (run.R or 1.0) * run.E
     half = 2 if is_force and run.symmetry == "half" else 1
     how = f"{' times 2' if half == 2 else ''} over 2 R E, E = {run.E:g}"
@@ -136,13 +138,26 @@ def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:
         f"kept: {len(frame)} transitions, Q = {frame['Q'].iloc[0]} to {frame['Q'].iloc[-1]}, "
         f"{'all' if n_bracket == len(frame) else n_bracket} as brackets",
     )
-    return Imported(ContactTable.from_frame(frame, where=where), messages)
+    doubts, pitches = [], 1 + run.b_over_R / run.a_over_R
+    for Q_row, high, low in frame[["Q", "p_over_E", "p_over_E_lower"]].itertuples(index=False):
+        # A smooth contact grows as the root of its load; this one by a ridge for each pitch of it.
+        share = 1 - (1 + past[int(Q_row) // 2 - 2]) ** (-2 * pitches)
+        if share > 1 - low / high:
+            doubts.append(f"Q = {Q_row}: load about {percent(share)} too high")
+    if doubts:
+        rule = "the first node beyond a corner closes late; refine the mesh there, or give heights"
+        doubts = [f"{'; '.join(doubts)}: {rule}"]
+    return Imported(ContactTable.from_frame(frame, where=where), messages, doubts=tuple(doubts))
 
 
 def _on_rim(
     history: ContactHistory, run: Run, remarks: list[str]
-) -> tuple[Run, FloatArray, dict[str, Any]]:
-    """Return the body with R, gaps over R, shape (n_step, n_corner), and their errors."""
+) -> tuple[Run, FloatArray, dict[str, Any], FloatArray]:
+    """Return the body with R, gaps over R, shape (n_step, n_corner), and their errors.
+
+    The last result is the distance of the first node past each corner, over the corner's from the
+    axis, if only contact is known, else 0.
+    """
     assert history.at is not None
     R, where, position, n = run.R or history.R, run.where, history.at, history.at.shape[1]
     if history.undeformed is None:
@@ -153,7 +168,7 @@ def _on_rim(
     remarks.append(f"surface: {n} nodes on a circle of R = {rim.R:.6g}")
     away = np.abs(position[..., 0] - rim.centre[0])
     if position.shape[-1] == 1:
-        return run, _closed_gaps(history, away, run, rim), {}
+        return run, *_closed_gaps(history, away, run, rim)
     digits = history.digits
     if run.top is None and history.rigid is None:
         position, run = _relative_to_tops(position, away, run, rim), replace(run, top=0.0)
@@ -173,7 +188,12 @@ def _on_rim(
     depth = np.array([rim.overlap(at, flat, width) for at in position])
     error = np.hypot(depth[:, None], digits) / rim.R
     # A height is the sum of two printed numbers, a coordinate and a displacement.
-    return run, gaps, {"gap_error": error, "digits": 2 * history.digits / rim.R}
+    return (
+        run,
+        gaps,
+        {"gap_error": error, "digits": 2 * history.digits / rim.R},
+        np.zeros(gaps.shape[1]),
+    )
 
 
 def _corners(
@@ -240,7 +260,9 @@ def _relative_to_tops(position: FloatArray, away: FloatArray, run: Run, rim: Rim
     return position
 
 
-def _closed_gaps(history: ContactHistory, away: FloatArray, run: Run, rim: Rim) -> FloatArray:
+def _closed_gaps(
+    history: ContactHistory, away: FloatArray, run: Run, rim: Rim
+) -> tuple[FloatArray, dict[str, Any], FloatArray]:
     """Return gaps of -inf (ridge in contact), inf (not in contact) or NaN (ambiguous).
 
     The shape is (n_step, n_ridge), from the second ridge on. A ridge is ambiguous if its only
@@ -261,4 +283,6 @@ def _closed_gaps(history: ContactHistory, away: FloatArray, run: Run, rim: Rim) 
         sure = over & (over.sum(axis=1, keepdims=True) == 1)
         gap[i, over.any(axis=0)] = math.nan
         gap[i, sure.any(axis=0)] = -math.inf
-    return gap[:, 1:]
+    beyond = np.where(away[:, :, None] >= near, away[:, :, None], math.inf).min(axis=1)
+    past = np.where(np.isfinite(beyond), beyond / near - 1, 0.0).max(axis=0)
+    return gap[:, 1:], {}, past[1:]

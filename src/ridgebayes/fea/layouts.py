@@ -20,8 +20,8 @@ from ridgebayes.table.rules import as_text, row_codes
 _GROUP_KEYS = (*NEVER_EMPTY, "a_over_R", "b_over_R", "nu", "offset", "offset_over_R", "thickness")
 
 
-def fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> None:
-    """Fill empty cells from above where a value is typed once for a group of rows.
+def filled_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> pd.DataFrame:
+    """Return a table with empty cells filled from above where a value is typed once for a group.
 
     Cells are filled if the first row of each group has all group values (widths), and consecutive
     groups differ. Otherwise the empty cells are missing values.
@@ -30,14 +30,14 @@ def fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> 
     groups = [use.header for use in uses if use.key in _GROUP_KEYS and use.header in there]
     widths = [name for name in groups if cells[name].dtype.kind == "f" and cells[name].isna().any()]
     if not widths:
-        return
+        return cells
     head = cells[widths].notna()
     first, values = head.all(axis=1), cells[widths]
     follows = first & first.shift(fill_value=False)
     again = follows & (values == values.shift()).all(axis=1)
     if (head.any(axis=1) != first).any() or not first.iloc[0] or again.any():
-        return
-    cells[widths] = values.ffill()
+        return cells
+    cells = cells.assign(**values.ffill())
     texts = [use.header for use in uses if use.key in ("series", "texture") and use.header in there]
     full = [name for name in texts if (cells[name].ne("") <= first).all()]
     for name in full:
@@ -46,6 +46,7 @@ def fill_down(cells: pd.DataFrame, uses: Iterable[Use], problems: FileError) -> 
         f"columns {', '.join(map(repr, [*widths, *full]))}: {count(int((~first).sum()), 'row')} "
         "with empty cells have the value above, as in merged cells"
     )
+    return cells
 
 
 def one_series(

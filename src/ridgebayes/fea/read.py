@@ -2,7 +2,6 @@
 
 import os
 import re
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
@@ -12,13 +11,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ridgebayes.errors import CautionWarning, InputError
-from ridgebayes.fea.binary_tables import TABLES
+from ridgebayes.errors import InputError, expect, warn_of
+from ridgebayes.fea.binary_tables import ALL, SHEET, TABLES
 from ridgebayes.fea.convert import Converter, listed
 from ridgebayes.fea.delimited import SUFFIXES, table_content
 from ridgebayes.fea.layouts import (
     counts_repeat,
-    fill_down,
+    filled_down,
     melted,
     of_corners,
     of_counts,
@@ -109,13 +108,14 @@ def import_table(
     >>> table.textures, [round(p, 6) for p in table.frame["p_over_E"]]
     (((0.025, 0.02),), [0.0005, 0.003])
     """
+    for path in paths or (None,):
+        expect(str, os.PathLike, paths=path)
     if isinstance(texture, str):
         texture = parse_texture(texture, facts.get("R"), "texture")
     read = import_files(
         [Path(path) for path in paths], Given(texture=texture, **facts), program=program, role=role
     )
-    for caution in read.cautions:
-        warnings.warn(caution, CautionWarning, stacklevel=2)
+    warn_of(read.cautions)
     return read.table
 
 
@@ -230,7 +230,9 @@ def read_columns(path: Path, facts: Given) -> Imported:
     problems.known = {use.name: use.typed for use in uses if use.repeat is None}
     cells = source.read({use.header for use in uses if use.is_number}, problems)
     if cells.select_dtypes("number").isna().any(axis=None):
-        fill_down(cells, uses, problems)
+        sheet = cells[SHEET] if facts.sheet == ALL and SHEET in cells else np.zeros(len(cells))
+        parts = (part for _, part in cells.groupby(sheet, sort=False))
+        cells = pd.concat([filled_down(part, uses, problems) for part in parts])
     for use in uses:
         if use.header not in cells:
             rule = "expected numbers or text"

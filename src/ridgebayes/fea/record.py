@@ -338,11 +338,14 @@ class Imported:
         reason.
     known : mapping of str to str
         Recognised columns of a table file by key, in the notation of ``--map``.
+    doubts : tuple of str
+        Cautions on the run's mesh.
     """
 
     table: ContactTable
     messages: tuple[str, ...]
     known: Mapping[str, str] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
 
     @property
     def cautions(self) -> list[str]:
@@ -366,7 +369,7 @@ class Imported:
             ],
             "a curve begins here; loads of lower Q are missing": first[first["Q"] > FIRST],
         }
-        return [
+        return [*self.doubts] + [
             f"{count(len(rows), 'row')}, "
             f"{some_of(map(_shown, rows[:SHOWN].itertuples()), SHOWN, len(rows))}: {what}"
             for what, rows in doubtful.items()

@@ -22,7 +22,7 @@ from ridgebayes.contact.response_table import (
     shapes_of,
     solved,
 )
-from ridgebayes.errors import ComputationError, InputError
+from ridgebayes.errors import ComputationError, InputError, expect
 from ridgebayes.predict.extrapolation import names_of
 from ridgebayes.predict.joint_draws import MOST_TEXTURES, PredictiveSampler, textures_of
 from ridgebayes.results import Fit
@@ -165,6 +165,7 @@ class InputDraws:
         if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
             raise InputError(f"n: expected a whole number >= 1, got {n!r}")
         self._seed, self.n, self._edges = seed_of(rng), int(n), edges
+        expect(Fit, Comparison, source=source)
         self._scene = scene = as_scene(scene)
         self._ogden = scene.ogden
         self._loads, self._is_share = _read_loads(loads)

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from numbers import Integral, Real
 
 import numpy as np
 
 from ridgebayes._types import FloatArray, IntArray
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect
 
 ProgressCallback = Callable[[str], None]  # takes a line of text
 N_WALKER = 64  # a step with fewer walkers is no faster, and autocorrelation times converge later
@@ -60,11 +61,15 @@ class SampleSettings:
     time_limit: float | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        n_step, limit = {"n_burn": self.n_burn, "n_step_max": self.n_step_max}, self.time_limit
+        expect(Integral, n_ensemble=self.n_ensemble, n_walker=self.n_walker, **n_step)
+        expect(Real, n_tau=self.n_tau, tau_change=self.tau_change)
+        expect(Real, None, time_limit=limit)
         if self.n_ensemble < 4:
             raise InputError(f"n_ensemble: expected at least 4, got {self.n_ensemble}")
-        for name in ("n_burn", "n_step_max"):
-            if not getattr(self, name) >= 1:
-                raise InputError(f"{name}: expected at least 1, got {getattr(self, name)}")
+        for name, n in n_step.items():
+            if n < 1:
+                raise InputError(f"{name}: expected at least 1, got {n}")
         for name in ("n_tau", "tau_change", "time_limit"):
             value = getattr(self, name)
             if value is not None and not 0 < value < np.inf:

@@ -57,7 +57,7 @@ class Preset:
         InputError
             If no preset has this name.
         """
-        if name not in [*PRESETS]:  # a list as name is not hashable
+        if not isinstance(name, str) or name not in PRESETS:
             raise InputError(f"accuracy: expected one of {', '.join(PRESETS)}, got {name!r}")
         return PRESETS[name]
 

@@ -7,9 +7,10 @@ Definitions and reasons are in docs/derivations/error-models.md.
 """
 
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import ClassVar
 
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect
 from ridgebayes.model.tails import TAILS, Tail
 
 # Independent variance of a smooth offset at each place, over tau_step^2. The nugget is part of the
@@ -72,6 +73,8 @@ class Noise:
     tails: ClassVar[tuple[str, ...]] = tuple(TAILS)
 
     def __post_init__(self) -> None:
+        expect(str, structure=self.structure, tail=self.tail)
+        expect(Real, nugget=self.nugget)
         if self.structure not in _STRUCTURE_NAMES:
             raise InputError(f"noise: expected {_STRUCTURE_RULE}, got structure {self.structure!r}")
         if self.tail not in self.tails:
@@ -177,7 +180,7 @@ _STRUCTURE_RULE = f"one of {', '.join(Noise.structures)}, each also with +{SERIE
 
 def error_models_for(noise: str | Noise, n_series: int) -> list[Noise]:
     """Return the error models to compare: all candidates for ``auto``, else the given model."""
-    if noise != AUTO:
+    if not isinstance(noise, str) or noise != AUTO:
         return [as_noise(noise)]
     return list(Noise.candidates(n_series))
 

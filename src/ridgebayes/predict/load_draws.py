@@ -116,7 +116,7 @@ def survival(columns: Callable[[IntArray], Columns], y: FloatArray, where: str =
         for mean, sd in zip(*(x.T for x in columns(np.arange(first, first + n))), strict=True):
             # The probability of reaching a ridge cannot exceed that of the ridge before it.
             steps.append(np.minimum(_interpolated_cdf(y, mean, sd), steps[-1]))
-            if steps[-1].max() < NEGLIGIBLE_PROBABILITY:
+            if steps[-1].max(initial=0.0) < NEGLIGIBLE_PROBABILITY:
                 return np.stack(steps, axis=-1)
     raise InputError(f"p_over_E: expected counts up to {MAX_Q}, got more{where}")
 
@@ -129,10 +129,14 @@ def _interpolated_cdf(y: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatA
     n_draw, finite = len(mean), np.flatnonzero(np.isfinite(mean))
     if not sd[finite].any():
         return np.searchsorted(np.sort(mean[finite]), y, side="right") / n_draw
-    order = finite[np.argsort(sd[finite])]
-    mean, sd = mean[order], sd[order]
+    mean, sd = mean[finite], sd[finite]
     low, high = (mean - _MAX_Z * sd).min(), (mean + _MAX_Z * sd).max()
-    if np.count_nonzero((y > low) & (y < high)) <= 2 * _N_NODE:
+    n_between = np.count_nonzero((y > low) & (y < high))
+    if not n_between:  # as at loads far above those of a count, for thousands of counts
+        return np.where(y < high, 0.0, len(mean) / n_draw)
+    order = np.argsort(sd)
+    mean, sd = mean[order], sd[order]
+    if n_between <= 2 * _N_NODE:
         return _sum_of_cdfs(y, mean, sd) / n_draw
     # Nodes are quantiles of evenly spread scores of all draws, so that they follow the cdf.
     i = np.arange(16 * _N_NODE)

@@ -151,9 +151,8 @@ class _SceneLoads:
         def part(sampler: PredictiveSampler, here: IntArray) -> QDistribution:
             reached = survival(self._columns(sampler, here, factor), np.log(value))
             flags, Q_max = flags_of(sampler.calibrated), sampler.calibrated.Q_max
-            return QDistribution(
-                reached.reshape(*shape, -1), flags.reshape(shape), Q_max, self._kind, places
-            )
+            reached = reached.reshape(*shape, reached.shape[1])
+            return QDistribution(reached, flags.reshape(shape), Q_max, self._kind, places)
 
         return mix_q(map(part, self._samplers, self._bodies_of), self._weights)
 

@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike
 
 from ridgebayes._types import BATCH_SIZE, FloatArray, IntArray
 from ridgebayes.contact.scaling import reduced_load
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, warn_of
 from ridgebayes.inference.posterior import Posterior
 from ridgebayes.model.forms.arguments import common_shape, even_counts, loads, numbers, widths
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.load_distribution import LoadDistribution, mix_loads
 from ridgebayes.predict.load_draws import Columns
-from ridgebayes.predict.of_scene import load_of_scene, q_of_scene
+from ridgebayes.predict.of_scene import load_of_scene, q_of_scene, without_effect
 from ridgebayes.predict.posterior_loads import PosteriorLoads, by_texture
 from ridgebayes.predict.predicted import align_arrays
 from ridgebayes.predict.q_distribution import QDistribution, mix_q, shares
@@ -84,6 +84,11 @@ class Predictive(ABC):
         ComputationError
             If a comparison has no form with an evidence.
 
+        Warns
+        -----
+        CautionWarning
+            If values of the scene have no effect.
+
         Notes
         -----
         *Validity.* Extrapolation is allowed and flagged in the result: a/pitch beyond its
@@ -122,6 +127,7 @@ class Predictive(ABC):
         _check_kind(kind)
         if isinstance(a_over_R, Scene):
             _refuse_beside_scene(b_over_R=b_over_R, nu=None if np.all(nu == 0.5) else nu)
+            warn_of(without_effect(a_over_R))
             return q_of_scene(self.averaged, a_over_R, load=load, p_over_E=p_over_E, kind=kind)
         if load is not None or b_over_R is None or p_over_E is None:
             raise InputError("predict: expected a_over_R, b_over_R and p_over_E, or a Scene")
@@ -167,6 +173,11 @@ class Predictive(ABC):
         ComputationError
             If a comparison has no form with an evidence.
 
+        Warns
+        -----
+        CautionWarning
+            If values of the scene have no effect.
+
         Notes
         -----
         *Validity.* As in `predict`. A load is flagged if its median is above the highest calibrated
@@ -187,6 +198,7 @@ class Predictive(ABC):
         _check_kind(kind)
         if isinstance(a_over_R, Scene) and Q is not None:
             _refuse_beside_scene(b_over_R=b_over_R, nu=None if np.all(nu == 0.5) else nu)
+            warn_of(without_effect(a_over_R))
             return load_of_scene(self.averaged, a_over_R, Q, kind=kind)
         if isinstance(a_over_R, Scene) or b_over_R is None or Q is None:
             raise InputError("predict_load: expected a_over_R, b_over_R and Q, or a Scene and Q")

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect
 from ridgebayes.report.blocks import Picture
 from ridgebayes.report.exports import links
 from ridgebayes.report.figures.gallery import Gallery
@@ -77,6 +77,8 @@ def write_report(
     if not isinstance(comparison, Comparison):
         kind = type(comparison).__name__
         raise InputError(f"write_report: expected a Comparison, as compare returns, got {kind}")
+    expect(Comparison, None, reference=reference)
+    expect(str, os.PathLike, path=path)
     target = Path(path)
     suffix = target.suffix.lower()
     if suffix not in _TEMPLATES:

@@ -5,6 +5,7 @@ dies, only its task is lost, and a new worker repeats it. In an executor of seve
 death would break all submitted tasks, and the responsible task would be unknown.
 """
 
+import errno
 import multiprocessing
 import os
 import pickle
@@ -22,7 +23,7 @@ from unittest.mock import patch
 
 from threadpoolctl import threadpool_limits
 
-from ridgebayes.errors import ComputationError, InputError, WorkerLostError
+from ridgebayes.errors import ComputationError, InputError, WorkerLostError, expect
 from ridgebayes.runtime.progress import tell_count
 from ridgebayes.runtime.text import exit_text
 
@@ -37,6 +38,7 @@ _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods(
 _ENVIRONMENT = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX"), "1"
 )
+_UNGUARDED = errno.ELOOP  # exit code of a worker that would start workers
 _MAX_TRIES = 3  # a task that has killed so many workers would kill another one
 
 
@@ -105,8 +107,19 @@ class WorkerPool(futures.ThreadPoolExecutor):
                 (process,) = worker._processes.values()
                 worker.shutdown()
                 code = process.exitcode
+                if code == _UNGUARDED:
+                    raise WorkerLostError(
+                        "each worker process imports the script that started it, and would run it "
+                        'again: call run below `if __name__ == "__main__":`, or with workers=1'
+                    ) from None
         died = f"{_MAX_TRIES} worker processes died on this task, the last with {exit_text(code)}"
         raise WorkerLostError(f"{died}; they may need more memory")
+
+
+def end_unguarded_worker() -> None:
+    """End a worker that runs the script of the main process, which lacks a guard, as it starts."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        os._exit(_UNGUARDED)
 
 
 def start_server(preload: Sequence[str] = ()) -> None:
@@ -250,6 +263,7 @@ def map_ordered(
                 tell_count(n_done, len(tasks))
                 yield result
         return
+    expect(futures.Executor, executor=executor)
     under_way: dict[futures.Future[_T], int] = {}
     early: dict[int, _T] = {}
     ended: queue.SimpleQueue[futures.Future[_T]] = queue.SimpleQueue()

@@ -29,7 +29,7 @@ from ridgebayes.scene.effects import (
     Plan,
     full_profile,
 )
-from ridgebayes.scene.scene import Scene, Texture
+from ridgebayes.scene.scene import Scene, Texture, as_scene
 
 _SAFETY = 1.5  # bound of a change over its estimate
 # If Poisson's ratio is too small for two-scale loads: finite strain multiplies half-plane loads by
@@ -77,7 +77,7 @@ def plan(scene: Scene) -> list[Plan]:
     >>> plan(scene)[0].simulated
     ('ridges', "Poisson's ratio")
     """
-    return [_plan_texture(_Base.of(scene, texture)) for texture in scene.textures]
+    return [_plan_texture(_Base.of(scene, texture)) for texture in as_scene(scene).textures]
 
 
 def _too_narrow(texture: Texture, status: str) -> InputError:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, InstanceOf, field_validator, model_validator
 
 from ridgebayes._types import NEO_HOOKEAN, Json
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect
 from ridgebayes.runtime.reading import refusing
 from ridgebayes.scene import fields
 from ridgebayes.scene.toml import DEFAULT_LOAD, DERIVED, read_scene_file, scene_text, scene_values
@@ -242,6 +242,7 @@ class Scene(fields.Record):
             If the file cannot be read or a key breaks a rule. The message names the file and all
             invalid keys with their values and rules.
         """
+        expect(str, os.PathLike, path=path)
         return cls._of_values(read_scene_file(Path(path)), str(path))
 
     @classmethod
@@ -276,6 +277,7 @@ class Scene(fields.Record):
         >>> scene.textures[0].b_over_R, scene.p_over_E, sorted(scene.uncertain.sources)
         (0.02, 0.02, ['body.youngs_modulus', 'texture.groove_width'])
         """
+        expect(dict, data=data)
         return cls._of_values(scene_values(data), "scene")
 
     @classmethod
@@ -325,6 +327,7 @@ class Scene(fields.Record):
         InputError
             If the scene is uncertain: distributions cannot be written.
         """
+        expect(str, os.PathLike, path=path)
         if self.uncertain is not None:
             raise InputError(
                 f"scene: {', '.join(self.uncertain_names)}: distributions cannot be written; "

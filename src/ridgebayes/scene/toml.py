@@ -10,7 +10,7 @@ places such as body.radius, and `correlation` is the matrix of their normal scor
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from fractions import Fraction
@@ -64,7 +64,12 @@ def _measure(
     dimension: Dimension, raw: object, info: ValidationInfo, *, may_be_zero: bool = False
 ) -> _Measure:
     """Read a quantity: text with a unit, a plain number, or a distribution of either."""
-    if (measure := _read_uncertain(dimension, raw, info, may_be_zero)) is not None:
+
+    def refuse_negative(value: float | Fraction) -> None:
+        if value < 0 or (value == 0 and not may_be_zero):
+            raise ValueError(f"must be {'>= 0' if may_be_zero else '> 0'}")
+
+    if (measure := _read_uncertain(dimension, raw, info, refuse_negative)) is not None:
         return measure
     if not isinstance(raw, str | int | float) or isinstance(raw, bool):
         raise ValueError("must be a number, or text with a number and a unit")
@@ -75,15 +80,17 @@ def _measure(
         raise ValueError(str(error).removeprefix(f"{raw!r}: ")) from None
     except ValueError:
         raise ValueError("must be finite") from None
-    if value < 0 or (value == 0 and not may_be_zero):
-        raise ValueError(f"must be {'>= 0' if may_be_zero else '> 0'}")
+    refuse_negative(value)
     return _Measure(value, raw, has_unit=isinstance(raw, str))
 
 
 def _read_uncertain(
-    dimension: Dimension | None, raw: object, info: ValidationInfo, may_be_zero: bool = True
+    dimension: Dimension | None,
+    raw: object,
+    info: ValidationInfo,
+    refuse_invalid: Callable[[float], object],
 ) -> _Measure | None:
-    """Return the measure of a distribution; None if the value is plain."""
+    """Return the measure of a distribution of valid values; None if the value is plain."""
     is_text = isinstance(raw, str)
     if isinstance(raw, int | float | list | dict) or (is_text and not is_uncertain(str(raw))):
         return None
@@ -91,22 +98,26 @@ def _read_uncertain(
 
     try:
         source = read_source(dimension, raw, (info.context or {}).get("folder", Path()))
-        if source is not None and not may_be_zero:
-            source.refuse_below(0.0, "must be > 0")
     except InputError as error:
         raise ValueError(str(error)) from None
     if source is None:
         return None
+    for end in source.ends:
+        try:
+            refuse_invalid(end)
+        except ValueError as error:
+            rule = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
+            raise ValueError(
+                f"{rule.removeprefix('Value error, ')}, got a distribution that reaches {end:.3g}; "
+                "expected one without values outside, such as a truncated one"
+            ) from None
     return _Measure(Fraction(repr(source.median)), raw, source, source.has_unit)
 
 
 def _or_uncertain(raw: object, plain: ValidatorFunctionWrapHandler, info: ValidationInfo) -> object:
-    """Read a number without a unit, or a distribution whose median is a valid number."""
-    measure = _read_uncertain(None, raw, info)
-    if measure is None:
-        return plain(raw)
-    plain(float(measure.value))
-    return measure
+    """Read a number without a unit, or a distribution of valid numbers."""
+    measure = _read_uncertain(None, raw, info, plain)
+    return plain(raw) if measure is None else measure
 
 
 _Uncertain = WrapValidator(_or_uncertain)

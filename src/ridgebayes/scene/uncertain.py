@@ -17,7 +17,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.randomness import Streams, stream, streams
 from ridgebayes.scene.units import Dimension, over_body, to_si, with_error
 
-_NEGLIGIBLE_PROBABILITY = 1e-12  # a probability too small to occur among draws
+_NEGLIGIBLE_PROBABILITY = 1e-9  # a probability too small to occur among a million draws
 _MEDIAN_DRAWS = 1_001  # draws of a callable
 
 
@@ -39,6 +39,9 @@ class Source:
     origin: Any
     text: str
     has_unit: bool | None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Source) and _content(self.origin) == _content(other.origin)
 
     @property
     def has_quantiles(self) -> bool:
@@ -71,20 +74,13 @@ class Source:
         n = 1 if self.has_quantiles else _MEDIAN_DRAWS
         return float(np.median(self.draw(np.zeros(n), stream(0, "median"))))
 
-    def refuse_below(self, least: float, rule: str) -> None:
-        """Refuse a distribution with mass at or below a value; callables are checked later."""
-        if isinstance(self.origin, Distribution):
-            low = self.origin.support[0]
-            share = float(special.ndtr(self.origin.score(least))) if low < least else 0.0
-        elif hasattr(self.origin, "cdf"):
-            share = float(self.origin.cdf(least))
-        else:
-            share = float(np.mean(self.origin <= least)) if self.has_quantiles else 0.0
-        if share > _NEGLIGIBLE_PROBABILITY:
-            raise InputError(
-                f"{rule}; this distribution has {share:.2g} of its mass at or below {least:g}, "
-                "expected none: use a lognormal or truncated distribution"
-            )
+    @property
+    def ends(self) -> list[float]:
+        """Quantiles beyond which draws are not expected; the median of a callable."""
+        if not self.has_quantiles:
+            return [self.median]
+        scores = special.ndtri([_NEGLIGIBLE_PROBABILITY, 1 - _NEGLIGIBLE_PROBABILITY])
+        return [float(value) for value in self.draw(scores, stream(0, "ends"))]
 
 
 def read_source(dimension: Dimension | None, raw: object, folder: Path) -> Source | None:
@@ -129,7 +125,7 @@ def read_source(dimension: Dimension | None, raw: object, folder: Path) -> Sourc
     return source
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Uncertain:
     """Uncertain values of a scene.
 
@@ -231,6 +227,9 @@ class Joint:
     correlation: FloatArray | None
     draws: Any = None
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Joint) and _content(self) == _content(other)
+
     @classmethod
     def read(
         cls, section: Mapping[str, Any], certain: Json, sources: Mapping[str, Source]
@@ -285,6 +284,16 @@ class Joint:
                 "multivariate distribution of as many"
             )
         return values
+
+
+def _content(value: Any) -> object:
+    """Return a value that equals another's if both make the same draws, unlike arrays."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, Joint):
+        return value.of, _content(value.correlation), _content(value.draws)
+    # SciPy's frozen distributions of one variable.
+    return (value.dist.name, value.args, value.kwds) if hasattr(value, "dist") else value
 
 
 def _array(rows: object) -> np.ndarray:

@@ -8,7 +8,8 @@ from concurrent.futures import Executor
 import pandas as pd
 
 from ridgebayes._types import NEO_HOOKEAN, Json, __version__
-from ridgebayes.errors import InputError
+from ridgebayes.contact.halfplane import check_tolerance
+from ridgebayes.errors import InputError, expect
 from ridgebayes.runtime.journal import Journal
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.scene.effects import HIGHEST_LOAD, Plan, beyond_reach, full_profile
@@ -106,6 +107,9 @@ def generate(
     >>> frame["Q"].tolist(), [round(p, 10) for p in frame["p_over_E"].tolist()]
     ([4, 6], [0.0009778101, 0.0037869602])
     """
+    expect(str, solver=solver, accuracy=accuracy)
+    expect(Journal, None, journal=journal)
+    expect(Callable, None, progress=progress, pressed=pressed)
     if solver not in solvers.SOLVERS:
         raise InputError(f"solver = {solver!r}: must be one of {', '.join(solvers.SOLVERS)}")
     if accuracy not in LOAD_PRESETS:
@@ -115,6 +119,7 @@ def generate(
         raise InputError("pressed: cannot be combined with executor or journal")
     if rel_tol is None:
         rel_tol = min(preset.load_error, scene.relative or preset.load_error)
+    check_tolerance(rel_tol)
     if solver in ("hertz", "cylinder-linear"):
         refused = [
             f"scene: textures[{number}]: {name}: is not simulated by {solver!r}"

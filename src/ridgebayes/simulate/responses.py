@@ -18,6 +18,7 @@ from ridgebayes.contact.contact_solution import (
     solve_many_contacts,
 )
 from ridgebayes.contact.edges import edge_forces as edges_of
+from ridgebayes.contact.halfplane import check_tolerance
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.pool import one_blas_thread
@@ -270,14 +271,15 @@ def _solved(
     The last item is the load over the equivalent half-plane load; pressures and penetrations are
     larger by this factor.
     """
+    check_tolerance(rel_tol)
     try:
         loads = np.atleast_1d(np.asarray(p_over_E, dtype=np.float64))
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         raise InputError(f"p_over_E: expected numbers, got {p_over_E!r}") from None
     within = (loads > 0) & (loads <= LARGEST_LOAD)
-    if not np.all(within):
+    if not loads.size or not np.all(within):
         rule = f"finite and > 0, at most {LARGEST_LOAD:g}"
-        raise InputError(f"p_over_E = {loads[~within][0]}; expected {rule}")
+        raise InputError(f"p_over_E = {next(iter(loads[~within]), 'none')}; expected {rule}")
     if solver not in ("auto", "half-plane", "two-scale"):
         raise InputError(f"solver = {solver!r}; expected auto, half-plane or two-scale")
     profiles = [full_profile(texture) for texture in scene.textures]

@@ -11,10 +11,12 @@ from ridgebayes._types import Json, Rng, __version__
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.contact import two_scale
 from ridgebayes.contact.scaling import Texture
-from ridgebayes.errors import InputError
+from ridgebayes.errors import InputError, expect, warn_of
 from ridgebayes.inference.posterior import Posterior
+from ridgebayes.predict.of_scene import without_effect
 from ridgebayes.results import Fit
 from ridgebayes.runtime.randomness import seed_of
+from ridgebayes.runtime.reading import refusing
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
@@ -87,6 +89,11 @@ def design(
     ComputationError
         If a comparison has no form with an evidence.
 
+    Warns
+    -----
+    CautionWarning
+        If values of the scene have no effect.
+
     Notes
     -----
     Probabilities cover forms, error models, coefficients, body, load and manufactured widths. They
@@ -113,6 +120,10 @@ def design(
     (True, True)
     """
     scene, seed, tol = as_scene(scene), seed_of(rng), Tolerance.parse(tolerance)
+    warn_of(without_effect(scene, "offset"))
+    expect(Fit, Comparison, source=source)
+    expect(str, objective=objective)
+    expect(Mapping, None, sizes=sizes)
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
     alternatives = _alternatives(loads, objective, scene.body)
@@ -172,7 +183,8 @@ def _alternatives(
         n = _N_LOADS if objective == "min-load" else 1
         alternatives = tuple(Load(i / n, "share") for i in range(1, n + 1))
     else:
-        texts = [loads] if isinstance(loads, str) else [repr(float(p)) for p in loads]
+        with refusing("loads", TypeError, ValueError, rule="; expected text, or loads p/E"):
+            texts = [loads] if isinstance(loads, str) else [repr(float(p)) for p in loads]
         alternatives = tuple(load for text in texts for load in read_loads(text, "loads", body))
     if not alternatives:
         raise InputError("loads: expected at least one, got none")

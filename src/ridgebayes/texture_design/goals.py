@@ -157,7 +157,7 @@ def parse_goals(
     ((Case(at_least=((6, Load(value=0.01, unit='p/E')),), below=((12, Load(value=0.01, \
 unit='p/E')),)),), 0.95)
     """
-    texts = [text] if isinstance(text, str) else list(text)
+    texts = [*text] if isinstance(text, list | tuple) and text else [text]
     parts = [part for line in texts for part in re.split(r";|\band\b", _plain(line))]
     goals = tuple(_goal(part.strip(), tuple(loads), body) for part in parts)
     for goal, other in permutations(goals, 2):

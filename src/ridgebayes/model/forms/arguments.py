@@ -52,7 +52,7 @@ def numbers(name: str, values: ArrayLike) -> FloatArray:
         if array.dtype.kind == "b":
             raise TypeError
         return array.astype(float, copy=False)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         raise InputError(f"{name}: expected numbers, got {values!r}") from None
 
 
