@@ -187,6 +187,7 @@ TINY = {
     "texture": ([(0, 4), (0, 6), (0, 8)], [E, B, C], 0.0),
     "texture, two": ([(0, 4), (0, 6), (1, 8), (1, 4)], [B, C, B, E], 0.0),
     "step:student": ([(0, 4), (1, 4), (2, 4), (0, 6)], [E] * 4, [0.0, 0.3, 0.0, 0.1]),
+    "step:student, outliers": ([(0, 4), (1, 4), (2, 4)], [E] * 3, [0.6, 0.61, 0.59]),
     "step": ([(0, 4), (1, 4), (2, 6)], [C, C, B], 0.0),
     "texture+step": ([(0, 4), (0, 4), (0, 4)], [B, E, E], [0.0, 0.05, 0.0]),
     "texture+step:student": ([(0, 4), (0, 4), (0, 4)], [B, E, E], [0.0, 0.3, 0.0]),
@@ -198,7 +199,7 @@ TINY = {
 BY_GRID = [(name, "modified") for name in TINY] + [
     (name, "power-law")
     for name in TINY
-    if name not in ("step", "step:student", "texture:student, outliers")
+    if name not in ("step", "step:student") and "outliers" not in name
 ]  # the power law has more than two offsets, and a small sigma is below its grid's spacing
 
 

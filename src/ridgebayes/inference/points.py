@@ -30,7 +30,7 @@ from ridgebayes.model.tails import Tail
 # standard normal's.
 _POINT_SCALE = 0.65
 _MIN_TAIL_PROBABILITY = np.finfo(float).eps  # keeps points finite
-_PRIOR_PAIR_PERIOD = 4  # if rows are intervals, every fourth pair of points is drawn from the prior
+_MIN_REST_POINT = 8  # points of the rest, of which two are drawn from the prior
 _N_INNER_POINT = 8  # points of a texture's score for each point of the rest
 _MIN_INFORMED_PIVOT = 1.02  # scores with a smaller pivot in `Precision` get normal points
 # Working rows are updated until nine of ten draws have no predictor whose precision changes by more
@@ -126,7 +126,7 @@ class PointIntegral:
         # several modes.
         n_few = min(max(n_point // 4, _N_INNER_POINT // 2), _N_INNER_POINT)
         n_inner = _N_INNER_POINT if self.rows.exact.all() else n_few
-        return max(n_point // 4, 2 * _PRIOR_PAIR_PERIOD), n_inner
+        return max(n_point // 4, _MIN_REST_POINT), n_inner
 
     def approximation(self, batch: Batch) -> Approximation:
         """Return the scores' normal approximation, with each row replaced by a normal row."""
@@ -184,20 +184,18 @@ class PointIntegral:
         bend = 0.0 if df is None else self._tail_bend(df)
         t = np.where(informed, _points(u, bend), ndtri(u))
         rest = normal.rest[..., None] + solve_lower(corner, t, transposed=True)
-        from_prior = np.zeros(n, bool)
-        if not self.rows.exact.all():
-            # Intervals that contradict each other can have mass where the normal approximation has
-            # none. Pairs are drawn from the prior, so that every second point has the same share.
-            from_prior = np.arange(n) // 2 % _PRIOR_PAIR_PERIOD == 0
-            rest = np.where(from_prior, ndtri(u), rest)
-            t = np.swapaxes(corner, -1, -2) @ (rest - normal.rest[..., None])
+        # Outliers, and intervals that contradict each other, leave mass where the normal
+        # approximation has none. Two points are drawn from the prior, so that every second point
+        # gives an estimate too.
+        from_prior = np.arange(n) < 2
+        rest = np.where(from_prior, ndtri(u), rest)
+        t = np.swapaxes(corner, -1, -2) @ (rest - normal.rest[..., None])
         log_t = np.where(informed, _log_points(t, bend), -0.5 * (t * t + LOG_2PI)).sum(axis=-2)
         log_density = log_t + np.log(pivots).sum(axis=-1)[:, None]
         log_prior = -0.5 * (rest**2 + LOG_2PI).sum(axis=-2)
-        if from_prior.any():
-            share = from_prior.mean()
-            terms = math.log1p(-share) + log_density, math.log(share) + log_prior
-            log_density = np.logaddexp(*terms)
+        share = from_prior.mean()
+        terms = math.log1p(-share) + log_density, math.log(share) + log_prior
+        log_density = np.logaddexp(*terms)
         return np.moveaxis(rest, -1, 0), (log_prior - log_density).T
 
     def _tail_bend(self, df: FloatArray) -> FloatArray:
