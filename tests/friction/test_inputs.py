@@ -2,7 +2,6 @@
 
 import json
 import tracemalloc
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,6 +26,15 @@ def fit(fits):
     return fits["hybrid"]
 
 
+class Average(rb.Fit):
+    """Fits of several forms with weights, in the place of one fit."""
+
+    averaged = None
+
+    def __init__(self, averaged):
+        object.__setattr__(self, "averaged", averaged)
+
+
 @pytest.fixture(scope="module")
 def average(paper):
     """Four forms, each under an error model of another kind, the power law's new K among them."""
@@ -35,7 +43,7 @@ def average(paper):
     data = Observations.from_table(paper)
     models = [Model(data, form_named(form), Noise.named(noise)) for form, noise in noises.items()]
     parts = [rb.Fit.of(drawn_posterior(model, n_draw=128, n_point=16)) for model in models]
-    return SimpleNamespace(averaged=list(zip(parts, (0.4, 0.3, 0.2, 0.1), strict=True)))
+    return Average(list(zip(parts, (0.4, 0.3, 0.2, 0.1), strict=True)))
 
 
 def predicted(source, a, b, loads, nu):
