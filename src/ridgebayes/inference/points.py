@@ -111,9 +111,8 @@ class PointIntegral:
         self._order = np.argsort(rows.texture, kind="stable")
         n_in_texture = np.bincount(rows.texture)
         self._begins = np.cumsum(n_in_texture) - n_in_texture
-        # Normal rows and intervals add no mode of their own to the density of a texture's score.
-        self._is_peak = rows.exact & (tail.parameter_names != ())
-        self._peaks = self._order[self._is_peak[self._order]]
+        # Intervals add no mode of their own to the density of a texture's score.
+        self._peaks = self._order[rows.exact[self._order]]
         self._n_peak = np.bincount(rows.texture[self._peaks], minlength=len(n_in_texture))
 
     def n_points(self, n_point: int) -> tuple[int, int]:
@@ -248,7 +247,8 @@ class PointIntegral:
             return np.empty((1, *rest.shape[:-1], 0)), log_rows.sum(axis=-1)[None]
         moved = np.einsum("pdr,drf->pdf", rest - normal.rest, precision.border)
         centre = normal.first - moved / precision.diagonal
-        n_wide = 2 * max(n // 8, 1)
+        # With normal rows the density of a score is log-concave, and has no mode far away.
+        n_wide = 2 * max(n // 8, 1) if self.tail.parameter_names else 0
         # Strata of equal probability suit a smooth one-dimensional integral. Each stratum has two
         # points, so that every second point gives an estimate too.
         n_strata = (n - n_wide) // 2
@@ -256,18 +256,20 @@ class PointIntegral:
         u = (stratum + rng.random((len(stratum), *centre.shape))) / n_strata
         u = np.clip(u, _MIN_TAIL_PROBABILITY, 1 - _MIN_TAIL_PROBABILITY)
         first = centre + _points(u) / precision.diagonal
-        first = np.concatenate([first, self._wide_points(batch, error, rng, n_wide)])
+        if n_wide:
+            first = np.concatenate([first, self._wide_points(batch, error, rng, n_wide)])
         shifted = error - (root.first * first)[..., self.design.first]
         log_rows = self.rows.log_density(shifted, batch.scale, self.tail, batch.df)
         joint = np.add.reduceat(log_rows[..., self._order], self._begins, axis=-1)
         t = (first - centre) * precision.diagonal
         log_q = _log_points(t) + np.log(precision.diagonal)
-        at_peaks = np.exp(log_rows) * self._is_peak
-        wide = root.first * np.add.reduceat(at_peaks[..., self._order], self._begins, axis=-1)
         log_prior = -0.5 * (first**2 + LOG_2PI)
-        log_wide = np.log(wide + np.exp(log_prior)) - np.log1p(self._n_peak)
-        share = n_wide / n
-        log_q = np.logaddexp(log_q + math.log(1 - share), log_wide + math.log(share))
+        if n_wide:
+            at_peaks = np.exp(log_rows) * self.rows.exact
+            wide = root.first * np.add.reduceat(at_peaks[..., self._order], self._begins, axis=-1)
+            log_wide = np.log(wide + np.exp(log_prior)) - np.log1p(self._n_peak)
+            share = n_wide / n
+            log_q = np.logaddexp(log_q + math.log(1 - share), log_wide + math.log(share))
         log_weight = joint + log_prior - log_q
         return first, np.where(np.isnan(log_weight), -np.inf, log_weight)
 
