@@ -22,6 +22,7 @@ from ridgebayes.evidence.tables import (
     used_evidence,
 )
 from ridgebayes.inference.log_evidence import LogEvidence
+from ridgebayes.inference.posterior import posterior_of
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.model.noise import AUTO, error_models_for
 from ridgebayes.model.observations import Observations
@@ -131,6 +132,19 @@ def test_posteriors__are_of_what_carries_weight_or_is_printed(few):
 
 def evidence_of(values):
     return evidence_table({key: [LogEvidence("importance", v, 0.0)] for key, v in values.items()})
+
+
+def test_posteriors__that_do_not_converge_are_drawn_again_with_twice_the_draws(few, monkeypatch):
+    made = []
+
+    def never_converged(model, drawn, seed):
+        made.append(drawn.log_density.size)
+        return replace(posterior_of(model, drawn, seed), convergence_failures=("R-hat",))
+
+    monkeypatch.setattr("ridgebayes.evidence.pairs.posterior_of", never_converged)
+    few.posteriors(["modified"], "step", 0)
+    assert made
+    assert made[1::2] == [2 * n for n in made[::2]]
 
 
 @pytest.mark.parametrize(

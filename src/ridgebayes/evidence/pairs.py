@@ -248,7 +248,11 @@ def _posterior(task: _PosteriorTask) -> Posterior:
     if task.n_draw:
         n = max(n, round(_MIN_EFFECTIVE_DRAWS / max(drawn.share, _MIN_EFFECTIVE_SHARE)))
     drawn = at_least(drawn, target, n, task.pair.effort, seed)
-    return posterior_of(target.model, drawn, seed)
+    posterior = posterior_of(target.model, drawn, seed)
+    if drawn.evidence.ok and not posterior.converged:  # one draw with a large weight can do this
+        drawn = at_least(drawn, target, 2 * drawn.log_density.size, task.pair.effort, seed)
+        posterior = posterior_of(target.model, drawn, seed)
+    return posterior
 
 
 def weigh_pairs(

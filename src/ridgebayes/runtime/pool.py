@@ -5,7 +5,6 @@ dies, only its task is lost, and a new worker repeats it. In an executor of seve
 death would break all submitted tasks, and the responsible task would be unknown.
 """
 
-import errno
 import multiprocessing
 import os
 import pickle
@@ -38,7 +37,7 @@ _METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods(
 _ENVIRONMENT = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX"), "1"
 )
-_UNGUARDED = errno.ELOOP  # exit code of a worker that would start workers
+_UNGUARDED = 41  # exit code of a worker that would start workers; no code of Python or of a signal
 _MAX_TRIES = 3  # a task that has killed so many workers would kill another one
 
 
