@@ -140,7 +140,8 @@ def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:
     )
     doubts, pitches = [], 1 + run.b_over_R / run.a_over_R
     for Q_row, high, low in frame[["Q", "p_over_E", "p_over_E_lower"]].itertuples(index=False):
-        # A smooth contact grows as the root of its load; this one by a ridge for each pitch of it.
+        # The load of a smooth contact grows as the square of its half-width. On a ridge it grows by
+        # the load of a whole pitch while the half-width grows by the ridge's width.
         share = 1 - (1 + past[int(Q_row) // 2 - 2]) ** (-2 * pitches)
         if share > 1 - low / high:
             doubts.append(f"Q = {Q_row}: load about {percent(share)} too high")
