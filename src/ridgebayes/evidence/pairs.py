@@ -203,7 +203,7 @@ class WeighedPairs:
         n_kept : int
             Total number of draws for a form, divided among error models in proportion to their
             weights. If the evidence took fewer draws, more are made, unless the form's probability
-            is at most 1e-4.
+            is at most 1e-4. If a posterior does not converge, twice the draws are made.
         executor : concurrent.futures.Executor, optional
             Runs the pairs; one after the other in this process if not given.
         """

@@ -16,6 +16,7 @@ from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_toml
 from ridgebayes.scene.units import Dimension, to_si
 from ridgebayes.table.columns import NAMES
+from ridgebayes.table.rules import row_codes
 
 _WORDS = read_toml(Path(__file__).with_name("words.toml"))
 _UNITS = _WORDS["units"]
@@ -156,15 +157,16 @@ def divided(over: FloatArray, *under: FloatArray) -> FloatArray:
     """
     with np.errstate(all="ignore"):
         quotient = np.asarray(functools.reduce(np.divide, under, over))
-    parts = [part.ravel().tolist() for part in np.broadcast_arrays(over, *under)]
-    rows = list(zip(*parts, strict=True))
-    quotients = dict(zip(rows, quotient.ravel().tolist(), strict=True))
-    if len(quotients) > MOST_DISTINCT:
+    parts = [part.ravel() for part in np.broadcast_arrays(over, *under)]
+    codes = row_codes(*parts)
+    first = np.unique(codes, return_index=True)[1]  # codes count rows in order of appearance
+    if len(first) > MOST_DISTINCT:
         return quotient
-    for row, rounded in quotients.items():
-        if np.isfinite([*row, rounded]).all():
-            quotients[row] = float(_decimal(row[0]) / math.prod(map(_decimal, row[1:])))
-    return np.array([quotients[row] for row in rows]).reshape(quotient.shape)
+    distinct = quotient.ravel()[first]
+    for i, row in enumerate(zip(*(part[first].tolist() for part in parts), strict=True)):
+        if np.isfinite([*row, distinct[i]]).all():
+            distinct[i] = float(_decimal(row[0]) / math.prod(map(_decimal, row[1:])))
+    return np.asarray(distinct[codes].reshape(quotient.shape))
 
 
 def _decimal(number: float) -> Fraction:
