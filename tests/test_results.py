@@ -1,3 +1,4 @@
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -78,8 +79,9 @@ def test_calibrate__tells_in_the_record_that_it_did_not_converge(paper):
     assert not fit.converged
     assert fit.convergence_failures[0].startswith("c: 100 steps are not 500 tau")
     assert "NOT converged: c: 100 steps" in repr(fit)
-    with pytest.raises(ValueError, match="read-only"):
-        fit.draws[0, 0] = 1.0
+    for draws in (fit.draws, pickle.loads(pickle.dumps(fit)).draws):
+        with pytest.raises(ValueError, match="read-only"):
+            draws[0, 0] = 1.0
 
 
 def test_calibrate__refuses_the_half_plane_on_rows_that_it_made(paper, fe_fits):

@@ -24,8 +24,8 @@ BUDGETS = {
     "scene": 1_312,  # with loads as they are typed; equality and bounds of distributions
     "simulate": 503,
     "fea": 3_714,  # runs print displacements and forces of nodes; tables hold loads
-    "model": 1_566,  # the loads of brackets nearest to a prediction, for all load errors; no bools
-    "inference": 2_487,  # points with the tails of Student rows; read-only draws
+    "model": 1_546,  # the loads of brackets nearest to a prediction, for all load errors; no bools
+    "inference": 2_478,  # points with the tails of Student rows; read-only draws
     "predict": 1_076,  # loads over a/pitch of one count, DataArrays, counts far below a load
     "evidence": 632,  # which evidences and posteriors are computed again
     "comparison": 879,

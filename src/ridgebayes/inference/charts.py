@@ -91,12 +91,6 @@ class Chart:
     reference: FloatArray
     columns: FloatArray
 
-    @classmethod
-    def about(cls, integral: LatentIntegral, reference: FloatArray) -> "Chart":
-        """Linearise the rows about a reference and return its chart."""
-        jacobian, residual = _linearised(integral, reference)
-        return cls(integral, reference, np.column_stack([jacobian, residual]))
-
     def conditional(self, prepared: Prepared) -> Conditional:
         """Return u_hat and R at each draw of the error model's parameters."""
         k = len(self.reference)
@@ -112,12 +106,13 @@ class Chart:
         return Conditional(solve_lower(factor, half, transposed=True)[..., 0], factor)
 
 
-def _linearised(integral: LatentIntegral, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the Jacobian of the rows' errors in the coefficients' scores, and the residuals."""
+def _linearised(integral: LatentIntegral, u: FloatArray) -> FloatArray:
+    """Return the Jacobian of the rows' errors in the coefficients' scores, then the residuals."""
     model = integral.model
     outer_u = np.concatenate([u, np.zeros(model.n_outer - len(u))])
     log_rates = model.outer_log_rates(model.outer_theta(outer_u))
-    return model.jacobian(outer_u)[model.rows.texture], integral.middles(log_rates)
+    jacobian = model.jacobian(outer_u)[model.rows.texture]
+    return np.column_stack([jacobian, integral.middles(log_rates)])
 
 
 def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]:
@@ -146,12 +141,12 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
     base = _least_squares(integral, _start(integral, rng)) if k else np.zeros(0)
     model.check_gradient(np.concatenate([base, np.zeros(model.n_outer - k)]))
     _refuse_perfect_rows(integral, base)
-    if not k:
-        return [Chart.about(integral, base)]
-    references = [base, *_other_minima(integral, base)]
-    if model.noise.tail != "normal" and not {"step", SMOOTH} & set(model.noise.factors):
-        references += _groups(integral, base, rng)
-    return [Chart.about(integral, reference) for reference in references]
+    references = [base]
+    if k:
+        references += _other_minima(integral, base)
+        if model.noise.tail != "normal" and not {"step", SMOOTH} & set(model.noise.factors):
+            references += _groups(integral, base, rng)
+    return [Chart(integral, u, _linearised(integral, u)) for u in references]
 
 
 def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
@@ -174,7 +169,7 @@ def _start(integral: LatentIntegral, rng: np.random.Generator) -> FloatArray:
 
 def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray]:
     """Return further least-squares fits that are about as good, from starts two prior sds away."""
-    best = float(np.sqrt(np.mean(_linearised(integral, base)[1] ** 2)))
+    best = float(np.sqrt(np.mean(_linearised(integral, base)[:, -1] ** 2)))
     minima: list[FloatArray] = []
 
     def is_new(u: FloatArray) -> bool:
@@ -184,7 +179,7 @@ def _other_minima(integral: LatentIntegral, base: FloatArray) -> list[FloatArray
         near = _least_squares(integral, start, scale=max(best, _MAX_ROUNDING), n_pass=1, tol=1e-3)
         if is_new(near):
             u = _least_squares(integral, near)
-            size = float(np.sqrt(np.mean(_linearised(integral, u)[1] ** 2)))
+            size = float(np.sqrt(np.mean(_linearised(integral, u)[:, -1] ** 2)))
             if is_new(u) and size < 2 * best and len(minima) < _MAX_GROUPS:
                 minima.append(u)
     return minima
@@ -227,15 +222,15 @@ def _least_squares(
     selected = slice(None) if rows is None else rows
 
     def residual(u: FloatArray) -> FloatArray:
-        value = _linearised(integral, u)[1][selected]
+        value = _linearised(integral, u)[selected, -1]
         return np.append(np.nan_to_num(value, nan=1e99, posinf=1e99, neginf=-1e99), scale * u)
 
     def jacobian(u: FloatArray) -> FloatArray:
-        return np.vstack([_linearised(integral, u)[0][selected], scale * np.eye(len(u))])
+        return np.vstack([_linearised(integral, u)[selected, :-1], scale * np.eye(len(u))])
 
     u = start
     with np.errstate(all="ignore"):
-        remaining = _linearised(integral, u)[1][selected]
+        remaining = _linearised(integral, u)[selected, -1]
         for _ in range(n_pass):
             if not np.isfinite(remaining).all():  # no positive rates: use it as the reference
                 return u
@@ -253,7 +248,8 @@ def _groups(
     """Return references fitted to groups of rows, each group with a closer fit than all rows."""
     k, n = len(base), len(integral.rows.upper)
     n_near = max(math.ceil(_MIN_GROUP_SHARE * n), k + 1)
-    jacobian, residual = _linearised(integral, base)
+    *columns, residual = _linearised(integral, base).T
+    jacobian = np.stack(columns, axis=1)
     if n < 2 * (k + 1) or not np.isfinite(residual).all():
         return []
     candidates: list[tuple[float, FloatArray, IntArray]] = []

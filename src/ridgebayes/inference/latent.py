@@ -39,6 +39,8 @@ class LatentIntegral:
         self.model, self.rows, self.tail = model, model.rows, model.tail
         self.design = model.offsets.design
         self.n_level = model.offsets.n_level
+        # The log density is exact if rows are normal or share no offsets.
+        self.is_exact = model.is_normal or not self.n_level
         self._points = PointIntegral(self.rows, self.design, self.tail)
         self._groups: RowGroups | None = None
         self._factorises_rows = False
@@ -55,13 +57,8 @@ class LatentIntegral:
             # With a level per group, factorising Sigma is cheaper: M also needs the factor L.
             self._factorises_rows = model.offsets.n_smooth >= len(groups.n)
 
-    @property
-    def is_exact(self) -> bool:
-        """Whether the log density is exact: rows are normal, or share no offsets."""
-        return self.model.is_normal or not self.n_level
-
-    def _numbers_per_draw(self, n_point: int) -> int:
-        """Return the size of the largest array of one draw."""
+    def n_at_once(self, n_point: int) -> int:
+        """Return the number of draws whose arrays fit in a processor's cache together."""
         n_first, n_rest, n = self.design.n_first, self.design.n_rest, self.design.n
         if self._groups is not None:
             n, n_point = len(self._groups.n), 1
@@ -69,11 +66,7 @@ class LatentIntegral:
             n_point = math.prod(self._points.n_points(n_point))
         n_column = len(self.model.outer_names) + 2
         most = max(n * max(n_point, n_column), (n_rest + n_point) * (n_first + n_rest))
-        return max(most, 1)
-
-    def n_at_once(self, n_point: int) -> int:
-        """Return the number of draws whose arrays fit in a processor's cache together."""
-        return max(BATCH_SIZE // self._numbers_per_draw(n_point), 1)
+        return max(BATCH_SIZE // max(most, 1), 1)
 
     def prepared(self, eta: FloatArray) -> "Prepared":
         """Return the factors that depend only on error model parameters (n_draw, n_noise)."""
@@ -81,12 +74,10 @@ class LatentIntegral:
             if self._factorises_rows:
                 return Prepared(eta, None, None, self._row_factor(eta))
             root = self.model.offsets.root(eta)
-            precision = None if self._groups is None else self._precision(eta, root)
+            if self._groups is None:
+                return Prepared(eta, root, None, None)
+            precision = Precision.of(self._group_design, root, self._group_weight(eta))
             return Prepared(eta, root, precision, None)
-
-    def _precision(self, eta: FloatArray, root: Root) -> Precision:
-        """Return M of normal rows."""
-        return Precision.of(self._group_design, root, self._group_weight(eta))
 
     def _row_factor(self, eta: FloatArray) -> FloatArray:
         """Return the Cholesky factor of the covariance of the groups' means."""
@@ -164,12 +155,12 @@ class LatentIntegral:
 
     def draw(self, u: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the scores given outer parameters and normal rows, shape (n_draw, n_level)."""
-        n, parts = max(BATCH_SIZE // self._numbers_per_draw(1), 1), []
+        n, parts = self.n_at_once(1), []
         for i in range(0, len(u), n):
             log_rates, eta, _ = self._rates_and_noise(u[i : i + n])
             with np.errstate(all="ignore"):
                 root = self.model.offsets.root(eta)
-                precision = self._precision(eta, root)
+                precision = Precision.of(self._group_design, root, self._group_weight(eta))
                 first, rest = self._mean(self._residual(log_rates), eta, root, precision)
             normal = rng.standard_normal((len(eta), self.n_level))
             n_first = self.design.n_first

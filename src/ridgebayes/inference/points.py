@@ -180,7 +180,13 @@ class PointIntegral:
         # A Richtmyer sequence with a random shift for each draw, so that each point is uniform.
         u = rng.random((*pivots.shape, 1)) + np.arange(n) * self._richtmyer[:, None]
         u = np.clip(u % 1.0, _MIN_TAIL_PROBABILITY, 1 - _MIN_TAIL_PROBABILITY)
-        bend = 0.0 if df is None else self._tail_bend(df)
+        # The points' tail is that of Student's distribution with 1/(k s) degrees of freedom, k the
+        # bend and s the logistic scale; the density of m rows has m df. Tails heavier than Cauchy's
+        # are not needed.
+        bend: FloatArray | float = 0.0
+        if df is not None:
+            df_of_score = df[..., None] * len(self.rows.upper) / n_rest
+            bend = 1 / (_POINT_SCALE * np.maximum(df_of_score, 1.0))
         t = np.where(informed, _points(u, bend), ndtri(u))
         rest = normal.rest[..., None] + solve_lower(corner, t, transposed=True)
         # Outliers, and intervals that contradict each other, leave mass where the normal
@@ -196,17 +202,6 @@ class PointIntegral:
         terms = math.log1p(-share) + log_density, math.log(share) + log_prior
         log_density = np.logaddexp(*terms)
         return np.moveaxis(rest, -1, 0), (log_prior - log_density).T
-
-    def _tail_bend(self, df: FloatArray) -> FloatArray:
-        """Return the bend of points of the rest, with the tails of a score's Student rows.
-
-        The tail of the points is that of Student's distribution with 1/(k s) degrees of freedom, k
-        the bend and s the logistic scale; the density of m rows has m df. Tails heavier than
-        Cauchy's are not needed.
-        """
-        df = df * len(self.rows.upper) / self.design.n_rest
-        value: FloatArray = 1 / (_POINT_SCALE * np.maximum(df, 1.0))
-        return value[..., None]
 
     def _first_points(
         self,

@@ -79,7 +79,6 @@ class Posterior:
     def __post_init__(self) -> None:
         u = self.kept_chains.u[..., : self.model.n_parameter]
         object.__setattr__(self, "_kept", self.model.to_theta(u))
-        self._kept.flags.writeable = False  # views of it, as `draws`, are read-only too
 
     def __getstate__(self) -> dict[str, object]:
         """Drop cached results, which can be many times larger than the draws."""
@@ -112,8 +111,10 @@ class Posterior:
 
     @property
     def draws(self) -> FloatArray:
-        """Thinned draws of the parameters, shape (n_draw, n_parameter)."""
-        return self._kept.reshape(-1, self.model.n_parameter)
+        """Thinned draws of the parameters, shape (n_draw, n_parameter), read-only."""
+        draws = self._kept.reshape(-1, self.model.n_parameter)
+        draws.flags.writeable = False
+        return draws
 
     @property
     def coordinates(self) -> FloatArray:

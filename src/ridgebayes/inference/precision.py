@@ -49,15 +49,10 @@ class Precision:
         return cls(root, diagonal, border, cholesky_or_nan(corner))
 
     @property
-    def pivots(self) -> FloatArray:
-        """Diagonal of the factor, shape (..., n_first + n_rest)."""
-        corner = np.diagonal(self.corner, axis1=-2, axis2=-1)
-        return np.concatenate([self.diagonal, corner], axis=-1)
-
-    @property
     def log_volume(self) -> FloatArray:
         """Half of log |M|, shape (...)."""
-        value: FloatArray = np.log(self.pivots).sum(axis=-1)
+        corner = np.diagonal(self.corner, axis1=-2, axis2=-1)
+        value: FloatArray = np.log(self.diagonal).sum(axis=-1) + np.log(corner).sum(axis=-1)
         return value
 
     def half(self, first: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -47,21 +47,14 @@ class DesignMatrix:
 
     def _products(self) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Return sparse matrices that map the diagonal of W to border and corner of Z' W Z."""
-        column = np.arange(self.n)
-        corner_rows, corner_columns, border_rows, border_columns = [], [], [], []
-        for level in self.rest:
-            for other in self.rest:
-                has = (level >= 0) & (other >= 0)
-                corner_rows.append(level[has] * self.n_rest + other[has])
-                corner_columns.append(column[has])
-            if self.first is not None:
-                has = level >= 0
-                border_rows.append(level[has] * self.n_first + self.first[has])
-                border_columns.append(column[has])
-        corner = _selector(_concat(corner_rows), _concat(corner_columns), self.n_rest**2, self.n)
+        rest, has = self.rest, self.rest >= 0
+        corner_rows = rest[:, None] * self.n_rest + rest
+        *levels, column = np.nonzero(has[:, None] & has)
+        corner = _selector(corner_rows[*levels, column], column, self.n_rest**2, self.n)
+        border_rows = rest * self.n_first + (0 if self.first is None else self.first)
+        level, column = np.nonzero(has & (self.first is not None))
         size = self.n_rest * self.n_first
-        border = _selector(_concat(border_rows), _concat(border_columns), size, self.n)
-        return border, corner
+        return _selector(border_rows[level, column], column, size, self.n), corner
 
     def gather(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return Z' x, from (..., n) to (..., n_first) and (..., n_rest)."""
@@ -113,10 +106,6 @@ def _selector(
     """Return a sparse matrix with ones at some rows and columns."""
     ones, n_column = np.ones(len(rows)), len(columns) if n_column is None else n_column
     return sparse.csr_array((ones, (rows, columns)), shape=(n_row, n_column))
-
-
-def _concat(parts: list[IntArray]) -> IntArray:
-    return np.concatenate(parts) if parts else np.empty(0, np.int64)
 
 
 def _times(matrix: sparse.csr_array, x: FloatArray) -> FloatArray:

@@ -84,8 +84,9 @@ class Model:
         self.n_outer_coefficient = 0 if self.has_slopes else self.n_coefficient
         first = self.n_coefficient - self.n_outer_coefficient
         self.outer: IntArray = np.arange(first, len(self.priors))
-        names = list(self.priors)
-        self.outer_names = tuple(names[i] for i in self.outer)
+        self.parameter_names = tuple(self.priors)  # on the last axis of `theta`
+        self.outer_names = tuple(self.parameter_names[i] for i in self.outer)
+        self.n_parameter, self.n_outer = len(self.priors), len(self.outer)
         self._joint = JointPrior(self.priors.values())
         self._outer_prior = JointPrior([self.priors[name] for name in self.outer_names])
         self._a, self._b = data.a_over_R, data.b_over_R
@@ -124,24 +125,9 @@ class Model:
             )
 
     @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names on the last axis of `theta`."""
-        return tuple(self.priors)
-
-    @property
     def given_priors(self) -> dict[str, Distribution]:
         """Priors that rebuild the model: of all parameters, and of all slopes if given."""
         return {**self.priors, **self.prior_of_slopes}
-
-    @property
-    def n_parameter(self) -> int:
-        """Length of the last axis of `theta`."""
-        return len(self.priors)
-
-    @property
-    def n_outer(self) -> int:
-        """Number of outer parameters, which are sampled."""
-        return len(self.outer)
 
     def log_prior(self, theta: FloatArray) -> FloatArray:
         """Return the log prior density in theta, shape ``theta.shape[:-1]``."""
@@ -158,10 +144,6 @@ class Model:
     def outer_theta(self, u: FloatArray) -> FloatArray:
         """Convert normal scores to outer parameters, (..., n_outer)."""
         return self._outer_prior.at_scores(u)
-
-    def outer_slope(self, u: FloatArray, theta: FloatArray) -> FloatArray:
-        """Return d theta / du of the outer parameters, (..., n_outer)."""
-        return self._outer_prior.at_scores_slope(u, theta)
 
     def log_outer_prior(self, u: FloatArray) -> FloatArray:
         """Return the log prior density of the outer parameters in `u`, shape ``u.shape[:-1]``."""
@@ -231,7 +213,7 @@ class Model:
         if not k:
             return np.empty((len(self._a), 0))
         with np.errstate(all="ignore"):  # coefficients can underflow to 0 far from the mode
-            slope = 2 * self.outer_slope(u, theta)[:k]
+            slope = 2 * self._outer_prior.at_scores_slope(u, theta)[:k]
             return slope * self.form.log_rate_gradient(theta[:k], self._a, self._b)
 
     def check_gradient(self, u: FloatArray) -> None:

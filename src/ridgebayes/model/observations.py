@@ -41,6 +41,8 @@ class Observations:
         Index of each row's series; one series if not given.
     series_labels : tuple of str, length n_series, optional
         Names of the series. `take` keeps all names, including those of series without rows.
+    a_over_R, b_over_R : ndarray of float, shape (n_texture,), dimensionless
+        Ridge and groove widths of the textures.
     """
 
     textures: tuple[Texture, ...]
@@ -53,8 +55,13 @@ class Observations:
     labels: tuple[str, ...] = ()
     series: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     series_labels: tuple[str, ...] = ("",)
+    a_over_R: FloatArray = field(init=False, repr=False)
+    b_over_R: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        a, b = np.array(self.textures, dtype=float).reshape(-1, 2).T.copy()
+        object.__setattr__(self, "a_over_R", a)
+        object.__setattr__(self, "b_over_R", b)
         if not len(self.series):
             object.__setattr__(self, "series", np.zeros(len(self.log_load), np.int64))
 
@@ -116,16 +123,6 @@ class Observations:
     @property
     def _n_pair(self) -> int:
         return len(set(zip(self.texture.tolist(), self.series.tolist(), strict=True)))
-
-    @property
-    def a_over_R(self) -> FloatArray:
-        """Ridge widths of the textures, shape (n_texture,)."""
-        return np.array([a for a, _ in self.textures])
-
-    @property
-    def b_over_R(self) -> FloatArray:
-        """Groove widths of the textures, shape (n_texture,)."""
-        return np.array([b for _, b in self.textures])
 
     @property
     def is_exact(self) -> BoolArray:

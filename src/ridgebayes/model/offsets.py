@@ -90,6 +90,7 @@ class Offsets:
         self.slope_sd = slope_sd
         self.nugget = noise.nugget
         self._column = {name: i for i, name in enumerate(names)}
+        self._length_columns = [i for name, i in self._column.items() if name.startswith("length_")]
         self._has_factor = {name: name in factors for name in ("texture", "step", SMOOTH, SERIES)}
         self._texture = {texture: j for j, texture in enumerate(data.textures)}
         self._steps = _steps(data)
@@ -170,7 +171,8 @@ class Offsets:
         lead, n = eta.shape[:-1], self.n_smooth
         covariance = np.empty((*lead, n * n))
         covariance[...] = self.tau("step", eta)[..., None] ** 2
-        for (squares, pairs), length in zip(self._axes, self._lengths(eta), strict=True):
+        for (squares, pairs), column in zip(self._axes, self._length_columns, strict=True):
+            length = eta[..., column]
             with np.errstate(over="ignore", under="ignore", divide="ignore"):
                 factor = np.exp(-0.5 * squares / length[..., None] ** 2)
             covariance *= np.take(factor, pairs, axis=-1)
@@ -200,9 +202,6 @@ class Offsets:
             tau = self.tau(SERIES, eta)[..., None, None]
             value = value + tau**2 * (series[:, None] == series)
         return value
-
-    def _lengths(self, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return eta[..., self._column["length_h"]], eta[..., self._column["length_ratio"]]
 
     def prior_variance(self, eta: FloatArray) -> FloatArray:
         """Return the prior variance of each predictor's offset, shape (..., n)."""
@@ -307,7 +306,7 @@ class Offsets:
         low, high = self._places.min(axis=0), self._places.max(axis=0)
         beyond = np.maximum(np.maximum(low - new, new - high) - 1e-9, 0)
         with np.errstate(over="ignore", under="ignore"):
-            scale = np.stack(self._lengths(eta), axis=-1) ** -2.0
+            scale = eta[:, self._length_columns] ** -2.0
             correlation = np.exp(-0.5 * np.einsum("lqx,dx->dlq", squares, scale))
             widening = -np.expm1(-0.5 * np.einsum("qx,dx->dq", beyond**2, scale))
         shared = variance[..., None] * correlation
