@@ -196,20 +196,6 @@ def test_bands__default_to_the_poissons_ratio_of_each_texture(comparison, paper)
         pd.testing.assert_frame_equal(ours[list(alone)], alone, check_exact=True)
 
 
-@pytest.mark.parametrize("prob", [0.0, 1.0, 2.0, -0.5, math.nan])
-def test_bands__probability_outside_0_to_1_is_refused(comparison, prob):
-    with pytest.raises(rb.InputError, match=r"prob: expected 0 < prob < 1, got \S+"):
-        bands_table(comparison, prob=prob)
-
-
-def test_bands__a_form_that_was_not_fitted_is_refused(comparison):
-    with pytest.raises(
-        rb.InputError,
-        match=r"'power-law': not in this run; expected one of classic, modified, hybrid, average",
-    ):
-        bands_table(comparison, loads=np.array([0.01]), forms=["hybrid", "power-law"])
-
-
 # --- loads that reach Q ---------------------------------------------------------------------------
 
 
