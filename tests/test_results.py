@@ -48,7 +48,7 @@ def test_calibrate__summary_is_of_all_draws_in_the_parameters_themselves(fits):
 
 def test_calibrate__same_seed_same_draws_other_seed_others(paper):
     def draws(rng):
-        return rb.calibrate(paper, rb.Modified(), rng=rng, settings=SHORT, noise="iid").draws
+        return rb.calibrate(paper, rb.Modified(), rng=rng, accuracy="quick", noise="iid").draws
 
     assert draws(3).tobytes() == draws(3).tobytes()
     assert not np.any(draws(3) == draws(4))

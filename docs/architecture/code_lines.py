@@ -33,7 +33,7 @@ BUDGETS = {
     "friction": 864,  # draws the blocks of a scene itself, with one BLAS thread
     "texture_design": 1_114,  # with the refusal of loads above all models; cautions on a scene
     "report": 1_472,  # held-out brackets, the range of the priors of K
-    "commands": 2_186,  # cautions of a design appear once
+    "commands": 2_181,  # cautions of a design appear once
 }
 _NO_CODE = {
     tokenize.COMMENT,
