@@ -278,4 +278,4 @@ def test_loads__of_very_many_rows_take_fewer_draws(paper, fits, monkeypatch):
 def test_loads__probability_inside_is_the_callers(comparison):
     with pytest.raises(rb.InputError, match="prob"):
         loads_table(comparison, prob=2.0)
-    assert set(loads_table(comparison, prob=0.5)["prob"]) == {0.5}
+    assert set(loads_table(comparison, prob=0.5, kinds=["curve"])["prob"]) == {0.5}
