@@ -18,7 +18,7 @@ BUDGETS = {
     "modules of the package": 443,  # with `request`, cautions, the check of argument types
     "runtime": 755,
     "distributions": 492,  # with those of SciPy, and a refusal of arrays
-    "drawing": 945,
+    "drawing": 943,
     "contact": 3_253,  # few orders solved together, events started from the last two: floors
     "table": 652,  # with the check for plain CSV that import uses too; a constructor that validates
     "scene": 1_312,  # with loads as they are typed; equality and bounds of distributions
@@ -28,12 +28,12 @@ BUDGETS = {
     "inference": 2_478,  # points with the tails of Student rows; read-only draws
     "predict": 1_076,  # loads over a/pitch of one count, DataArrays, counts far below a load
     "evidence": 632,  # which evidences and posteriors are computed again
-    "comparison": 879,
-    "checks": 783,  # load errors of brackets; tables and forms by name, as elsewhere
+    "comparison": 875,
+    "checks": 769,  # load errors of brackets; tables and forms by name, as elsewhere
     "friction": 864,  # draws the blocks of a scene itself, with one BLAS thread
     "texture_design": 1_114,  # with the refusal of loads above all models; cautions on a scene
-    "report": 1_473,  # held-out brackets, the range of the priors of K
-    "commands": 2_194,  # cautions of a design appear once
+    "report": 1_472,  # held-out brackets, the range of the priors of K
+    "commands": 2_181,  # cautions of a design appear once
 }
 _NO_CODE = {
     tokenize.COMMENT,

@@ -26,8 +26,8 @@ def test_least_squares_is_the_normal_equations(paper):
     theta, (residual,), *_ = np.linalg.lstsq(columns, q, rcond=None)
     covariance = np.linalg.inv(columns.T @ columns) * residual / (len(q) - 2)
     squares = fit_by_least_squares(rb.Hybrid(), paper)
-    assert list(squares.coefficients.values()) == pytest.approx(theta, rel=1e-7)
-    errors = list(squares.standard_errors.values())
+    assert squares["coefficients"].to_numpy() == pytest.approx(theta, rel=1e-7)
+    errors = squares["standard_errors"].to_numpy()
     assert errors == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-5)
 
 

@@ -8,6 +8,7 @@ import math
 import re
 import shutil
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -172,6 +173,8 @@ def test_run__bands_hold_every_texture_at_200_loads_for_each_form_and_the_averag
     # Algebra: the ends of a logarithmic grid.
     assert math.isclose(bands["p_over_E"].min(), observed.min(), rel_tol=1e-14)
     assert math.isclose(bands["p_over_E"].max(), observed.max(), rel_tol=1e-14)
+    steps = np.diff(np.log(bands["p_over_E"].to_numpy().reshape(-1, 200)))
+    np.testing.assert_allclose(steps, np.log(observed.max() / observed.min()) / 199, rtol=1e-7)
     assert set(bands["prob"]) == {0.9}
 
 

@@ -260,12 +260,14 @@ def test_import__pressure_is_as_status(tmp_path, whole):
         ("RF2", {"map": ("load=RF2;kPa",)}, RUN["E"]),
     ],
 )
-def test_nodes__units_in_headers_are_converted(tmp_path, whole, load, given, E):
-    run, header = RUN | {"position": 8 * POSITION}, f"Step,Node,{load},X (mm),COPEN (um)"
-    text = runs.node_table(run, header, 8e3 * runs.gaps(RUN))
+def test_nodes__units_in_headers_are_converted(tmp_path, load, given, E):
+    small, header = pressed(n_level=12, n_node=121), f"Step,Node,{load},X (mm),COPEN (um)"
+    run = small | {"position": 8 * small["position"]}
+    text = runs.node_table(run, header, 8e3 * runs.gaps(small))
     given = {**given, "R": "0.8 cm", "E": f"{E:.9g} kPa"}
     loads = loads_of(imported(tmp_path, "nodes", lambda _: text, **given))
-    np.testing.assert_allclose(loads, loads_of(whole("nodes")), rtol=1e-6)  # printed
+    expected = loads_of(imported(tmp_path, "nodes", run=small))
+    np.testing.assert_allclose(loads, expected, rtol=1e-6)  # printed
     with pytest.raises(InputError, match=r"in um, but R without a unit; expected units"):
         imported(tmp_path, "nodes", lambda _: text, **given | {"R": "8"})
 

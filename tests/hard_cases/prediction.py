@@ -110,6 +110,8 @@ def rates_below_zero():
     q = fit.predict(a, b, [1e-7, 1e-5, 1e-3])
     expected = [sum_of_normals(log_load, sigma, p) for p in (1e-7, 1e-5, 1e-3)]
     np.testing.assert_allclose(q.at_least(4), expected, rtol=1e-10, atol=1e-18)
+    shares = fit.predict(a, b, [1e-7, 1e-5, 1e-3], kind="curve").at_least(4)
+    assert shares.tolist() == [float(np.mean(log_load <= math.log(p))) for p in (1e-7, 1e-5, 1e-3)]
     load = fit.predict_load(a, b, 4)
     never = 1 - float(load.cdf(1e300))
     assert never == pytest.approx(lost, abs=0.03)  # every fourth draw
@@ -266,7 +268,7 @@ def intervals_at_their_ends():
     for bad in (-0.1, 1.1, math.nan, math.inf):
         for ask in (q.interval, q.quantile, q.extrapolation, load.interval, load.quantile):
             refused(lambda f=ask, x=bad: f(x), rb.InputError, "prob: ", f"got {bad}")
-    for bad in (1, 1 - 1e-16, 1 - 1e-13):
+    for bad in (0, 1, 1 - 1e-16, 1 - 1e-13):
         refused(lambda x=bad: load.quantile(x), rb.InputError, "prob: ", f"got {bad}")
     refused(lambda: load.interval(1), rb.InputError, "prob: ", "got 1")
     refused(lambda: q.at_least(math.nan), rb.InputError, "n: ", "got nan")

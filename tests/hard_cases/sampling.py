@@ -160,6 +160,7 @@ def own_coefficient():
 def too_short():
     wrong = ("n_step_max", 0), ("n_step_max", -5), ("n_burn", 0), ("n_burn", -1)
     wrong += ("n_tau", math.nan), ("n_tau", -1.0), ("tau_change", math.inf), ("tau_change", 0.0)
+    wrong += ("n_ensemble", 3), ("n_walker", 2), ("n_walker", 33)
     for name, value in wrong:
         make = functools.partial(rb.SampleSettings, **{name: value})
         refused(make, rb.InputError, f"{name}: expected ", f"got {value}")

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes import ComputationError, InputError, Noise, SampleSettings
+from ridgebayes import ComputationError, Noise, SampleSettings
 from ridgebayes.evidence.bridge import bridge_evidence
 from ridgebayes.inference.checkpoint import Checkpoint
 from ridgebayes.inference.diagnostics import effective_sample_size, failed_diagnostics, summarise
@@ -202,16 +202,3 @@ def test_walk__starts_where_the_density_is_positive_and_refuses_one_that_is_nowh
     assert np.all(walk(target(half_line), start, seed=1, settings=SHORT).chains.u > 0)
     with pytest.raises(ComputationError, match="line: expected starting points of positive"):
         walk(target(lambda u: np.full(len(u), -np.inf)), start, seed=1, settings=SHORT)
-
-
-@pytest.mark.parametrize(
-    ("given", "rule"),
-    [
-        ({"n_ensemble": 3}, "n_ensemble: expected at least 4, got 3"),
-        ({"n_walker": 2}, "n_walker: expected even and at least 4, got 2"),
-        ({"n_walker": 33}, "n_walker: expected even and at least 4, got 33"),
-    ],
-)
-def test_sample_settings__refuse(given, rule):
-    with pytest.raises(InputError, match=rule):
-        SampleSettings(**given)

@@ -76,13 +76,6 @@ def test_draws__have_the_moments_of_the_density(runs):
     np.testing.assert_array_equal(again, kept)
 
 
-def test_same_seed__gives_the_same_bytes_and_another_others():
-    one, two, other = (importance_sample(TARGETS["humps"], SMALL, seed) for seed in (3, 3, 4))
-    assert one.u.tobytes() == two.u.tobytes()
-    assert one.evidence == two.evidence
-    assert not np.any(one.u == other.u)
-
-
 def test_heavy_tails__are_reported():
     def heavy(u):
         return stats.t(0.3).logpdf(u).sum(axis=-1)

@@ -76,13 +76,11 @@ def test_density__of_grouped_rows_is_the_row_by_row_sum(form, columns):
 
 
 @pytest.mark.parametrize("noise", Noise.candidates(2), ids=lambda noise: noise.name)
-def test_density__does_not_mind_the_order_of_rows(noise):
+def test_density__does_not_mind_the_order_of_rows_and_textures(noise):
     frame = made_up(29, rel_se=True)
     shuffled = frame.sample(frac=1, random_state=1)
-    # Whoever comes first names the textures' order: the first rows stay.
-    first = frame.drop_duplicates(["a_over_R", "b_over_R"]).index
-    order = [*first, *(i for i in shuffled.index if i not in first)]
-    one, two = (Model(observations(rows), Hybrid(), noise) for rows in (frame, frame.loc[order]))
+    one, two = (Model(observations(rows), Hybrid(), noise) for rows in (frame, shuffled))
+    assert one.data.textures != two.data.textures
     u = 0.3 * np.random.default_rng(2).standard_normal((4, one.n_parameter))
     assert one.parameter_names == ("c1", "c2", *noise.parameter_names)
     found = [log_density(model, u) for model in (one, two)]
@@ -137,16 +135,6 @@ def test_log_rates__refuse_a_form_that_has_none_at_ordinary_coefficients(undefin
     assert np.isfinite(model.log_rates(theta[0])).all()
     # At coefficients so large that a rate may overflow it is no fault of the form.
     assert not np.isfinite(model.log_rates(np.array([1e120, 0.03]))).all()
-
-
-def test_check_gradient__refuses_a_form_whose_gradient_is_another_ones():
-    class Broken(Modified):
-        def log_rate_gradient(self, theta, a_over_R, b_over_R):
-            return 1.1 * super().log_rate_gradient(theta, a_over_R, b_over_R)
-
-    model = Model(observations(made_up(26)), Broken())
-    with pytest.raises(InputError, match="modified: log_rate_gradient: expected the derivative"):
-        model.check_gradient(np.zeros(2))
 
 
 def test_model__refuses_a_prior_that_does_not_belong():

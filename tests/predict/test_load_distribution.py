@@ -67,12 +67,6 @@ def test_mean__is_the_integral_of_the_survival():
         assert load.mean()[i] == pytest.approx(total, rel=1e-6)  # discretisation: quad's
 
 
-@pytest.mark.parametrize("bad", [0, 1, -0.5, np.nan])
-def test_quantile__refuses_what_is_no_probability_inside(bad):
-    with pytest.raises(rb.InputError, match=rf"prob: expected 0 < prob < 1, .*, got {bad}"):
-        mixture().quantile(bad)
-
-
 def test_mix_loads__is_the_weighted_sum_of_distribution_functions():
     one, two = mixture(1), mixture(2, n_draw=25)
     mixed = mix_loads([one, two], [3.0, 1.0])

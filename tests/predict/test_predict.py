@@ -66,12 +66,6 @@ def test_predict_q__is_a_distribution_that_rises_with_load(fits, name, kind):
     assert np.all(np.diff(q.median()) >= 0)
 
 
-def test_predict_q__of_no_load_is_two_edges(fits):
-    q = fits["hybrid"].predict(A, B, [0.0, 1e-9])
-    assert q.median().tolist() == [2, 2]
-    assert q.mean().tolist() == [2.0, 2.0]
-
-
 def quick(paper, noise, form=None):
     model = model_of(paper, form or rb.Hybrid(), noise)
     return drawn_posterior(model, n_draw=128)
@@ -292,33 +286,6 @@ def test_mix_q__flags_what_a_part_that_counts_flags(fits):
 def test_mix_q__of_a_hundred_alike_flags_what_all_flag(fits):
     part = fits["hybrid"].predict(0.25, 0.25, LOADS[:3])
     assert mix_q([part] * 101, [1.0] * 101).extrapolation().all()  # none weighs 1 %
-
-
-@pytest.mark.parametrize("kind", ["simulation", "curve"])
-def test_predict_q__draws_without_a_positive_rate_never_reach_a_ridge(fe_fits, kind):
-    fit, texture = fe_fits["hybrid"], (0.001, 0.5)
-    reaching = fit.form.rate(fit.draws[:, :2], *texture) > 0
-    assert 0.3 < reaching.mean() < 0.9
-    load = fit.form.load(4, *texture, fit.draws[reaching, :2])
-    # Noise of 3 % moves only draws whose load is within 0.1 of 3: under 2 % of them.
-    expected = reaching.mean() * (load <= 3.0).mean()
-    assert float(fit.predict(*texture, 3.0, kind=kind).at_least(4)) == pytest.approx(
-        expected, abs=0.02
-    )
-
-
-def test_predict_load__of_a_ridge_that_some_draws_never_reach_is_infinite_not_nan(fe_fits):
-    load = fe_fits["hybrid"].predict_load(0.001, 0.5, 4)
-    assert np.isfinite(float(load.quantile(0.05)))
-    assert float(load.quantile(0.99)) == np.inf
-    # Solver tolerance: 1e-10 in log load.
-    assert float(load.cdf(load.quantile(0.05))) == pytest.approx(0.05, abs=1e-8)
-
-
-def test_predict_q__curve_counts_a_draw_at_its_own_transition_load(fits):
-    fit = fits["modified"]
-    lowest = fit.form.load(6, A, B, fit.draws[:, :1]).min()
-    assert float(fit.predict(A, B, lowest, kind="curve").at_least(6)) >= 1 / len(fit.draws)
 
 
 WIDTH, LOAD, COUNT = (

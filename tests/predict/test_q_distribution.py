@@ -34,12 +34,6 @@ def test_quantile__is_the_smallest_count_that_reaches_the_probability():
     assert [bound.tolist() for bound in Q.interval(0.5)] == [[2, 4], [4, 6]]
 
 
-@pytest.mark.parametrize("bad", [-0.1, 1.1, np.nan])
-def test_quantile__refuses_what_is_no_probability(bad):
-    with pytest.raises(rb.InputError, match=rf"prob: expected 0 <= prob <= 1, got {bad}"):
-        Q.quantile(bad)
-
-
 def test_extrapolation__flags_textures_and_counts_that_were_not_calibrated():
     assert Q.extrapolation(0.5).tolist() == [False, True]
     marked = rb.QDistribution(SURVIVAL, np.array([LOAD, RIDGE], np.uint8), 6, "simulation")

@@ -1,6 +1,6 @@
 """Coverage of the bands: how often they contain transitions of textures that were not fitted."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
@@ -109,7 +109,7 @@ def coverage(
     every = [as_noise(noise) for noise in (Noise.every() if noises is None else noises)]
     pairs, work = list(product(chosen, every)), partial(_predicted, probs)
     groups = of_folds(work, data, pairs, executor=executor, seed=seed, priors=priors)
-    counted = []
+    counted: list[tuple[object, ...]] = []
     for form, noise in pairs:
         name = form_of(form).name
         with nullcontext() if progress is None else progress(f"{name}, {noise.name}"):
@@ -152,15 +152,14 @@ def covered_rows(fit: Posterior, data: Observations, probs: Sequence[float]) -> 
 
 def count_covered(
     form: str, noise: str, probs: Sequence[float], results: Sequence[tuple[str, _Result]]
-) -> list[dict[str, object]]:
-    """Return the row of `COVERAGE_COLUMNS` for each probability, over the successful folds."""
+) -> Iterator[tuple[object, ...]]:
+    """Yield the row of `COVERAGE_COLUMNS` for each probability, over the successful folds."""
     failed = [f"{name}: {result}" for name, result in results if isinstance(result, str)]
     sound = [result for _, result in results if not isinstance(result, str)]
     n_unconverged = sum(not converged for _, converged in sound)
     frames = dict(enumerate(frame for frame, _ in sound if len(frame)))
     # The number of a texture is unique only within a fold.
     every = pd.concat(frames, names=["fold"]) if frames else _NO_ROWS.rename_axis("fold")
-    rows = []
     for prob in probs:
         part = every[every["prob"] == prob]
         by_texture = part.groupby(["fold", "texture"])["covered"]
@@ -169,6 +168,4 @@ def count_covered(
         shares = (len(part), int(inside.sum()), part["covered"].mean(), share_se)
         means = (part["width"].mean(), part["extrapolation"].mean())
         folds = (len(size), n_unconverged, len(failed), "; ".join(failed))
-        values = (form, noise, prob, *shares, *means, *folds)
-        rows.append(dict(zip(COVERAGE_COLUMNS, values, strict=True)))
-    return rows
+        yield form, noise, prob, *shares, *means, *folds

@@ -6,9 +6,9 @@ error, so its coefficients differ from the posterior's.
 """
 
 import warnings
-from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from scipy.optimize import OptimizeWarning, curve_fit
 
 from ridgebayes._types import FloatArray
@@ -17,22 +17,7 @@ from ridgebayes.model.forms import Form
 from ridgebayes.table.table import ContactTable
 
 
-@dataclass(frozen=True)
-class LeastSquares:
-    """Coefficients of a form by least squares on Q.
-
-    Parameters
-    ----------
-    coefficients, standard_errors : dict of str to float
-        Values by parameter. The errors assume independent residuals, and are NaN if there are only
-        as many rows as coefficients.
-    """
-
-    coefficients: dict[str, float]
-    standard_errors: dict[str, float]
-
-
-def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
+def fit_by_least_squares(form: Form, table: ContactTable) -> pd.DataFrame:
     """Fit a form's coefficients to the calibration rows of a table by least squares on Q.
 
     The coefficients minimise sum_i (Q'(p_i; theta) - Q_i)^2.
@@ -46,8 +31,9 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
 
     Returns
     -------
-    LeastSquares
-        Coefficients with standard errors.
+    pandas.DataFrame
+        Columns coefficients and standard_errors, one row for each parameter name. The errors assume
+        independent residuals, and are NaN if there are only as many rows as coefficients.
 
     Raises
     ------
@@ -91,7 +77,5 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> LeastSquares:
         scaled, covariance = curve_fit(count, None, q, np.ones(len(start)), xtol=1e-14, ftol=1e-14)
     errors = np.sqrt(np.diag(covariance)) * np.abs(start)
     errors[np.isinf(errors)] = np.nan
-    columns = (scaled * start, errors)
-    return LeastSquares(
-        *(dict(zip(form.parameter_names, x.tolist(), strict=True)) for x in columns)
-    )
+    columns = {"coefficients": scaled * start, "standard_errors": errors}
+    return pd.DataFrame(columns, index=list(form.parameter_names))

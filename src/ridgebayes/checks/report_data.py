@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes.checks import load_errors
-from ridgebayes.checks.least_squares import LeastSquares, fit_by_least_squares
+from ridgebayes.checks.least_squares import fit_by_least_squares
 from ridgebayes.checks.power_scaling import power_scaling
 from ridgebayes.checks.predictive_checks import PredictiveChecks, posterior_checks, prior_bands
 from ridgebayes.checks.repeat import Repeat, against_priors, is_cheap, repeat_posterior
@@ -17,7 +17,6 @@ from ridgebayes.comparison.bands import N_LOAD, bands_table
 from ridgebayes.comparison.comparison import Comparison
 from ridgebayes.comparison.own_texture import OwnTexture, own_texture
 from ridgebayes.comparison.ranking import Predicting, best_form
-from ridgebayes.comparison.verdict import Verdict
 from ridgebayes.contact.scaling import Texture
 from ridgebayes.drawing import MOST_TEXTURES
 from ridgebayes.errors import ComputationError, InputError
@@ -67,12 +66,8 @@ class ReportData:
         Form whose bands and checks are shown: the best, or the first fitted.
     ranked : tuple of str
         Fitted forms, most probable first.
-    verdict : Verdict or None
-        Graded verdict; None if fewer than two forms have an evidence.
     problems : tuple of str
         Fits that failed or did not converge.
-    cautions : tuple of str
-        Cautions about the results.
     factors, sensitivity : pandas.DataFrame
         ln Bayes factors of each form against the best, by method and by scale of a prior.
     predicting : Predicting or None
@@ -91,7 +86,7 @@ class ReportData:
         Textures of the percent errors, a/R and b/R.
     percent_errors, slopes : pandas.DataFrame
         See `ridgebayes.checks.load_errors`; slopes are empty for a single texture.
-    least_squares : dict of str to LeastSquares
+    least_squares : dict of str to pandas.DataFrame
         Coefficients by least squares on Q, if the form allows them.
     checks : PredictiveChecks or None
         Posterior predictive checks of the shown form; None if no row gives its load exactly.
@@ -114,9 +109,7 @@ class ReportData:
     best: str | None
     shown: str
     ranked: tuple[str, ...]
-    verdict: Verdict | None
     problems: tuple[str, ...]
-    cautions: tuple[str, ...]
     factors: pd.DataFrame
     sensitivity: pd.DataFrame
     predicting: Predicting | None
@@ -128,7 +121,7 @@ class ReportData:
     textures: tuple[Texture, ...]
     percent_errors: pd.DataFrame
     slopes: pd.DataFrame
-    least_squares: dict[str, LeastSquares]
+    least_squares: dict[str, pd.DataFrame]
     checks: PredictiveChecks | None
     prior_bands: pd.DataFrame
     power_scaling: pd.DataFrame
@@ -186,9 +179,7 @@ def report_data(comparison: Comparison) -> ReportData:
         best,
         shown,
         tuple(ranking.forms_by_probability(comparison)),
-        verdict,
         ranking.problems(comparison),
-        comparison.cautions,
         none if best is None else ranking.factors_by_method(comparison, best),
         none if best is None else ranking.sensitivity_factors(comparison, best),
         ranking.predicting(comparison),
@@ -253,7 +244,7 @@ def _panel_bands(
     return bands_table(comparison, textures=textures, forms=forms, loads=np.array(loads))
 
 
-def _least_squares(comparison: Comparison) -> dict[str, LeastSquares]:
+def _least_squares(comparison: Comparison) -> dict[str, pd.DataFrame]:
     squares = {}
     for name, fit in comparison.fits.items():
         # The form may have a coefficient per texture, too few rows, or rows that it cannot fit.

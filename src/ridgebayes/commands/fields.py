@@ -50,17 +50,16 @@ def generate_fields(
         If `ridgebayes.generate` raises it, the folder cannot be created, or no texture is
         simulated by finite elements.
     """
-    n_simulated = 0
+    simulated: list[Texture] = []
     with new_folder(folder, force=force, about=LOADS_CSV) as partial:
 
         def write(texture: Texture, body: Cylinder, reached: Sequence[Transition]) -> None:
-            nonlocal n_simulated
-            n_simulated += 1
+            simulated.append(texture)
             if reached:
                 _write(partial, texture, body, reached)
 
         table = generate(scene, pressed=write, **solving)
-        if not n_simulated:
+        if not simulated:
             raise InputError(
                 f"--fields {folder}: no texture is simulated by finite elements; use --solver "
                 "cylinder-fe, or a scene whose `relative` calls for them"

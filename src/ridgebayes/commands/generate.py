@@ -28,6 +28,7 @@ from ridgebayes.table.table import ContactTable
 def command(asked: options.Generate) -> Answer:
     """Compute the table of a scene or of typed textures and write it."""
     refuse_output(asked.out, asked.force)
+    check_name(asked.out)
     if asked.scene is not None and asked.texture:
         raise InputError("SCENE and --texture: expected only one of the two, got both")
     if asked.R is not None and not asked.texture:
@@ -40,8 +41,7 @@ def command(asked: options.Generate) -> Answer:
     else:
         scene = Scene.paper()
     warned = warn(*filter(None, [beyond_reach(scene, asked.solver)]))
-    solving: dict[str, Any]
-    solving = {"solver": asked.solver, "rel_tol": asked.tol, "accuracy": asked.accuracy}
+    solving: Any = {"solver": asked.solver, "rel_tol": asked.tol, "accuracy": asked.accuracy}
     resources = {name: getattr(asked, name) for name in ("workers", "scheduler", "resume")}
     if asked.fields is None:
         table, left_out = sweep_job(asked.out, scene, force=asked.force, **resources, **solving)
@@ -51,7 +51,6 @@ def command(asked: options.Generate) -> Answer:
         # Imported here because it loads matplotlib and finite elements, which sweeps do not need.
         from ridgebayes.commands.fields import generate_fields
 
-        check_name(asked.out)
         with exclusive_lock(asked.out):
             table = generate_fields(scene, asked.fields, force=asked.force, **solving)
             table.write(asked.out)
@@ -114,7 +113,6 @@ def sweep_job(
     OutputError
         If the disk is full. Finished textures are kept in the journal.
     """
-    check_name(out)
     context = executor_for(workers, scheduler)
     journal, n = journal_of(out), len(scene.textures)
     with exclusive_lock(out):

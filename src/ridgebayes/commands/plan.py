@@ -1,8 +1,6 @@
 """The command `ridgebayes plan`: effects of a scene as a table and figures."""
 
 import math
-from collections.abc import Sequence
-from pathlib import Path
 
 import pandas as pd
 
@@ -48,8 +46,12 @@ def command(asked: options.PlanOptions) -> Answer:
     reasons = plan_table(plans)[["texture", "effect", "number", "reason"]]
     files, failed, problem = [asked.out] if asked.out else [], [], ""
     if asked.figures is not None:
+        # Imported here, since matplotlib is slow to import and other plans do not use it.
+        from ridgebayes.commands.plan_figures import draw_plan
+
         try:
-            failed = _draw(scene, plans, asked.figures)
+            asked.figures.mkdir(parents=True, exist_ok=True)
+            failed = [why for planned in plans for why in draw_plan(scene, planned, asked.figures)]
             files += files_in(asked.figures)
         except OSError as error:  # the answer still contains the plan
             named = isinstance(error, RidgebayesError)  # its message already names the file
@@ -68,15 +70,6 @@ def _new_scene(asked: options.PlanOptions) -> Answer:
     write_text(data_path("scenes/template.toml").read_text(encoding="utf-8"), path)
     summary = f"{path}: a scene to start from. Change its values, then: ridgebayes plan {path}"
     return Answer((summary,), files=[path])
-
-
-def _draw(scene: Scene, plans: Sequence[Plan], folder: Path) -> list[str]:
-    """Draw the figures of each texture, and return the reasons for missing figures."""
-    # Imported here, since matplotlib is slow to import and a plan without figures does not use it.
-    from ridgebayes.commands.plan_figures import draw_plan
-
-    folder.mkdir(parents=True, exist_ok=True)
-    return [reason for planned in plans for reason in draw_plan(scene, planned, folder)]
 
 
 def scene_text(scene: Scene, planned: Plan) -> list[str | pd.DataFrame]:

@@ -67,10 +67,8 @@ def _counts(profile: Profile, sharp: Profile, scene: Scene, planned: Plan) -> Fi
         steps = {
             name: (load_of(loads, scene.nu, scene.ogden), Q) for name, (loads, Q) in steps.items()
         }
+    steps["Hertz, no grooves"] = _smooth(sharp, scene, p_max)
     curves = {name: curve for name, curve in steps.items() if len(curve[0])}
-    smooth = _smooth(sharp, scene, p_max)
-    if len(smooth[0]):
-        curves["Hertz, no grooves"] = smooth
     if not curves:
         raise ComputationError(f"no further ridges are reached under p/E = {p_max:g}")
     return plot_counts(curves)

@@ -166,11 +166,6 @@ def verdicts(comparison: Comparison) -> dict[str, Any]:
     """
     verdict, fits, shares = comparison.verdict, comparison.fits, comparison.probabilities
     used = used_evidence(comparison.evidence).set_index(["form", "noise"])["model_probability"]
-    posteriors = [
-        (form, noise, posterior)
-        for form, fit in fits.items()
-        for noise, posterior in fit.posteriors.items()
-    ]
     return {
         "verdict": None if verdict is None else verdict.to_dict(),
         "fits": [
@@ -182,7 +177,8 @@ def verdicts(comparison: Comparison) -> dict[str, Any]:
                 "converged": posterior.converged,
                 "why": "; ".join(_failures(posterior, shares.get(form, 1.0))),
             }
-            for form, noise, posterior in posteriors
+            for form, fit in fits.items()
+            for noise, posterior in fit.posteriors.items()
         ],
         "verdicts": {
             "complete": comparison.complete,

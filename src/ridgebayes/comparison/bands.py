@@ -260,15 +260,11 @@ def _largest_shares(mixtures: dict[str, _Mixture]) -> dict[int, float]:
     return largest
 
 
-def _noise_of(parts: _Mixture) -> str:
-    names = {posterior.noise.name for posterior, _ in parts}
-    return AVERAGE if len(names) > 1 else names.pop()
-
-
 def _label(name: str, parts: _Mixture, rows: pd.DataFrame) -> pd.DataFrame:
     """Insert the columns of the form and the error model."""
+    noises = {posterior.noise.name for posterior, _ in parts}
     rows.insert(0, "form", name)
-    rows.insert(1, "noise", _noise_of(parts))
+    rows.insert(1, "noise", AVERAGE if len(noises) > 1 else noises.pop())
     return rows
 
 

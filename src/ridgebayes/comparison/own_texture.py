@@ -15,7 +15,7 @@ from scipy.special import ndtr, ndtri
 
 from ridgebayes._types import FloatArray, Json
 from ridgebayes.comparison.comparison import Comparison
-from ridgebayes.errors import InputError
+from ridgebayes.errors import ComputationError, InputError
 from ridgebayes.inference.chains import N_KEPT
 from ridgebayes.model.forms import PowerLaw
 from ridgebayes.predict.extrapolation import CalibratedRange
@@ -71,13 +71,11 @@ def own_texture(comparison: Comparison) -> OwnTexture:
     0.1 % for quantiles from 5 to 95 %, and of some tenths of a per cent beyond (a few per cent
     under Student errors).
     """
-    if not comparison.probabilities:
-        return OwnTexture(None, "no form has an evidence that can be used")
-    posteriors, weights = zip(*comparison.averaged, strict=True)
     try:
+        posteriors, weights = zip(*comparison.averaged, strict=True)
         for posterior in posteriors:
             PosteriorLoads(posterior).check_scaling(0.5)
-    except InputError as error:
+    except (ComputationError, InputError) as error:
         return OwnTexture(None, str(error))
     heavy = list(compress(posteriors, heavy_parts(np.array(weights))))
     calibrated = CalibratedRange.of(heavy[0])

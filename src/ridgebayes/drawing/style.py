@@ -192,12 +192,8 @@ def plain(text: str, most: int = 24) -> str:
 @cache
 def _has_glyph(character: str) -> bool:
     """Return whether the font has a glyph for a character; matplotlib warns if it does not."""
-    return bool(_font().get_char_index(ord(character))) and visible(character) == character
-
-
-@cache
-def _font() -> Any:
-    return get_font(findfont("DejaVu Sans"))  # installed with matplotlib
+    font = get_font(findfont("DejaVu Sans"))  # installed with matplotlib, which keeps it loaded
+    return bool(font.get_char_index(ord(character))) and visible(character) == character
 
 
 def symbol(parameter: str) -> str:

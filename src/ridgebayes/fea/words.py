@@ -162,10 +162,10 @@ def divided(over: FloatArray, *under: FloatArray) -> FloatArray:
     first = np.unique(codes, return_index=True)[1]  # codes count rows in order of appearance
     if len(first) > MOST_DISTINCT:
         return quotient
-    distinct = quotient.ravel()[first]
-    for i, row in enumerate(zip(*(part[first].tolist() for part in parts), strict=True)):
-        if np.isfinite([*row, distinct[i]]).all():
-            distinct[i] = float(_decimal(row[0]) / math.prod(map(_decimal, row[1:])))
+    distinct, decimal = quotient.ravel()[first], functools.cache(_decimal)
+    rows = np.stack([part[first] for part in parts], axis=1)
+    for i in np.flatnonzero(np.isfinite(rows).all(axis=1) & np.isfinite(distinct)).tolist():
+        distinct[i] = float(functools.reduce(Fraction.__truediv__, map(decimal, rows[i].tolist())))
     return np.asarray(distinct[codes].reshape(quotient.shape))
 
 

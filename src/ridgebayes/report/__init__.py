@@ -74,9 +74,7 @@ def write_report(
     ...     print(Path(folder, "report.md").read_text(encoding="utf-8").splitlines()[4])
     **The evidence supports Hybrid among the forms compared.**
     """
-    if not isinstance(comparison, Comparison):
-        kind = type(comparison).__name__
-        raise InputError(f"write_report: expected a Comparison, as compare returns, got {kind}")
+    expect(Comparison, comparison=comparison)
     expect(Comparison, None, reference=reference)
     expect(str, os.PathLike, path=path)
     target = Path(path)

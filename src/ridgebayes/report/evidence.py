@@ -213,7 +213,7 @@ def _components(data: ReportData) -> list[Block]:
 
 def _smooth(data: ReportData) -> list[Block]:
     """Explain the Bayes factors if a smooth offset is likely, and whether it predicts better."""
-    weights = {} if data.verdict is None else data.verdict.error_model_weights
+    weights = {} if (verdict := data.comparison.verdict) is None else verdict.error_model_weights
     if sum(weight for name, weight in weights.items() if "smooth" in name) < 0.5:
         return []
     if data.predicting is None:

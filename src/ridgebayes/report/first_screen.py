@@ -54,12 +54,12 @@ def first_screen(
     data: ReportData, reference: ReportData | None = None, command: str = ""
 ) -> FirstScreen:
     """Return the first screen of a report, with a sentence on a second comparison if given."""
-    problems, table, verdict = data.problems, data.comparison.table, data.verdict
+    problems, table, verdict = data.problems, data.comparison.table, data.comparison.verdict
     sure = "" if verdict is None else say("how_sure", verdict=verdict, why=why(verdict))
     sentences = [_compared(data), sure, _consequence(data)]
     if reference is not None:
         n_row = len(reference.comparison.table.calibration)
-        words = {"headline": _headline(reference), "verdict": reference.verdict}
+        words = {"headline": _headline(reference), "verdict": reference.comparison.verdict}
         sentences.append(say("second", n_row=n_row, **words))
         problems += tuple(f"finite-element rows: {what}" for what in reference.problems)
     made_by = [
@@ -74,7 +74,7 @@ def first_screen(
         say("question", name=Path(table.where).name),
         _headline(data),
         tuple(filter(None, sentences)),
-        data.cautions,
+        data.comparison.cautions,
         problems,
         say("advice", **{name: bool(state) for name, state in states.items()}),
         _bands(data),
@@ -83,9 +83,9 @@ def first_screen(
 
 
 def _headline(data: ReportData) -> str:
-    if data.best is None or data.verdict is None:
+    if (verdict := data.comparison.verdict) is None:
         return say("no_verdict", best=data.best)
-    return headline(data.verdict, data.comparison.probabilities_at_equal_odds)
+    return headline(verdict, data.comparison.probabilities_at_equal_odds)
 
 
 def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
@@ -106,7 +106,7 @@ def headline(verdict: Verdict, probabilities: Mapping[str, float]) -> str:
 
 
 def _compared(data: ReportData) -> str:
-    comparison, verdict = data.comparison, data.verdict
+    comparison, verdict = data.comparison, data.comparison.verdict
     rows = comparison.table.calibration
     scored = [name for name in data.ranked if not verdict or name in comparison.probabilities]
     return say(

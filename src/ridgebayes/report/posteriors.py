@@ -66,9 +66,10 @@ def coefficients_table(data: ReportData, names: Sequence[str]) -> Table:
 
     def squares(row: dict[str, Any]) -> str:
         fit, parameter = data.least_squares.get(row["form"]), row["parameter"]
-        if fit is None or parameter not in fit.coefficients:
+        if fit is None or parameter not in fit.index:
             return ABSENT
-        return with_error(fit.coefficients[parameter], fit.standard_errors[parameter], 5)
+        value, error = fit.loc[parameter]
+        return with_error(value, error, 5)
 
     def published(row: dict[str, Any]) -> str:
         form = fits[row["form"]].form

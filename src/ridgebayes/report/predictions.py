@@ -186,7 +186,7 @@ def _agreement(data: ReportData, leaders: dict[str, tuple[str, str]]) -> str:
     against = [
         (_NEW[leave], *ahead) for leave, ahead in leaders.items() if set(ahead) != {data.best}
     ]
-    is_open = data.verdict is not None and data.verdict.grade == "undecided"
+    is_open = (verdict := data.comparison.verdict) is not None and verdict.grade == "undecided"
     return say("agreement", best=form_name(data.best), against=against, is_open=is_open)
 
 

@@ -113,7 +113,7 @@ def design(
     >>> fit = rb.calibrate(rb.paper_sweep(), rb.Hybrid(), noise="iid", rng=1)
     >>> scene = rb.Scene.of([(0.022, 0.02)], p_over_E=0.01)
     >>> result = rb.design(
-    ...     fit, scene, "P(Q >= 8) >= 0.95", sizes={"step": 0.002}, tolerance="5 %",
+    ...     fit, scene, "P(Q >= 8) >= 0.95", sizes={"step": 0.004}, tolerance="5 %",
     ...     objective="max-pitch",
     ... )
     >>> result.recommended["feasible"], result.recommended["probability"] > 0.95

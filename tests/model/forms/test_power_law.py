@@ -1,7 +1,6 @@
 import numpy as np
-import pytest
 
-from ridgebayes import InputError, PowerLaw
+from ridgebayes import PowerLaw
 
 TEXTURES = ((0.012, 0.03), (0.032, 0.01))
 FORM = PowerLaw().bind(TEXTURES)
@@ -28,9 +27,3 @@ def test_load__finds_the_K_of_a_texture_wherever_it_stands():
 def test_parameter_names__tell_the_texture_by_its_label_or_widths():
     assert FORM.parameter_names == ("K[a0.012_b0.03]", "K[a0.032_b0.01]")
     assert PowerLaw().bind(TEXTURES, ("wide", "narrow")).parameter_names == ("K[wide]", "K[narrow]")
-
-
-def test_load__refuses_a_texture_that_has_no_K():
-    rule = r"expected textures it was bound to, got one without a K, a/R = 0.02, b/R = 0.01"
-    with pytest.raises(InputError, match=rule):
-        FORM.load(4, [0.012, 0.02], [0.03, 0.01], K)
