@@ -31,7 +31,7 @@ BUDGETS = {
     "comparison": 875,
     "checks": 769,  # load errors of brackets; tables and forms by name, as elsewhere
     "friction": 864,  # draws the blocks of a scene itself, with one BLAS thread
-    "texture_design": 1_114,  # with the refusal of loads above all models; cautions on a scene
+    "texture_design": 1_115,  # with the refusal of loads above all models; cautions on a scene
     "report": 1_472,  # held-out brackets, the range of the priors of K
     "commands": 2_181,  # cautions of a design appear once
 }

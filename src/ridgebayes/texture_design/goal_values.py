@@ -115,7 +115,8 @@ class PlacedDraws:
             else:
                 self._cache[count] = loads.at_count(count, which, self._ratio)
         location, scale = self._cache[count]
-        t = (self._part.log_p(load) - self._log_area - location) / scale
+        with np.errstate(over="ignore"):  # infinite where a draw has hardly any error
+            t = (self._part.log_p(load) - self._log_area - location) / scale
         return t if self._max_count is None else np.where(count <= self._max_count, t, -np.inf)
 
     def window(self, case: Case) -> tuple[FloatArray, FloatArray]:
