@@ -64,7 +64,9 @@ def arviz_object(groups: Mapping[str, "xr.Dataset"]) -> Any:
     return DataTree.from_dict(dict(groups))
 
 
-def summarise(draws: FloatArray, names: tuple[str, ...], *, prob: float = 0.9) -> pd.DataFrame:
+def summarise(
+    draws: FloatArray, names: tuple[str, ...], *, share: float = 1.0, prob: float = 0.9
+) -> pd.DataFrame:
     """Summarise the draws of several ensembles, one row per parameter, without rounding.
 
     Parameters
@@ -73,6 +75,9 @@ def summarise(draws: FloatArray, names: tuple[str, ...], *, prob: float = 0.9) -
         Parameters.
     names : tuple of str
         Their names.
+    share : float, optional
+        Effective over actual number of draws, for draws that were resampled by weight: a draw of
+        large weight is repeated, at places that show no autocorrelation.
     prob : float, optional
         Probability inside the equal-tailed interval.
 
@@ -93,9 +98,8 @@ def summarise(draws: FloatArray, names: tuple[str, ...], *, prob: float = 0.9) -
     """
     rows = []
     tails = (0.5 - prob / 2, 0.5 + prob / 2)
-    r_hat = rank_r_hat(draws)
-    for i, name in enumerate(names):
-        x = draws[..., i]
+    columns = zip(names, np.moveaxis(draws, -1, 0), rank_r_hat(draws).tolist(), strict=True)
+    for name, x, r_hat in columns:
         lower, upper, q05, q95 = np.quantile(x, [*tails, 0.05, 0.95])
         tail = min(float(effective_sample_size((x <= q).astype(float))) for q in (q05, q95))
         sd = float(x.std(ddof=1))
@@ -107,10 +111,10 @@ def summarise(draws: FloatArray, names: tuple[str, ...], *, prob: float = 0.9) -
                 "eti_lower": float(lower),
                 "eti_upper": float(upper),
                 "prob": prob,
-                "ess_bulk": float(effective_sample_size(_rank_normalised(x))),
-                "ess_tail": tail,
-                "r_hat": float(r_hat[i]),
-                "mcse_mean": sd / float(np.sqrt(effective_sample_size(x))),
+                "ess_bulk": share * float(effective_sample_size(_rank_normalised(x))),
+                "ess_tail": share * tail,
+                "r_hat": r_hat,
+                "mcse_mean": sd / float(np.sqrt(share * effective_sample_size(x))),
             }
         )
     return pd.DataFrame(rows, columns=SUMMARY_COLUMNS)
@@ -313,7 +317,8 @@ def autocorrelation_time(x: FloatArray) -> FloatArray:
     True
     """
     n_step = len(x)
-    columns = (x - x.mean(axis=0)).reshape(*x.shape[:2], -1).T
+    # Means of single walkers would take up part of the correlation of short chains.
+    columns = (x - x.mean(axis=(0, 1))).reshape(*x.shape[:2], -1).T
     tau = [_sokal(np.ascontiguousarray(column)) for column in columns]
     value: FloatArray = np.maximum(np.array(tau).reshape(x.shape[2:]), 1 / n_step)
     return value
