@@ -19,7 +19,11 @@ from scipy.special import logsumexp, ndtri
 
 from ridgebayes._types import FloatArray
 from ridgebayes.inference.chains import N_KEPT
-from ridgebayes.inference.pareto_smoothing import MAX_PARETO_K, pareto_smoothed
+from ridgebayes.inference.pareto_smoothing import (
+    MAX_FINITE_VARIANCE_K,
+    MAX_PARETO_K,
+    pareto_smoothed,
+)
 from ridgebayes.runtime.quiet import import_arviz
 
 if TYPE_CHECKING:
@@ -221,8 +225,9 @@ def leave_one_out(
         Effective over actual number of draws.
     refitted : callable, optional
         Takes a row number; returns the row's log predictive density under a posterior fitted
-        without it, or NaN if the fit fails. Called for rows whose Pareto k is above 0.7, if there
-        are at most 20.
+        without it, or NaN if the fit fails. Called for the rows with the largest Pareto k above
+        0.5, at most 20, unless more than 20 rows have a k above 0.7. Between 0.5 and 0.7 weights
+        have infinite variance: seven tables gave scores 0.1 too high on average, by 0.6 at most.
 
     Returns
     -------
@@ -235,12 +240,11 @@ def leave_one_out(
     """
     rows = log_likelihood.reshape(-1, log_likelihood.shape[-1]).T
     smoothed = [pareto_smoothed(-row, min(reff, 1.0)) for row in rows]
-    weighed = zip(smoothed, rows, strict=True)
-    pointwise = np.array([logsumexp(log_weight + row) for (log_weight, _), row in weighed])
-    shapes = np.array([shape for _, shape in smoothed])
-    bad = np.flatnonzero(~(shapes <= MAX_PARETO_K)).tolist()
-    if refitted is not None and len(bad) <= MAX_REFITTED_ROWS:
-        for i in bad:
+    log_weights, shapes = map(np.array, zip(*smoothed, strict=True))
+    pointwise = logsumexp(log_weights + rows, axis=1)
+    worst = np.argsort(-shapes, kind="stable")[:MAX_REFITTED_ROWS]
+    if refitted is not None and np.sum(shapes > MAX_PARETO_K) <= MAX_REFITTED_ROWS:
+        for i in worst[shapes[worst] > MAX_FINITE_VARIANCE_K].tolist():
             value = refitted(i)
             if math.isfinite(value):
                 pointwise[i], shapes[i] = value, 0.0
@@ -320,8 +324,7 @@ def autocorrelation_time(x: FloatArray) -> FloatArray:
     # Means of single walkers would take up part of the correlation of short chains.
     columns = (x - x.mean(axis=(0, 1))).reshape(*x.shape[:2], -1).T
     tau = [_sokal(np.ascontiguousarray(column)) for column in columns]
-    value: FloatArray = np.maximum(np.array(tau).reshape(x.shape[2:]), 1 / n_step)
-    return value
+    return np.asarray(np.maximum(np.array(tau).reshape(x.shape[2:]), 1 / n_step))
 
 
 def _sokal(x: FloatArray) -> float:
@@ -359,5 +362,4 @@ def effective_sample_size(x: FloatArray) -> FloatArray:
     True
     """
     n = x.shape[1] * x.shape[2]
-    value: FloatArray = np.sum([n / autocorrelation_time(ensemble) for ensemble in x], axis=0)
-    return value
+    return np.asarray(np.sum([n / autocorrelation_time(ensemble) for ensemble in x], axis=0))
