@@ -8,7 +8,7 @@ from scipy import integrate, stats
 
 import ridgebayes as rb
 from ridgebayes import Noise
-from ridgebayes.inference.diagnostics import effective_sample_size
+from ridgebayes.inference.diagnostics import effective_sample_size, summarise
 from ridgebayes.model.model import Model
 from ridgebayes.model.observations import Observations, refuse_circular
 from tests.drawn import drawn_posterior
@@ -194,6 +194,10 @@ def test_calibrate__importance_draws_agree_with_a_walk(fits, paper, form):
     se = np.hypot(drawn.summary["mcse_mean"], walked.summary["mcse_mean"])
     assert np.all(np.abs(difference) < 4 * se)  # Monte Carlo: the largest of ten
     ratio = drawn.summary["sd"] / walked.summary["sd"]
+    model, chains = drawn.model, drawn.chains
+    sizes = summarise(model.to_theta(chains.u), model.parameter_names)["ess_bulk"]
+    expected = chains.acceptance.mean() * sizes  # algebra: repeated draws count once
+    np.testing.assert_allclose(drawn.summary["ess_bulk"], expected, rtol=1e-12)
     least = min(drawn.summary["ess_bulk"].min(), walked.summary["ess_bulk"].min())
     assert np.all(np.abs(ratio - 1) < 4 / np.sqrt(least))  # Monte Carlo: of both sds
 

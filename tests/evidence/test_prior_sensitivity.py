@@ -36,9 +36,9 @@ def data(observed):
     return observed(texture, Q, 2 * np.log((Q / 2 - 1) * (a + b) / 1.4) + errors, textures=TEXTURES)
 
 
-CASES = [  # weights of draws serve for the first ones, and not for those of a narrower tau
-    ("modified", "texture", "sigma", 3.0),
+CASES = [  # weights of draws serve for the first one, and not for a narrower tau
     ("modified", "texture", "c", 10.0),
+    ("hybrid", "step-smooth", "sigma", 0.1),  # k of 0.48 from 4,096 draws: 0.33 too low by weights
     ("modified", "iid:student", "df", 0.1),
     ("modified", "texture", "tau_texture", 0.1),
     ("modified", "step-smooth", "tau_step", 0.1),
@@ -148,7 +148,7 @@ def by_change(weighed):
 
 def test_weights_that_are_far_too_large__are_all_replaced(data, monkeypatch):
     weighed = weigh_pairs(data, [rb.Modified()], [Noise("texture"), Noise("step")], seed=1)
-    truth, high = by_change(weighed), {"texture": (3e3, math.inf), "step": (2e3, math.inf)}
+    truth, high = by_change(weighed), {"texture": (3e3, False), "step": (2e3, False)}
     inflated = lambda task: dict.fromkeys(task.changes, high[task.pair.noise.name])  # noqa: E731
     monkeypatch.setattr("ridgebayes.evidence.prior_sensitivity._reweighted", inflated)
     np.testing.assert_allclose(by_change(weighed), truth, atol=0.15)  # four standard errors

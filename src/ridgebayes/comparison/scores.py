@@ -19,11 +19,11 @@ LOO_COLUMNS = ["form", "noise", "elpd", "se", "p", "n_bad_k", "stacking_weight"]
 def loo_table(fits: Mapping[str, Posterior]) -> pd.DataFrame:
     """Return elpd, its standard error, number of bad Pareto k and stacking weight of each fit.
 
-    A row with a Pareto k above 0.7 is scored by a posterior fitted without it. `n_bad_k` counts the
-    rows for which this is not done: all of them if there are more than 20, and rows without which
-    the posterior cannot be fitted. The elpd, se, p and weight of such a fit are NaN, and the other
-    fits are stacked without it. Fits with too many rows for a stored pointwise log-likelihood are
-    left out of the table.
+    A row with a Pareto k above 0.5 is scored by a posterior fitted without it, at most 20 rows with
+    the largest k. `n_bad_k` counts the rows with a k above 0.7 for which this is not done: all of
+    them if there are more than 20, and rows without which the posterior cannot be fitted. The elpd,
+    se, p and weight of such a fit are NaN, and the other fits are stacked without it. Fits with too
+    many rows for a stored pointwise log-likelihood are left out of the table.
 
     Examples
     --------

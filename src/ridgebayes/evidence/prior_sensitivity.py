@@ -6,7 +6,7 @@ draws and the draws under the default prior are reweighted together.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,7 +26,7 @@ from ridgebayes.evidence.pairs import (
 from ridgebayes.evidence.tables import used_evidence
 from ridgebayes.inference.importance import MAX_SE, Drawn, Effort
 from ridgebayes.inference.latent import LatentIntegral
-from ridgebayes.inference.pareto_smoothing import MAX_FINITE_VARIANCE_K, are_bounded, pareto_k
+from ridgebayes.inference.pareto_smoothing import have_finite_variance
 from ridgebayes.inference.presets import QUICK
 from ridgebayes.inference.proposal import log_mean
 from ridgebayes.model.default_priors import SLOPES
@@ -98,9 +98,10 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     pandas.DataFrame
         Columns prior (c, which is also c1; c2, K, sigma, tau_..., length_..., df; nugget), factor,
         form, log_evidence. One prior is changed at a time, in all pairs that have it. A pair is
-        sampled again if the Pareto k of its weights is above 0.5 and its ln evidence may be less
-        than 3 below that of the form's best pair. A new evidence with a standard error above 0.1 is
-        computed again with twice the draws, unless it is more than 12 below the best evidence.
+        sampled again if its weights may have no finite variance (`have_finite_variance`) and its ln
+        evidence may be less than 3 below that of the form's best pair. A new evidence with a
+        standard error above 0.1 is computed again with twice the draws, unless it is more than 12
+        below the best evidence.
     """
     used = used_evidence(weighed.evidence)
     keys = zip(used["form"], used["noise"], strict=True)
@@ -109,13 +110,13 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
     draws = {key: drawn for key in pairs if (drawn := weighed.weighed[key].drawn) is not None}
     tasks = [_Task(pairs[key], _changes(pairs[key]), drawn) for key, drawn in draws.items()]
     values: dict[_PairChange, float] = {}
-    pareto_ks: dict[_PairChange, float] = {}
+    doubtful: set[_PairChange] = set()
     for task, result in zip(tasks, in_parallel(_reweighted, tasks, executor), strict=True):
         key = task.pair.key
-        for change, (difference, k) in result.items():
-            values[key, change], pareto_ks[key, change] = evidence[key] + difference, k
+        values |= {(key, change): evidence[key] + value for change, (value, _) in result.items()}
+        doubtful |= {(key, change) for change, (_, is_sure) in result.items() if not is_sure}
     # Unreliable weights can be far too large, so that other pairs matter when they are replaced.
-    while unreliable := _unreliable_changes(evidence, values, pareto_ks):
+    while unreliable := _unreliable_changes(evidence, values, doubtful):
         sides: dict[tuple[_Key, str, bool], list[_Change]] = {}
         for key, change in unreliable:
             sides.setdefault((key, change[0], change[1] > 1), []).append(change)
@@ -126,7 +127,7 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
             again.append(_Task(pairs[key], changes, draws[key], lowest))
         for task, redrawn in zip(again, in_parallel(_redrawn, again, executor), strict=True):
             values |= {(task.pair.key, change): value for change, value in redrawn.items()}
-        pareto_ks |= dict.fromkeys(unreliable, -math.inf)
+        doubtful.difference_update(unreliable)
     return _table(evidence, values)
 
 
@@ -152,7 +153,7 @@ def _table(evidence: Mapping[_Key, float], values: Mapping[_PairChange, float]) 
 def _unreliable_changes(
     evidence: Mapping[_Key, float],
     values: Mapping[_PairChange, float],
-    pareto_ks: Mapping[_PairChange, float],
+    doubtful: Collection[_PairChange],
 ) -> list[_PairChange]:
     """Return pairs and changes with unreliable weights whose evidences may matter."""
     unreliable = []
@@ -163,7 +164,7 @@ def _unreliable_changes(
         for key in evidence:
             # `most` is an upper estimate: weights that miss a mode are too low, and the prior may
             # have no effect on this pair.
-            if pareto_ks.get((key, change), -math.inf) > MAX_FINITE_VARIANCE_K:
+            if (key, change) in doubtful:
                 most = max(values[key, change] + _MAX_LN_MISSED, evidence[key])
                 if most > best[key[0]] - _MAX_LN_EVIDENCE_GAP:
                     unreliable.append((key, change))
@@ -180,8 +181,8 @@ def _redrawn(task: _Task) -> dict[_Change, float]:
     furthest: tuple[_Change, Drawn] | None = None
     for change in sorted(task.changes, key=lambda change: -abs(math.log(change[1]))):
         if furthest is not None:
-            value, k = _between(task, change, *furthest)
-            if k <= MAX_FINITE_VARIANCE_K:
+            value, is_reliable = _between(task, change, *furthest)
+            if is_reliable:
                 values[change] = value
                 continue
         pair = _changed(task.pair, change)
@@ -194,8 +195,8 @@ def _redrawn(task: _Task) -> dict[_Change, float]:
     return values
 
 
-def _between(task: _Task, change: _Change, outer: _Change, drawn: Drawn) -> tuple[float, float]:
-    """Return a log evidence from draws under the default and an outer prior, and the Pareto k.
+def _between(task: _Task, change: _Change, outer: _Change, drawn: Drawn) -> tuple[float, bool]:
+    """Return a log evidence from draws under default and outer prior, and whether it is reliable.
 
     The weights are densities relative to the mixture of both posteriors, and have an upper limit if
     the changed prior is nowhere far above both.
@@ -205,18 +206,15 @@ def _between(task: _Task, change: _Change, outer: _Change, drawn: Drawn) -> tupl
     draws = _Draws.of(task.pair, base, n).beside(_Draws.of(_changed(task.pair, outer), drawn, n))
     relative = draws.log_ratio(outer) - (drawn.evidence.value - base.evidence.value)
     ratio = draws.log_ratio(change) - np.logaddexp(relative, 0.0) + math.log(2)
-    return base.evidence.value + float(log_mean(ratio)), pareto_k(ratio)
+    return base.evidence.value + float(log_mean(ratio)), have_finite_variance(ratio)
 
 
-def _reweighted(task: _Task) -> dict[_Change, tuple[float, float]]:
-    """Return changes of ln evidence by reweighting, each with the Pareto k of its weights.
-
-    The k of bounded weights is -inf.
-    """
+def _reweighted(task: _Task) -> dict[_Change, tuple[float, bool]]:
+    """Return changes of ln evidence by reweighting, and whether each is reliable."""
     draws = _Draws.of(task.pair, task.drawn)
     ratios = {change: draws.log_ratio(change) for change in task.changes}
     return {
-        change: (float(log_mean(ratio)), -math.inf if are_bounded(ratio) else pareto_k(ratio))
+        change: (float(log_mean(ratio)), have_finite_variance(ratio))
         for change, ratio in ratios.items()
     }
 

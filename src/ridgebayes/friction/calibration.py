@@ -293,7 +293,7 @@ def sampled(density: FrictionDensity, seed: int) -> tuple[Chains, pd.DataFrame, 
         drawn = importance_sample(target, effort, seed)
     drawn = at_least(drawn, target, N_KEPT, effort, seed)
     theta = density.model.theta(drawn.chains.u)[..., [PARAMETERS.index(name) for name in names]]
-    return drawn.chains, summarise(theta, names), drawn.evidence
+    return drawn.chains, summarise(theta, names, share=drawn.share), drawn.evidence
 
 
 def rows_of(

@@ -185,9 +185,8 @@ def _evidence(
     together = np.concatenate(weights)
     value = float(log_mean(together))
     if not math.isfinite(value):
-        n = len(together)
         raise ComputationError(
-            f"{target.name}: expected draws of positive density, got none of {n}"
+            f"{target.name}: expected draws of positive density, got none of {len(together)}"
         )
     relative = np.exp(together - value)
     within = float(relative.std()) / math.sqrt(len(relative))
@@ -280,9 +279,8 @@ def log_weights(draws: Evaluated, proposals: Sequence[Mixture]) -> tuple[FloatAr
         ]
         log_q = log_sum(np.stack(terms)) - math.log(len(terms))
         usable = np.isfinite(log_q) & np.isfinite(draws.coordinates).all(axis=(0, 2))
-        log_weight = np.where(
-            usable, np.stack([draws.log_density, draws.from_half]) - log_q, -np.inf
-        )
+        density = np.stack([draws.log_density, draws.from_half])
+        log_weight = np.where(usable, density - log_q, -np.inf)
     return log_weight[0], log_weight[1]
 
 

@@ -165,13 +165,12 @@ class AllRows:
             x.reshape(drawn.log_density.size, x.shape[-1])[::stride]
             for x in (drawn.u, drawn.scores)
         )
-        value, se = self.evidence.value - drawn.evidence.value, drawn.evidence.se
+        value = self.evidence.value - drawn.evidence.value
+        se = math.hypot(self.evidence.se, drawn.evidence.se)
         status = drawn.evidence.status
         if drawn.evidence.ok:
             status = "ok" if self.evidence.ok else f"all rows: {self.evidence.status}"
-        return LeftOut(
-            rest, u, scores, value, math.hypot(se, self.evidence.se), "evidences", status
-        )
+        return LeftOut(rest, u, scores, value, se, "evidences", status)
 
     def _reweighted(self, rest: Model, seed: int) -> LeftOut | None:
         """Return the result from weighted draws; None if the weights are too unequal."""
@@ -189,8 +188,8 @@ class AllRows:
         cumulative, n = np.cumsum(weight), min(_MAX_RETURNED_DRAWS, len(weight))
         index = np.searchsorted(cumulative, (np.arange(n) + 0.5) / n * cumulative[-1])
         value = float(top) + math.log(mean)
-        draws = self.u[index], estimate.scores[index]
-        return LeftOut(rest, *draws, value, se, "weights", self.status)
+        scores = estimate.scores[index]
+        return LeftOut(rest, self.u[index], scores, value, se, "weights", self.status)
 
 
 def rest_of(model: Model, left: BoolArray) -> Model:

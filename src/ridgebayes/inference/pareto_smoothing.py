@@ -41,6 +41,15 @@ def are_bounded(log_weights: FloatArray) -> bool:
     return largest_share < most
 
 
+def have_finite_variance(log_weights: FloatArray) -> bool:
+    """Return whether weights are bounded, or k is below 0.5 by its standard error or more.
+
+    The standard error of k is (1 + k)/sqrt(m), with m = 3 sqrt(n) weights in the tail.
+    """
+    k, n_tail = pareto_k(log_weights), 3 * math.sqrt(len(log_weights))
+    return are_bounded(log_weights) or k + (1 + k) / math.sqrt(n_tail) <= MAX_FINITE_VARIANCE_K
+
+
 def pareto_smoothed(log_weights: FloatArray, reff: float = 1.0) -> tuple[FloatArray, float]:
     """Return importance weights with their tail replaced by a fitted Pareto tail, and its shape k.
 

@@ -222,9 +222,8 @@ def posterior_of(model: Model, drawn: Drawn, seed: int) -> Posterior:
     n_repeat, n, d = drawn.u.shape
     u, scores = drawn.u.reshape(-1, d), drawn.scores.reshape(n_repeat * n, drawn.scores.shape[-1])
     whole = completed(model, u, scores, stream(seed, "offsets"))
-    chains = drawn.chains
-    whole = whole.reshape(*chains.log_density.shape, -1)
-    chains = replace(chains, u=whole, tau=np.ones(whole.shape[-1] + 1))
+    whole = whole.reshape(*drawn.chains.log_density.shape, -1)
+    chains = replace(drawn.chains, u=whole, tau=np.ones(whole.shape[-1] + 1))
     return _posterior(model, chains, seed, "importance", drawn.evidence)
 
 
@@ -244,9 +243,7 @@ def walked_posterior(
     """
     chains, scores = walked.chains, walked.scores
     if model.offsets.n_level:
-        steps = chains.kept_steps(N_KEPT)
-        chains = replace(chains, u=chains.u[:, steps], log_density=chains.log_density[:, steps])
-        scores = scores[:, steps]
+        scores, chains = scores[:, chains.kept_steps(N_KEPT)], chains.thinned(N_KEPT)
     *shape, d = chains.u.shape
     u, n_level = chains.u.reshape(-1, d), scores.shape[-1]
     whole = completed(model, u, scores.reshape(len(u), n_level), stream(seed, "offsets"))
@@ -258,7 +255,8 @@ def _posterior(
     model: Model, chains: Chains, seed: int, sampler: str, evidence: LogEvidence | None
 ) -> Posterior:
     theta = model.to_theta(chains.u[..., : model.n_parameter])
-    summary = summarise(theta, model.parameter_names)
+    share = float(chains.acceptance.mean()) if sampler == "importance" else 1.0
+    summary = summarise(theta, model.parameter_names, share=share)
     failures = chains.convergence_failures + failed_diagnostics(summary)
     return Posterior(model, chains, summary, failures, seed, sampler, evidence)
 
