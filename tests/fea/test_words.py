@@ -22,7 +22,9 @@ KEYS = {
     "groove depth,friction force,q_lin,ridge spacing,Stegabstand,groove distance,ridge length,"
     "ridge angle,ridge type,groove radius,root radius,loss modulus,substrate modulus,E sd,"
     "ridge width sd,mean contact pressure,Kontaktdruck,pull-off force,Adhesionskraft,"
-    "ridge fraction,Steganteil,groove/ridge ratio,number of grooves,Anzahl Rillen,ridge roughness",
+    "ridge fraction,Steganteil,groove/ridge ratio,number of grooves,Anzahl Rillen,ridge roughness,"
+    "half load,load per side,Last halbes Modell,tare load,Nulllast,load offset,load range,"
+    "force amplitude,G modulus,modulus G,contact modulus,storage modulus,100% modulus",
     "load_sd": "Force sd,SD,standard deviation of the pressure,Kraft Standardabw.",
     "load_lower": "untere Last",
     "a_over_R": "a/R",
@@ -63,7 +65,8 @@ def test_corners_of__takes_series_of_even_counts_alone(headers, corners):
         ("E", "E, MPa", None, Fraction(10**6)),
         ("E", "E [N/mm²]", None, Fraction(10**6)),
         ("line", "P (kN/m)", None, Fraction(1000)),
-        ("line", "P (Newton/Millimeter)", None, Fraction(1000)),
+        *(("line", f"P ({N_mm})", None, Fraction(1000)) for N_mm in ("Newton/Millimeter", "N.mm-1")),
+        *(("p", f"p ({unit})", None, Fraction(10**6)) for unit in ("N mm-2", "MPA")),
         ("a", "w [-]", None, Fraction(1)),
         ("a", "w [mm]", "mm", Fraction(1, 1000)),
         ("nu", "nu [-]", None, Fraction(1)),
