@@ -54,6 +54,11 @@ UNDERSCORES = {"a": "a_mm", "b": "b_um", "line": "line_N_per_mm", "R": "R_mm", "
         ),
         (RATIOS.replace("E", "E [%]") + ".03,.01,4,0.25\n", {"p_over_E": [0.0025]}, {}),
         (
+            f"T,{RATIOS}°C,%,%,-,%\n21,3,1,4,0.25\n",
+            {"a_over_R": [0.03], "p_over_E": [0.0025]},
+            {},
+        ),
+        (
             "a/D,Groove/diameter,Q,p/E\n.015,.005,4,0.002\n",
             {"a_over_R": [0.03], "b_over_R": [0.01]},
             {},
@@ -187,6 +192,8 @@ def test_import__counts_in_other_terms_become_edges(read, header, counts, option
         ("Force sd (mN),n", (",4", ",25"), [0.0625, 0.01]),
         ("Force sd (mN),Anzahl Messungen", (",4", ",25"), [0.0625, 0.01]),
         ("Standard error (mN),n", (",4", ",25"), [0.125, 0.05]),
+        ("SEM (%)", ("", ""), [0.03, 0.05]),
+        *((f"{sd},n", (",4", ",25"), [0.015, 0.01]) for sd in ("sd (%)", "CV [%]", "Rel. sd [%]")),
         ("Force sd (mN),n,rel_se", (",4,.1", ",25,0"), [np.hypot(0.0625, 0.1), 0.01]),
     ],
 )
@@ -268,6 +275,7 @@ def counts(term, *numbers):
 
 PRESSURES = "a_over_R,b_over_R,Q,Pressure [kPa],p [kPa],p [Pa]\n.03,.01,4,1,1,1000\n"
 TWO_LOADS = "a/R,b/R,Q,Load [N/mm],Load [kPa]\n0.03,0.01,4,0.0021,1\n"
+OF_MEAN = RATIOS.replace("E", "E,sd,n")
 UNDER_4 = "rows, a count of 2 at most: expected Q of 4 or more in some row"
 CELLS = "Steg;Nut;Kanten;Kraft\n0,24 mm;80 µm;4;2,1 N/m\n100 µm;80 µm;4;3 N/m\n"
 FIXED = (
@@ -331,6 +339,8 @@ FIXED = (
         (counts("Edges per side", 1, 1), {}, {}, "Q, 2 rows, a count of 1 at most"),
         ("a/R,b/R,Q=0,Q=2\n.03,.01,,.1\n", {}, {}, "mine.csv: Q, 1 row, a count of 2"),
         (rows("2,x1"), {}, {}, "line 2, column 'p/E' = 'x1': expected a finite number"),
+        (rows("4,1,.1,0", header=OF_MEAN), {}, {}, "column 'n' = '0': expected above 0"),
+        (rows("4,1,.1,", header=OF_MEAN), {}, {}, "column 'n' = '': expected a number beside an sd"),
         (rows(*(f"3,.00{i}" for i in (1, 2, 3))), {}, {}, "Q, 3 cells: must be even"),
         (
             "a/R,b/R,Q,Load 1 [kPa],Load 2 [kPa]\n.03,.01,4,,\n",

@@ -260,13 +260,19 @@ class Converter:
 
     def _rel_se(self, load: FloatArray | None) -> FloatArray | None:
         """Return the relative standard error of loads, from the columns of errors and sds."""
-        rel_se, se, n = self.number("rel_se"), self.load("_sem"), self.uses.get(("n_mean", None))
-        if se is None and (se := self.load("_sd")) is not None and n is not None:
-            se = se / np.sqrt(self.cells[n.header].to_numpy(dtype=float))
-            self.tell(n, ", how many loads the mean is of: its error is sd over their root")
-        if se is None or load is None:
-            return rel_se
-        return divided(se, load) if rel_se is None else np.hypot(rel_se, divided(se, load))
+        rel_se, n = self.number("rel_se"), self.uses.get(("n_mean", None))
+        for end in ("_sem", "_sd"):
+            if (share := self.number(f"rel{end}")) is None and (se := self.load(end)) is not None:
+                share = divided(se, np.array(np.nan) if load is None else load)
+            if share is not None and end == "_sd" and n is not None:
+                numbers = self.cells[n.header].to_numpy(dtype=float)
+                is_lost = np.isnan(numbers) & ~np.isnan(share)
+                self.problems.cells(is_lost, n.header, "expected a number beside an sd")
+                share = share / np.sqrt(numbers)
+                self.tell(n, ", how many loads the mean is of: its error is sd over their root")
+            if share is not None:
+                return share if rel_se is None else np.hypot(rel_se, share)
+        return rel_se
 
     def _counts(self, counts: FloatArray | None, term: str | None) -> FloatArray | None:
         """Return Q from counts of edges, ridges or segments, or of edges on one side."""

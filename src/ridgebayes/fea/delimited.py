@@ -28,7 +28,7 @@ SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 LOOKED_AT = 60  # first records, and first cells of each, that are searched for the header
 _NUMBER = re.compile(r"\s*[+-]?(?:\d[\d.,'\u2019 \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*%?\s*")
 _HEADER = re.compile(r"(?!=)[^\x00-\x1f\x7f]*")
-_NO_UNIT = ("", "-", "--", "\N{EN DASH}", "1", "#", "[-]", "(-)", "count", "%")
+_NO_UNIT = ("", "-", "--", "\N{EN DASH}", "1", "#", "count")
 _NOT_PLAIN = ("#", "=", "nan")  # signs of comments, formulas and missing numbers
 # From pandas 3.1 on, floats are exact by default.
 _IS_OLD = np.lib.NumpyVersion(pd.__version__) < "3.1.0"
@@ -160,7 +160,10 @@ def find_header(rows: Sequence[Row], problems: FileError) -> tuple[list[str], in
         problems.messages.append(f"{problems.where}: {shown}")
     below = rows[i + 1][1] if i + 1 < len(rows) else []
     units = [cell.strip().removeprefix("#").strip().strip("[]()") for cell in below]
-    if not (all(unit in _NO_UNIT or is_unit(unit) for unit in units) and any(map(is_unit, units))):
+    texts = [unit for unit in units if unit not in _NO_UNIT]
+    n_unit = sum(unit == "%" or is_unit(unit) for unit in texts)
+    # Half of the units may be those of other quantities, such as s or °C.
+    if not 0 < len(texts) <= 2 * n_unit or any(map(_is_number, texts)):
         return headers, i + 1
     problems.messages.append(f"{problems.where}: units in line {lines[i + 1]}")
     for j, unit in enumerate(units[: len(headers)]):

@@ -25,9 +25,9 @@ from ridgebayes.table.columns import NAMES, NUMBERS
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
 LOADS = ("p_over_E", "p", "line", "force")
 LOWERS = tuple(f"{key}_lower" for key in LOADS)
-SDS, _SEMS = (tuple(f"{key}{end}" for key in LOADS) for end in ("_sd", "_sem"))
+SDS, _SEMS = (tuple(f"{key}{end}" for key in (*LOADS, "rel")) for end in ("_sd", "_sem"))
 NEVER_EMPTY = ("a", "b", "pitch", "R", "D", "E")  # columns that must not have empty cells
-ABOVE_0 = (*NEVER_EMPTY, "thickness", "p", "line", "force")  # p_over_E: by the table's rules
+ABOVE_0 = (*NEVER_EMPTY, "thickness", "n_mean", "p", "line", "force")  # p_over_E: by the table's rules
 _MEAN_KEYS = ("load", "load_lower", "load_sd", "load_sem", "n_mean")
 _UNLISTED_KEYS = ("gap", "x", "thickness", *SDS, *_SEMS)
 KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _UNLISTED_KEYS), *_MEAN_KEYS)
@@ -241,7 +241,7 @@ class Columns:
         keys, free = self._keys(), self._free()
         is_wide = any(use.Q is not None for use in self.uses)
         found = keys | {recognise(words) for _, words, _ in free if plain(words) not in N_MEAN}
-        of_mean = "Q" in found and not found.isdisjoint(("load_sd", "load_sem"))
+        of_mean = "Q" in found and not found.isdisjoint(("rel_sd", "load_sd", "load_sem"))
         for header, words, unit in free:
             key = "n_mean" if of_mean and plain(words) in N_MEAN else recognise(words)
             of_each_Q = is_wide and key.removesuffix("_lower") in ("Q", *PER_Q)
@@ -315,7 +315,8 @@ def lacking(uses: Sequence[Use], values: Iterable[str]) -> list[str]:
 def as_load(use: Use, uses: Sequence[Use], problems: FileError) -> Use:
     """Replace "load" in a key by the kind of load of its unit; ask for a unit if it is missing.
 
-    An sd or a standard error of loads without a unit has the unit of the loads.
+    An sd or a standard error of loads without a unit has the unit of the loads, and one in per cent
+    is a share of the load, unless the loads are in per cent, too.
     """
     stem, _, end = use.key.partition("_")
     loads = [other for other in uses if other.key in (*LOADS, "load")]
@@ -323,6 +324,8 @@ def as_load(use: Use, uses: Sequence[Use], problems: FileError) -> Use:
     if stem != "load" or (is_error and not loads):
         return use
     unit = use.own_unit or (loads[0].own_unit if is_error else "")
+    if is_error and unit == "%" != loads[0].own_unit:
+        return replace(use, key=f"rel_{end}")
     kind = load_kind(unit) or (loads[0].key if is_error else "load").replace("load", "")
     use = replace(use, unit=unit if is_error and not use.own_unit else use.unit)
     if kind or is_error or use.unit is not None:

@@ -246,7 +246,8 @@ def key_of(words: str) -> str:
 def _key_of(text: str) -> str:
     for key, yes, no in _PATTERNS:
         if yes.search(text) and not no.search(text):
-            if key.startswith("load_s") and _key_of(yes.sub("", text).strip()) not in ("", *_LOADS):
+            is_error = key.startswith(("load_s", "rel_s"))
+            if is_error and _key_of(yes.sub("", text).strip()) not in ("", *_LOADS):
                 return ""  # the sd of another quantity, such as E
             is_lower = key in _LOADS and _LOWER.search(text)
             return f"{key}_lower" if is_lower else key
