@@ -300,6 +300,7 @@ FIXED = (
         (f"R [mm],{LONG}", MAP, BODY, "R is given as '8 mm', and as column 'R [mm]': expected one"),
         (f"Diameter [mm],{LONG}", MAP, BODY, "R is given as '8 mm', and as column 'Diameter"),
         (PRESSURES, {}, {"E": "60 kPa"}, "'p [kPa]', 'p [Pa]' could all be p"),
+        (f"edges,,edges,,{RATIOS[:-7]},p/E\n4,,4,,.03,.01,1\n", {}, {}, "'edges', 'edges #3' could"),
         (TWO_LOADS, {}, BODY, "'Load [N/mm]', 'Load [kPa]' could all be load"),
         ("a/R,b/R,Q,force (N),force (N)\n.03,.01,4,1,2\n", {}, BODY, "'force #5 [N]' could all"),
         (
@@ -456,6 +457,7 @@ def history(header, cells):
             0.002,
         ),
         (history("status Q=4", lambda i: {3: ""}.get(i, int(i > 3))), 0.002),
+        (history("Q", lambda i: 3 if i == 3 else 2 + 2 * (i > 3)), 0.002),
     ],
 )
 def test_import__the_status_of_corners_gives_intervals(read, text, lower):

@@ -222,6 +222,12 @@ SAME = [
     ("ansys", put("^(?=     1150)", ANSYS_PAGE, count=0), {}, ""),
     ("ansys, status", put("^(?=     1150)", ANSYS_PAGE, count=0), {}, ""),
     ("febio", None, {}, "line 1: increment ignored, zeros, as before the first step"),
+    (
+        "series, PVD",
+        put(r"(?s)(<Data.*/>\n)", lambda m: "".join(reversed(m[1].splitlines(True)))),
+        {},
+        "34 states",
+    ),
     ("nodes", put("COPEN", "Clearance"), {"map": ("gap=Clearance",)}, "34 steps of 241 nodes"),
 ]
 
@@ -457,6 +463,11 @@ REFUSED = [
     ("ansys", put("     UY", "     UZ", count=0), "UY missing"),
     ("ansys", put("FX|UX", "UZ", count=0), "UX, UY missing"),
     ("ansys", put("E-0", "Q-0"), "expected a finite number"),
+    (
+        "ansys",
+        lambda text: text + runs.listing([7], [[[0, p]] for p in FORCE], ("FX", "FY")),
+        "forces FY sum to .*, less than that of one node",
+    ),
     ("ansys", lambda text: text[: text.rindex("     1201") + 15], "is cut off"),
     ("ansys", lambda text: text.replace("     1201", "     5201"), "node 5201 has no X and Y"),
     ("series, PVD", put("0.vtu", "../0.vtu"), "expected a .vtu in the same folder"),

@@ -50,6 +50,7 @@ def test_key_of__reads_words_of_the_field(words, key):
         (["Probe 2 Kraft", "Probe 4 Kraft"], {}),
         (["load 3", "load 5"], {}),
         (["load 4"], {}),
+        (["load #4", "load #6"], {}),
         (["height 4", "height 6"], {}),
     ],
 )

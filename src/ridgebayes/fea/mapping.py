@@ -238,7 +238,8 @@ class Columns:
 
     def guess(self, recognise: Callable[[str], str] = key_of) -> None:
         """Add columns that are recognised by the words in their headers."""
-        keys, free = self._keys(), self._free()
+        keys = self._keys()
+        free = [(header, words.partition(" #")[0], unit) for header, words, unit in self._free()]
         is_wide = any(use.Q is not None for use in self.uses)
         found = keys | {recognise(words) for _, words, _ in free if plain(words) not in N_MEAN}
         of_mean = "Q" in found and not found.isdisjoint(("rel_sd", "load_sd", "load_sem"))

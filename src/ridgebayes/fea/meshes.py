@@ -294,14 +294,15 @@ def _loads(words: Sequence[object], places: Sequence[str]) -> FloatArray:
 
 
 def _read_pvd(path: Path) -> tuple[list[Path], list[str]]:
-    """Return the files of a collection, which must lie in its folder, and their times."""
+    """Return the files of a collection, which must lie in its folder, by rising time."""
     listed = parse_xml(path).findall("Collection/DataSet")
+    listed.sort(key=lambda item: parse_number(item.get("timestep", "")))  # as ParaView reads it
     names = [item.get("file", "") for item in listed]
     times = [item.get("timestep", "") for item in listed]
     for name in names:
         if not (name.lower().endswith(".vtu") and is_beside(path, name)):
             raise InputError(f"{path}: file {clipped(name)}; expected a .vtu in the same folder")
-    if twice := [one for one, next_one in pairwise(sorted(times)) if one == next_one]:
+    if twice := [one for one, other in pairwise(times) if parse_number(one) == parse_number(other)]:
         raise InputError(f"{path}: timestep {clipped(twice[0])} stands twice; expected a file each")
     return [path.parent / name for name in names], times
 

@@ -288,8 +288,8 @@ def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
     {'F at 4 ridges': ('load', 4, 'ridges'), 'F at 6 ridges': ('load', 6, 'ridges')}
     """
     groups: dict[str, dict[str, int]] = {}
-    for header in headers:
-        if len(numbers := re.findall(r"\d+", header)) == 1 and len(numbers[0]) <= 6:
+    for header in headers:  # "#4" is the number of a column whose header stands twice
+        if len(numbers := re.findall(r"(?<![#\d])\d+", header)) == 1 and len(numbers[0]) <= 6:
             groups.setdefault(re.sub(r"\d+", "*", header), {})[header] = int(numbers[0])
     corners: dict[str, tuple[str, int, str]] = {}
     for template, counts in groups.items():
