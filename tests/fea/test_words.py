@@ -66,7 +66,7 @@ def test_corners_of__takes_series_of_even_counts_alone(headers, corners):
         ("E", "E, MPa", None, Fraction(10**6)),
         ("E", "E [N/mm²]", None, Fraction(10**6)),
         ("line", "P (kN/m)", None, Fraction(1000)),
-        *(("line", f"P ({N_mm})", None, Fraction(1000)) for N_mm in ("Newton/Millimeter", "N.mm-1")),
+        *(("line", f"P ({N_mm})", None, Fraction(1000)) for N_mm in ("Newton/mm", "N.mm-1")),
         *(("p", f"p ({unit})", None, Fraction(10**6)) for unit in ("N mm-2", "MPA")),
         ("a", "w [-]", None, Fraction(1)),
         ("a", "w [mm]", "mm", Fraction(1, 1000)),

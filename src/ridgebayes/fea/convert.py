@@ -9,7 +9,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.fea.mapping import ABOVE_0, LOADS, SDS, Use
-from ridgebayes.fea.record import FileError
+from ridgebayes.fea.record import MAX_REL_SE, FileError
 from ridgebayes.fea.words import (
     COUNTS,
     DIMENSIONS,
@@ -22,7 +22,7 @@ from ridgebayes.fea.words import (
     touching,
     unit_factor,
 )
-from ridgebayes.runtime.text import some_of
+from ridgebayes.runtime.text import percent, some_of
 from ridgebayes.table.columns import COUNT, NAMES, OK
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import as_text
@@ -32,6 +32,7 @@ _MISSING_CONSTANTS = {  # meaning of the constant, and an example value for mess
     "E": ("Young's modulus of the body", "? kPa"),
     "thickness": ("length of the body along the ridges, needed for forces", "? mm"),
 }
+_REDUNDANT = {"pitch": ("a", "b"), "D": ("R", "R")}  # lengths, and the keys of their parts
 # Divisors that convert each kind of load to p/E, where p is the line load over 2 R.
 _LOAD_DIVISORS = {"p_over_E": (), "p": ("E",), "line": ("R", "E"), "force": ("thickness", "R", "E")}
 
@@ -201,6 +202,22 @@ class Converter:
         """Return the headers of columns that are not used."""
         used = {use.header for use in self.used}
         return [name for name in map(str, self.cells) if name not in used]
+
+    @property
+    def doubts(self) -> list[str]:
+        """Cautions on unused columns of a pitch or diameter that contradict the used columns."""
+        doubts = []
+        for key, parts in _REDUNDANT.items():
+            use, sizes = self.uses.get((key, None)), [self.number(part) for part in parts]
+            if use is None or use in self.used or any(size is None for size in sizes):
+                continue
+            _, factor, rule = column_unit(key, use.header, use.unit)
+            size = self.cells[use.header].to_numpy(dtype=float) * float(factor)
+            off = float(np.nanmax(np.abs(size / sum(sizes) - 1), initial=0.0))  # type: ignore[arg-type]
+            if off > MAX_REL_SE and not rule:
+                whole = f"{' + '.join(parts)}: check widths, R and units"
+                doubts.append(f"column {use.header!r} is {percent(off)} off {whole}")
+        return doubts
 
     def _column(self, use: Use) -> FloatArray:
         key, has_dimension = use.key, use.key in DIMENSIONS

@@ -270,6 +270,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
         source_column = (origin + "; " + sources).where(sources != "", origin)
     frame["source"] = source_column
     lines = None if rows is None or source.lines is None else source.lines[rows]
+    doubts = tuple(converter.doubts)
     del cells, converter  # for a million rows this frees 0.2 GB for the validation
     table = _validated(RawTable(frame, source.where, lines), rows, problems, source)
     Q, labels = table.column("Q"), table.labels
@@ -280,7 +281,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
     ]
     if n_not_ok := len(table.left_out):
         problems.messages.append(f"{n_not_ok} rows whose status is not 'ok'")
-    return Imported(table, tuple(problems.messages), problems.known)
+    return Imported(table, tuple(problems.messages), problems.known, doubts)
 
 
 def _check_cells(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> None:

@@ -317,7 +317,7 @@ def broken_rule(where: str, name: str, rule: str, spots: Sequence[tuple[str, str
 
 
 FIRST = 4  # smallest Q with a transition load: two ridges touch at any load
-_MAX_REL_SE = 0.2  # larger relative errors get a caution
+MAX_REL_SE = 0.2  # larger relative errors get a caution
 # Loads that differ from a smooth body's by more than this factor get a caution: by the half-plane
 # equation textures need 0.27 to 1 times that load, from a/b = 0.01 to wide ridges.
 _MAX_LOAD_RATIO = 5.0
@@ -339,7 +339,7 @@ class Imported:
     known : mapping of str to str
         Recognised columns of a table file by key, in the notation of ``--map``.
     doubts : tuple of str
-        Cautions on the run's mesh.
+        Cautions on the mesh of a run, or on columns that contradict each other.
     """
 
     table: ContactTable
@@ -364,8 +364,8 @@ class Imported:
         doubtful = {
             f"p/E is over {factor} body whose contact reaches this corner; check the units of "
             "loads, widths, R and E": frame[is_far],
-            f"rel_se is above {_MAX_REL_SE:g}: the load is hardly known": frame[
-                frame["rel_se"] > _MAX_REL_SE
+            f"rel_se is above {MAX_REL_SE:g}: the load is hardly known": frame[
+                frame["rel_se"] > MAX_REL_SE
             ],
             "a curve begins here; loads of lower Q are missing": first[first["Q"] > FIRST],
         }
