@@ -391,8 +391,9 @@ def test_import__what_contacts_count_is_asked_for(refusal, numbers, likely):
     assert refusal.error.options == {"count_is": likely}
 
 
-def test_import__none_of_several_likely_loads_is_proposed(refusal):
-    refusal("a/R,b/R,Q,Fx (N),Fz (N)\n.03,.01,4,.1,1\n", {}, **BODY)
+@pytest.mark.parametrize("header", ["Fx (N),Fz (N)", "half load (N),note", "load (N),force (N)"])
+def test_import__no_doubtful_load_is_proposed(refusal, header):
+    refusal(f"a/R,b/R,Q,{header}\n.03,.01,4,.1,1\n", {}, **BODY)
     assert refusal.error.mapping == {"load": "?"}
 
 

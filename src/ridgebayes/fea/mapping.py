@@ -40,6 +40,12 @@ _CONSTANT = ("R", "D", "E", "thickness", "load_se", "a", "b", "pitch", "offset",
 CONSTANTS = tuple(name for name in _CONSTANT if name not in _NEVER_CONSTANT)
 _WIDE_HEADER = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _CORNER_KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
+_REQUIRED = {
+    "a": "a_over_R (or a, pitch)",
+    "b": "b_over_R (or b, pitch)",
+    "Q": "Q",
+    "load": "p_over_E (or p, line, force, load)",
+}
 _ALTERNATIVES = (
     *((key, f"{key}_over_R", f"{key}_over_D") for key in ("a", "b", "offset")),
     *((*LOADS, "load"), (*LOWERS, "load_lower"), (*SDS, "load_sd"), (*_SEMS, "load_sem")),
@@ -280,7 +286,7 @@ class Columns:
             if any(use.how == "mapped" for use in uses[1:]):
                 raise self.problems.error(f"{text}; expected one column")
             text += f": name one with --map '{first.name}=HEADER'"
-            self.problems.need(text, {first.name: headers[0]})
+            self.problems.need(text, {first.name: "?"})
         return uses[:1]
 
     def _keys(self) -> set[str]:
@@ -302,15 +308,19 @@ def _alternatives(key: str) -> set[str]:
     return next((set(group) for group in _ALTERNATIVES if key in group), {key})
 
 
-def lacking(uses: Sequence[Use], values: Iterable[str]) -> list[str]:
-    """Return the required quantities (a, b, Q, load) that neither a column nor a constant gives."""
-    keys = {use.key for use in uses} | set(values)
+def ask_missing(headers: Iterable[str], uses: Sequence[Use], problems: FileError) -> None:
+    """Ask for the required quantities that neither a column nor a constant gives."""
+    keys = {use.key for use in uses} | set(problems.values)
     per_Q = {use.key for use in uses if use.Q is not None}
     if "pitch" in keys:
         keys.add("a" if keys & _alternatives("b") else "b")
     if per_Q:
         keys |= {"Q"} if "status" in per_Q else {"Q", "load"}
-    return [key for key in ("a", "b", "Q", "load") if not keys & _alternatives(key)]
+    for key, name in _REQUIRED.items():
+        if not keys & _alternatives(key):
+            problems.columns = ", ".join(map(repr, [*headers][:50]))
+            way = f"--map '{key}=HEADER'" + ", or give --texture A,B" * (key in ("a", "b"))
+            problems.need(f"no column {name}; name it with {way}", {key: "?"})
 
 
 def as_load(use: Use, uses: Sequence[Use], problems: FileError) -> Use:

@@ -29,10 +29,9 @@ from ridgebayes.fea.mapping import (
     LOWERS,
     NEVER_EMPTY,
     Use,
+    ask_missing,
     assign,
-    lacking,
 )
-from ridgebayes.fea.missing import ask_columns
 from ridgebayes.fea.record import (
     SHOWN,
     FileError,
@@ -237,8 +236,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
         if use.header not in cells:
             rule = "expected numbers or text"
             raise problems.error(f"column {use.header!r}, {use.name}: {rule}")
-    if needed := lacking(uses, values):
-        ask_columns(needed, cells, uses, problems)
+    ask_missing(cells, uses, problems)
     _check_cells(cells, uses, problems)
     corners = [use for use in uses if use.Q is not None and use.key == "status"]
     if not corners and any(use.label is not None for use in uses):

@@ -200,9 +200,7 @@ _LOWER, _FILLERS = (
     re.compile(rf"\b{_any_of(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
 )
 NOTHING = re.compile(rf"\s*{_any_of(_WORDS['columns']['nothing'])}\s*", re.I)
-COUNTER, _NO_CORNER = (
-    re.compile(_any_of(_WORDS["columns"][name])) for name in ("counter", "no_corner")
-)
+_NO_CORNER = re.compile(_any_of(_WORDS["columns"]["no_corner"]))
 _LOADS = ("load", "p", "line")
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
 
