@@ -162,6 +162,7 @@ def test_delimited__a_title_with_commas_leaves_columns_between_blanks():
         "# a,b,Q\n# mesh fine, run 3\n1,2,4\n#second\n1,2,6\n",
         "#a;b;Q\n1;2;4\n# 1;2;3\n1;2;6\n",
         "# a b Q\n# units: none\n1 2 4\n# this is fine\n1 2 6\n# end\n",
+        "My rig,,\na,b,Q\n1,2,4\na,b,Q\n1,2,6\n",
     ],
 )
 def test_delimited__comments_among_the_rows_are_passed_over_and_said(text):
@@ -219,7 +220,7 @@ def test_delimited__a_row_that_is_cut_off_is_no_note(row):
         (b"a,b\n1,2\n1,\0\n", "line 3: a zero byte"),
         (b"\xef\xbb\xbf \n", "the file is empty"),
         (b"a,b\n", "no rows below the header"),
-        (b"a,b\n\n,\n", "no rows below the header"),
+        *((b"a,b\n" + below + b",\n", "no rows below the header") for below in (b"\n", b"a,b\n")),
         (b"a\n1\n", "one column only"),
         (b"a,=b\n1,2\n", "formulas"),
         (b'a,b\n1,"2\n', "not CSV"),

@@ -17,7 +17,7 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import SEPARATORS, WITH_UNIT, body_cells, numbers_in, tabs_for_blanks
-from ridgebayes.fea.record import MOST, FileError, Row, TableFile
+from ridgebayes.fea.record import MOST, SHOWN, FileError, Row, TableFile
 from ridgebayes.fea.words import DISGUISES, corners_of, is_unit, key_of, split_header
 from ridgebayes.runtime.reading import decoded, read_bytes
 from ridgebayes.runtime.text import some_of
@@ -317,7 +317,13 @@ class TextTable(TableFile):
         self._units: dict[str, tuple[str, bool]] = {}  # units in the cells of columns, by header
         self._body = self._even_body(text, first - self._facts.skip_rows)
         if not self._body:
+            titles = [cells for _, cells in full[:n_head]]
             below = [row for row in chain(head, rows) if row[0] >= first]
+            again = [str(line) for line, cells in below if cells in titles]
+            if again:  # as in files that were joined
+                below = [row for row in below if row[1] not in titles]
+                said = f"the header again, passed over: line {some_of(again, SHOWN)}"
+                problems.messages.append(f"{self.where}: {said}")
             self._units, self.lines, self._typed = body_cells(
                 below, self.headers, separator, problems
             )
@@ -330,9 +336,12 @@ class TextTable(TableFile):
 
     def _even_body(self, text: str, first: int) -> str:
         """Return the text of the rows if all have the same number of plain cells; empty if not."""
-        body, separator = text.split("\n", first - 1)[-1].rstrip("\n"), self._separator
+        *titles, body = text.split("\n", first - 1)
+        body, separator = body.rstrip("\n"), self._separator
         small = body.lower()
         if not body or self._facts.empty or any(mark in small for mark in _NOT_PLAIN):
+            return ""
+        if any(title.strip() and title in body for title in titles):
             return ""
         lines = even_lines(body, separator, len(self.headers))
         begin, last = body.lstrip("\n").partition("\n")[0], body.rpartition("\n")[2]
