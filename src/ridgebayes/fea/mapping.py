@@ -1,10 +1,9 @@
 """Matching of a file's columns with contract columns: by mapping, by name, or by header words."""
 
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ridgebayes.errors import InputError
 from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import (
     DIMENSIONS,
@@ -182,7 +181,7 @@ class Columns:
         key, Q, header, unit = name.strip(), None, text, None
         if text not in self._split and ";" in text:
             header, unit = map(str.strip, text.rsplit(";", 1))
-        before, star, after = ("", "", "") if header in self._split else header.partition("*")
+        star = "*" in header and header not in self._split
         match = None if key in _MAPPED or star else _CORNER_KEY.fullmatch(key)
         if match is not None:
             key, Q = match[1] or "load", int(match[2])
@@ -191,23 +190,21 @@ class Columns:
             raise self.problems.error(
                 f"mapping {name}={text}: key {name!r}: expected one of {keys}"
             )
+        pattern = re.escape(header)
         if star:
-            pattern = re.compile(rf"{re.escape(before)}(\d{{1,6}}){re.escape(after)}")
-            columns = [
-                Use(key, header, unit, int(match[1]))
-                for header, (words, _) in self._split.items()
-                if (match := pattern.fullmatch(header) or pattern.fullmatch(words))
-            ]
-            if not columns:
-                raise self._missing(f"mapping {name}={text}: no such column")
-            self.uses += columns
-            return
-        headers = [name for name, (words, _) in self._split.items() if words == header]
-        headers = [header] if header in self._split else headers
-        if len(headers) != 1:
-            several = "several columns" if headers else "no column"
-            raise self._missing(f"mapping {name}={text}: {several} {header!r}")
-        self.uses.append(Use(key, headers[0], unit, Q))
+            pattern = pattern.replace(re.escape("*"), r"(\d{1,6})", 1)
+        there = [header] if header in self._split else list(self._split)
+        columns = [
+            Use(key, name, unit, int(match[1]) if star else Q)
+            for name in there
+            if (match := re.fullmatch(pattern, name) or re.fullmatch(pattern, self._split[name][0]))
+        ]
+        if not columns or (len(columns) > 1 and not star):
+            several = "several columns" if columns else "no column"
+            names = ", ".join(map(repr, [*self._split][:50]))
+            fault = f"mapping {name}={text}: {several} {header!r}; the columns are {names}"
+            raise self.problems.error(fault)
+        self.uses += columns
 
     def name(self) -> None:
         """Add columns whose header is a contract column or a key with a dimension."""
@@ -298,17 +295,13 @@ class Columns:
         used = {use.header for use in self.uses}
         return [(header, *split) for header, split in self._split.items() if header not in used]
 
-    def _missing(self, message: str) -> InputError:
-        names = ", ".join(map(repr, [*self._split][:50]))
-        return self.problems.error(f"{message}; the columns are {names}")
-
 
 def _alternatives(key: str) -> set[str]:
     """Return the keys that give the same quantity, including the key itself."""
     return next((set(group) for group in _ALTERNATIVES if key in group), {key})
 
 
-def ask_missing(headers: Iterable[str], uses: Sequence[Use], problems: FileError) -> None:
+def ask_missing(headers: Sequence[str], uses: Sequence[Use], problems: FileError) -> None:
     """Ask for the required quantities that neither a column nor a constant gives."""
     keys = {use.key for use in uses} | set(problems.values)
     per_Q = {use.key for use in uses if use.Q is not None}
@@ -318,7 +311,7 @@ def ask_missing(headers: Iterable[str], uses: Sequence[Use], problems: FileError
         keys |= {"Q"} if "status" in per_Q else {"Q", "load"}
     for key, name in _REQUIRED.items():
         if not keys & _alternatives(key):
-            problems.columns = ", ".join(map(repr, [*headers][:50]))
+            problems.columns = ", ".join(map(repr, headers[:50]))
             way = f"--map '{key}=HEADER'" + ", or give --texture A,B" * (key in ("a", "b"))
             problems.need(f"no column {name}; name it with {way}", {key: "?"})
 

@@ -25,13 +25,7 @@ from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.record import FARTHEST, HUGE, SHOWN
 from ridgebayes.fea.rim import NEAR
-from ridgebayes.runtime.reading import (
-    LARGEST,
-    LARGEST_TEXT,
-    check_tree,
-    read_text,
-    refusing,
-)
+from ridgebayes.runtime.reading import LARGEST, LARGEST_TEXT, check_tree, read_text, refusing
 from ridgebayes.runtime.text import clipped, some_of
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 
