@@ -276,8 +276,14 @@ def test_nodes__units_in_headers_are_converted(tmp_path, whole, load, given, E):
         imported(tmp_path, "nodes", lambda _: text, **given | {"R": "8"})
 
 
-def test_calculix__thickness_is_the_section_s_and_an_unread_material_asks_for_E(tmp_path, whole):
-    deck = f"{writer.deck_text(RUN)}*SOLID SECTION, ELSET=EBODY, MATERIAL=RUBBER\n20.\n"
+SECTION = "*SOLID SECTION, ELSET=EBODY, MATERIAL=RUBBER\n20.\n"
+
+
+@pytest.mark.parametrize("change", [put(r"\Z", SECTION), put("^(2.*),0.$", r"\1,20.", 0)])
+def test_calculix__thickness_is_the_deck_s_and_an_unread_material_asks_for_E(
+    tmp_path, whole, change
+):
+    deck = change(writer.deck_text(RUN))
     files = {"run.dat": writer.calculix_text(20 * FORCE, NODES, POSITION), "run.inp": deck}
     read = imported(tmp_path, "calculix", files=files)
     np.testing.assert_allclose(loads_of(read), loads_of(whole("calculix")), rtol=1e-6)  # printed

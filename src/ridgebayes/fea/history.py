@@ -114,6 +114,7 @@ def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:
     is_force, divisor = history.load_is == "force", 2 * (run.R or 1.0) * run.E
     half = 2 if is_force and run.symmetry == "half" else 1
     how = f"{' times 2' if half == 2 else ''} over 2 R E, E = {run.E:g}"
+    how += f", thickness {run.thickness:g}" if is_force else ""
     if history.load_is == "p_over_E":
         divisor, how = 1.0, ""
     with np.errstate(over="ignore"):
