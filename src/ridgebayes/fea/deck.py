@@ -169,11 +169,6 @@ class Run:
             )
 
     @property
-    def where(self) -> str:
-        """First file, for messages."""
-        return str(self.path)
-
-    @property
     def path(self) -> Path:
         """First file."""
         return self.paths[0]

@@ -17,10 +17,10 @@ import pandas as pd
 
 from ridgebayes.errors import InputError
 from ridgebayes.fea.cells import SEPARATORS, WITH_UNIT, body_cells, numbers_in, tabs_for_blanks
-from ridgebayes.fea.record import MOST, SHOWN, FileError, Row, TableFile
+from ridgebayes.fea.record import MOST, FileError, Row, TableFile
 from ridgebayes.fea.words import DISGUISES, corners_of, is_unit, key_of, split_header
 from ridgebayes.runtime.reading import decoded, read_bytes
-from ridgebayes.runtime.text import some_of
+from ridgebayes.runtime.text import count, some_of
 from ridgebayes.table.columns import NAMES, REQUIRED
 from ridgebayes.table.files import even_lines, lossless, records
 
@@ -318,12 +318,11 @@ class TextTable(TableFile):
         self._body = self._even_body(text, first - self._facts.skip_rows)
         if not self._body:
             titles = [cells for _, cells in full[:n_head]]
-            below = [row for row in chain(head, rows) if row[0] >= first]
-            again = [str(line) for line, cells in below if cells in titles]
-            if again:  # as in files that were joined
-                below = [row for row in below if row[1] not in titles]
-                said = f"the header again, passed over: line {some_of(again, SHOWN)}"
-                problems.messages.append(f"{self.where}: {said}")
+            records_below = [row for row in chain(head, rows) if row[0] >= first]
+            below = [row for row in records_below if row[1] not in titles]
+            if n_again := len(records_below) - len(below):  # as in files that were joined
+                said = f"{count(n_again, 'row')} with the header again"
+                problems.messages.append(f"{self.where}: passed over: {said}")
             self._units, self.lines, self._typed = body_cells(
                 below, self.headers, separator, problems
             )

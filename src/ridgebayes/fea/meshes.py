@@ -238,7 +238,7 @@ def read_series(run: Run) -> ContactHistory:
         If a file cannot be parsed, has a document type, entities or an encoding other than UTF-8,
         refers to data outside of its folder, or has more than 2 GiB of data.
     """
-    paths, where, time, loads = run.paths, run.where, run.facts.time, run.facts.loads
+    paths, where, time, loads = run.paths, str(run.path), run.facts.time, run.facts.loads
     field = run.facts.field or "displacement"
     if time not in (None, "p_over_E", "line"):
         raise InputError(f"--time {time}: expected p_over_E or line")

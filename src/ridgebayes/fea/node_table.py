@@ -45,7 +45,7 @@ def read_node_table(run: Run) -> ContactHistory:
     """
     mapping, values = run.facts.columns_and_values()
     body = {key: text for key, text in values.items() if key in ("R", "E", "thickness")}
-    problems = FileError(run.where, run.facts, body)
+    problems = FileError(str(run.path), run.facts, body)
     source = TABLES[run.path.suffix.lower()](table_content(run.path, problems), problems)
     columns = Columns(source.headers, problems, OF_NODES)
     for name, text in mapping.items():
