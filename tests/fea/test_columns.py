@@ -204,6 +204,7 @@ def test_import__an_error_beside_a_mean_is_that_of_the_load(read, header, cells,
     [
         ("error (N)", ".01", "kept as they are: 'error (N)'"),
         ("SD (N),Sample", ".01,1", "repeats with an sd of their own"),
+        ("SD (N)", "", "2 rows without an error of their own: rel_se is 0"),
         ("R (mm),Diameter (mm)", "8,8", "column 'Diameter (mm)' is 50 % off R + R: check"),
     ],
 )
@@ -304,7 +305,7 @@ FIXED = (
         (f"R [mm],{LONG}", MAP, BODY, "R is given as '8 mm', and as column 'R [mm]': expected one"),
         (f"Diameter [mm],{LONG}", MAP, BODY, "R is given as '8 mm', and as column 'Diameter"),
         (PRESSURES, {}, {"E": "60 kPa"}, "'p [kPa]', 'p [Pa]' could all be p"),
-        (f"edges,,edges,,{RATIOS[:-7]},p/E\n4,,4,,.03,.01,1\n", {}, {}, "'edges', 'edges #3'"),
+        (f"edges,,edges,,{RATIOS[:-7]},p/E\n4,,4,,.03,.01,1\n", {}, {}, "below each other"),
         (TWO_LOADS, {}, BODY, "'Load [N/mm]', 'Load [kPa]' could all be load"),
         ("a/R,b/R,Q,force (N),force (N)\n.03,.01,4,1,2\n", {}, BODY, "'force #5 [N]' could all"),
         (

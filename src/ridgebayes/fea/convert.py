@@ -93,12 +93,14 @@ class Converter:
         has_sd = any(use.key in SDS for use in self.used)
         has_repeats = has_sd and frame.duplicated(["a_over_R", "b_over_R", "Q"]).any()
         frame = frame.assign(**{name: self.cells[name] for name in extra})
-        few = (frame["Q"] < 4) & frame["Q"].isin([0, 2]) & (frame.get("kind", "") != COUNT)
+        few = frame["Q"].isin([0, 2]) & (frame.get("kind", "") != COUNT)
+        exact = frame["p_over_E"].notna() & frame.get("rel_se", few).isna()
         remarks = {
             f"ignored, as the mapping uses other columns: {listed(ignored)}": ignored,
             f"kept as they are: {listed(extra)}": extra,
             "repeats with an sd of their own: sigma is fitted to the scatter of repeats, so an "
             "sd over the same repeats counts it twice": has_repeats,
+            f"{exact.sum()} rows without an error of their own: rel_se is 0": exact.any(),
             f"{few.sum()} rows of Q under 4 ignored: that many touch at any load": few.any(),
         }
         self.messages += [remark for remark, holds in remarks.items() if holds]

@@ -283,6 +283,7 @@ class Columns:
             if any(use.how == "mapped" for use in uses[1:]):
                 raise self.problems.error(f"{text}; expected one column")
             text += f": name one with --map '{first.name}=HEADER'"
+            text += ", or copy equal tables below each other" * any(" #" in one for one in headers)
             self.problems.need(text, {first.name: "?"})
         return uses[:1]
 
