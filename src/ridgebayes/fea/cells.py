@@ -155,8 +155,7 @@ def body_cells(
         text = repr(separator.join(comments[0][1]))
         shown = f"{count(len(comments), 'comment')} such as {text}"
         problems.messages.append(f"{where}: passed over: {shown}")
-        lines = {line for line, _ in comments}
-        rows = [row for row in rows if row[0] not in lines]
+        rows = [row for row in rows if not _is_comment(row[1], width)]
     rows = _without_notes(rows, width, problems)
     names, units = list(headers), dict[str, tuple[str, bool]]()
     for i, match in enumerate(map(WITH_UNIT.fullmatch, first[:width])):

@@ -260,13 +260,13 @@ class Printed:
                 states.append((load, self.filled(table, values)[[*values.columns]].to_numpy()))
             except MissingError as lack:
                 ignored.setdefault(str(lack), []).append(f"line {increment.line.number}")
-        notes = [f"not used: {', '.join(sorted(self.others))}"] if self.others else []
-        if self._n_again:
-            notes.append(f"{self._n_again} increments printed again: the later one counts")
+        notes = [*self.messages]
+        notes += [f"not used: {', '.join(sorted(self.others))}"] * bool(self.others)
+        again = f"{self._n_again} increments printed again: the later one counts"
+        notes += [again] * bool(self._n_again)
         notes += [
             f"{some_of(where, SHOWN)}: increment ignored, {lack}" for lack, where in ignored.items()
         ]
-        notes = [*self.messages, *notes]
         if not states:
             why = "".join(f"; {text}" for text in notes[:SHOWN])
             raise InputError(f"{path}: no increment with {required}{why}")
