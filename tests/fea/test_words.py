@@ -23,8 +23,8 @@ KEYS = {
     "ridge angle,ridge type,groove radius,root radius,loss modulus,substrate modulus,E sd,"
     "ridge width sd,mean contact pressure,Kontaktdruck,pull-off force,Adhesionskraft,"
     "ridge fraction,Steganteil,groove/ridge ratio,number of grooves,Anzahl Rillen,ridge roughness,"
-    "half load,load per side,Last halbes Modell,tare load,Nulllast,load offset,load range,"
-    "force amplitude,G modulus,modulus G,contact modulus,storage modulus,100% modulus",
+    "half load,load per side,Last halbes Modell,tare load,Nulllast,load offset,load range,min load,"
+    "load type,force amplitude,G modulus,modulus G,contact modulus,storage modulus,100% modulus",
     "load_sd": "Force sd,SD,standard deviation of the pressure,Kraft Standardabw.",
     "load_lower": "untere Last",
     "a_over_R": "a/R",
