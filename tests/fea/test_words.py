@@ -15,7 +15,7 @@ KEYS = {
     "Q": "contacts,Kontakte,Anzahl Stege,ridges in contact,cnt,Kontaktkanten,Stegkanten,"
     "berührte Kanten,Kontaktrippen [-],ridge edges,arêtes en contact,Anzahl Kontaktstege",
     "p": "Pressure,Flächenpressung,Nenndruck,mean pressure",
-    "load": "Force,Normalkraft,Last,F,Belastung",
+    "load": "Force,Normalkraft,Last,F,F_N,Belastung",
     "line": "line load,Linienlast,force per unit length",
     "p_over_E": "p/E,P/(2RE),p over E,load / E",
     "": "Note,ridge height,corner radius,load step,max pressure,shear modulus,reduced modulus,"
