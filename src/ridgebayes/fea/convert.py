@@ -109,13 +109,12 @@ class Converter:
     def curve(self) -> dict[str, Any]:
         """Return the columns that are constant along a curve."""
         a, b = self.over_R("a"), self.over_R("b")
-        pitch = self.over_R("pitch") if (a is None) != (b is None) else None
-        if pitch is not None and a is not None:
-            b = np.round(pitch - a, 12)  # removes rounding errors of a difference of decimals
-            self.messages.append("b: pitch minus ridge width")
-        elif pitch is not None and b is not None:
-            a = np.round(pitch - b, 12)
-            self.messages.append("a: pitch minus groove width")
+        one = a if b is None else b if a is None else None
+        if one is not None and (pitch := self.over_R("pitch")) is not None:
+            rest = np.round(pitch - one, 12)  # removes rounding errors of a difference of decimals
+            said = "a: pitch minus groove width" if a is None else "b: pitch minus ridge width"
+            self.messages.append(said)
+            a, b = (rest, b) if a is None else (a, rest)
         columns = {"a_over_R": a, "b_over_R": b, "offset_over_R": self.over_R("offset")}
         columns["nu"] = self.number("nu")
         return columns | self.texts("texture", "series", "solver", "source")
@@ -217,8 +216,7 @@ class Converter:
             size = self.cells[use.header].to_numpy(dtype=float) * float(factor)
             off = float(np.nanmax(np.abs(size / sum(sizes) - 1), initial=0.0))  # type: ignore[arg-type]
             if off > MAX_REL_SE and not rule:
-                whole = f"{' + '.join(parts)}: check widths, R and units"
-                doubts.append(f"column {use.header!r} is {percent(off)} off {whole}")
+                doubts.append(f"column {use.header!r} is {percent(off)} off {' + '.join(parts)}")
         return doubts
 
     def _column(self, use: Use) -> FloatArray:

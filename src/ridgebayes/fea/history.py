@@ -190,12 +190,8 @@ def _on_rim(
     depth = np.array([rim.overlap(at, flat, width) for at in position])
     error = np.hypot(depth[:, None], digits) / rim.R
     # A height is the sum of two printed numbers, a coordinate and a displacement.
-    return (
-        run,
-        gaps,
-        {"gap_error": error, "digits": 2 * history.digits / rim.R},
-        np.zeros(gaps.shape[1]),
-    )
+    errors = {"gap_error": error, "digits": 2 * history.digits / rim.R}
+    return run, gaps, errors, np.zeros(gaps.shape[1])
 
 
 def _corners(

@@ -11,6 +11,7 @@ from ridgebayes.fea.words import (
     OF_CORNERS,
     corners_of,
     count_term,
+    is_likely,
     key_of,
     load_kind,
     named,
@@ -39,12 +40,6 @@ _CONSTANT = ("R", "D", "E", "thickness", "load_se", "a", "b", "pitch", "offset",
 CONSTANTS = tuple(name for name in _CONSTANT if name not in _NEVER_CONSTANT)
 _WIDE_HEADER = re.compile(r"(.*?[\s_])?Q[\s_]*=?[\s_]*(\d{1,6})")
 _CORNER_KEY = re.compile(r"\s*([A-Za-z_]*?)[\s:]*Q?[\s]*[= ]?\s*(\d{1,6})\s*")
-_REQUIRED = {
-    "a": "a_over_R (or a, pitch)",
-    "b": "b_over_R (or b, pitch)",
-    "Q": "Q",
-    "load": "p_over_E (or p, line, force, load)",
-}
 _ALTERNATIVES = (
     *((key, f"{key}_over_R", f"{key}_over_D") for key in ("a", "b", "offset")),
     *((*LOADS, "load"), (*LOWERS, "load_lower"), (*SDS, "load_sd"), (*_SEMS, "load_sem")),
@@ -144,6 +139,7 @@ def assign(
         columns.name_corners()
     columns.guess()
     columns.settle()
+    columns.propose()
     # Counts that were recognised by words may be counts of edges, ridges or segments.
     counts = [u for u in columns.uses if u.key == "Q" and u.how == "guessed"]
     terms = columns.terms | {count_term(use.header) for use in counts}
@@ -270,6 +266,33 @@ class Columns:
             ]
         self.uses = [use for uses in places.values() for use in self._settled(uses)]
 
+    def propose(self) -> None:
+        """Ask for the required quantities that neither a column nor a constant gives.
+
+        A column that its unit makes likely is added, so that further errors are found; the user
+        has to confirm it. Several loads or counts are ambiguous.
+        """
+        keys, per_Q = self._keys(), {use.key for use in self.uses if use.Q is not None}
+        keys |= self.problems.values.keys()
+        if "pitch" in keys:
+            keys.add("a" if keys & _alternatives("b") else "b")
+        if per_Q:
+            keys |= {"Q"} if "status" in per_Q else {"Q", "load"}
+        is_bare = not any(unit for _, unit in self._split.values())
+        lacking = [key for key in ("a", "b", "Q", "load") if not keys & _alternatives(key)]
+        for key in lacking:
+            likely = [one for one, *split in self._free() if is_likely(key, is_bare, *split)]
+            header = likely[0] if likely and (key in ("a", "b") or len(likely) == 1) else None
+            names = ", ".join(sorted(_alternatives(key)))
+            text = f"no column {names}; name it with --map '{key}=HEADER'"
+            if header is None and key in ("a", "b"):
+                self.problems.need(f"{text}, or give --texture A,B", texture="?,?")
+            else:
+                self.problems.need(text, {key: header or "?"})
+            self.uses += [Use(key, header)] if header is not None else []
+        there = ", ".join(map(repr, [*self._split][:50]))
+        self.problems.needs += [f"the columns are {there}"] * bool(lacking)
+
     def _settled(self, uses: list[Use]) -> list[Use]:
         """Return the columns to keep among several with one key; they may be repeats of loads."""
         first, headers = uses[0], [use.header for use in uses]
@@ -284,7 +307,7 @@ class Columns:
                 raise self.problems.error(f"{text}; expected one column")
             text += f": name one with --map '{first.name}=HEADER'"
             text += ", or copy equal tables below each other" * any(" #" in one for one in headers)
-            self.problems.need(text, {first.name: "?"})
+            self.problems.need(text, {first.name: headers[0]})
         return uses[:1]
 
     def _keys(self) -> set[str]:
@@ -300,21 +323,6 @@ class Columns:
 def _alternatives(key: str) -> set[str]:
     """Return the keys that give the same quantity, including the key itself."""
     return next((set(group) for group in _ALTERNATIVES if key in group), {key})
-
-
-def ask_missing(headers: Sequence[str], uses: Sequence[Use], problems: FileError) -> None:
-    """Ask for the required quantities that neither a column nor a constant gives."""
-    keys = {use.key for use in uses} | set(problems.values)
-    per_Q = {use.key for use in uses if use.Q is not None}
-    if "pitch" in keys:
-        keys.add("a" if keys & _alternatives("b") else "b")
-    if per_Q:
-        keys |= {"Q"} if "status" in per_Q else {"Q", "load"}
-    for key, name in _REQUIRED.items():
-        if not keys & _alternatives(key):
-            problems.columns = ", ".join(map(repr, headers[:50]))
-            way = f"--map '{key}=HEADER'" + ", or give --texture A,B" * (key in ("a", "b"))
-            problems.need(f"no column {name}; name it with {way}", {key: "?"})
 
 
 def as_load(use: Use, uses: Sequence[Use], problems: FileError) -> Use:

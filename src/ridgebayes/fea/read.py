@@ -23,7 +23,7 @@ from ridgebayes.fea.layouts import (
     of_counts,
     one_series,
 )
-from ridgebayes.fea.mapping import ABOVE_0, LOADS, LOWERS, NEVER_EMPTY, Use, ask_missing, assign
+from ridgebayes.fea.mapping import ABOVE_0, LOADS, LOWERS, NEVER_EMPTY, Use, assign
 from ridgebayes.fea.record import (
     SHOWN,
     FileError,
@@ -228,7 +228,6 @@ def read_columns(path: Path, facts: Given) -> Imported:
         if use.header not in cells:
             rule = "expected numbers or text"
             raise problems.error(f"column {use.header!r}, {use.name}: {rule}")
-    ask_missing([*map(str, cells)], uses, problems)
     _check_cells(cells, uses, problems)
     corners = [use for use in uses if use.Q is not None and use.key == "status"]
     if not corners and any(use.label is not None for use in uses):

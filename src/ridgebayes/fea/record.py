@@ -222,8 +222,6 @@ class FileError(InputError):
         Whether rules are broken that no option mends.
     messages : list of str
         Messages about the import so far.
-    columns : str
-        Columns of the file, shown if a column is missing.
     """
 
     where: str
@@ -236,7 +234,6 @@ class FileError(InputError):
     known: dict[str, str] = field(default_factory=dict)
     is_broken: bool = False
     messages: list[str] = field(default_factory=list)
-    columns: str = ""
     _cells: dict[tuple[str, str], list[int]] = field(default_factory=dict)
 
     def __str__(self) -> str:
@@ -284,7 +281,6 @@ class FileError(InputError):
         # A rule that names an option is not a broken rule: the option mends its cells.
         self.is_broken = bool(self.wrong) or any("--" not in rule for _, rule in self._cells)
         self.wrong += [] if source is None else self._cell_errors(source)
-        self.needs += [f"the columns are {self.columns}"] if self.columns else []
         if self.wrong or self.needs:
             raise self
 

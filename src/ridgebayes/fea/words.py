@@ -200,6 +200,7 @@ _LOWER, _FILLERS = (
     re.compile(rf"\b{_any_of(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
 )
 NOTHING = re.compile(rf"\s*{_any_of(_WORDS['columns']['nothing'])}\s*", re.I)
+_COUNTER = re.compile(_any_of(_WORDS["columns"]["counter"]))
 _NO_CORNER = re.compile(_any_of(_WORDS["columns"]["no_corner"]))
 _LOADS = ("load", "p", "line")
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
@@ -250,6 +251,21 @@ def _key_of(text: str) -> str:
             is_lower = key in _LOADS and _LOWER.search(text)
             return f"{key}_lower" if is_lower else key
     return ""
+
+
+def is_likely(key: str, is_bare: bool, words: str, unit: str) -> bool:
+    """Return whether a column of these words and unit may be a quantity that no word names.
+
+    Words that belong to the quantity, but exclude this column, make it unlikely. In bare tables no
+    column has a unit.
+    """
+    keys = _LOADS if key == "load" else (key,)
+    is_excluded = any(yes.search(plain(words)) for name, yes, _ in _PATTERNS if name in keys)
+    if is_excluded or _COUNTER.search(words.lower()) or (key == "Q" and count_term(words)):
+        return False
+    if key == "Q" or is_bare:
+        return not unit
+    return bool(load_kind(unit)) if key == "load" else unit_factor(unit, "length") is not None
 
 
 def count_term(words: str) -> str:
