@@ -105,14 +105,8 @@ def array(new):
         (array("AAAA"), "cannot be read"),
         (array("???"), "expected base64"),
         (swap("vtkZLib", "vtkLZMA"), "expected vtkZLibDataCompressor"),
-        (
-            lambda t: re.sub(r'NumberOfPoints="\d+"', 'NumberOfPoints="999999999"', t),
-            "cannot be read",
-        ),
-        (
-            swap('"displacement"', '"u"'),
-            "0 point data 'displacement'; expected one; the fields are 'u'",
-        ),
+        (lambda t: re.sub(r'(OfPoints=)"\d+"', r'\1"999999999"', t), "cannot be read"),
+        (swap('"displacement"', '"u"'), "0 point data .*; expected one; the fields are 'u'"),
         (swap("Float64", "String"), "type 'String'"),
         (swap('format="binary"', 'format="raw"'), "expected a VTU file"),
         (lambda t: t.replace("<Piece", "<P").replace("</Piece", "</P"), "the fields are none"),
@@ -152,10 +146,7 @@ BOMB = '<!DOCTYPE x [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>'
         (lambda t: BOMB + t, r"run\.xdmf, line 1: <!DOCTYPE; expected XML without it"),
         (lambda t: "\n<!doctype x>" + t, "line 2: <!DOCTYPE"),
         (swap("<Domain>", "<!ENTITY a 'b'><Domain>"), "line 1: <!ENTITY"),
-        (
-            lambda t: '<?xml version="1.0" encoding="latin-1"?>' + t,
-            "encoding 'latin-1'; expected UTF",
-        ),
+        (lambda t: '<?xml version="1.0" encoding="latin-1"?>' + t, "'latin-1'; expected UTF"),
         (lambda t: t.encode("utf-16"), "UTF-8"),
         (lambda t: t.encode() + b"\xff", "0xff is not UTF-8"),
         (lambda t: t[:500], r"run\.xdmf, line 1: .*; expected XML"),
@@ -231,22 +222,16 @@ def test_series__a_broken_hdf5_is_refused(tmp_path, share):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("old", "new"),
     [
-        (swap("e-0", "e-x", 1), "cannot be read"),
-        (lambda t: re.sub(r"\n0\.0", r"\n0,0", t, count=1), "cannot be read"),
-        (
-            lambda t: re.sub(r'(Dimensions="209 3"[^>]*>)\s*\S+', r"\1", t, count=1),
-            "cannot be read",
-        ),
-        (
-            lambda t: re.sub(r'(Dimensions="209 3"[^>]*>)\s*\S+', r"\1 1_0", t, count=1),
-            "cannot be read",
-        ),
+        ("e-0", "e-x"),
+        (r"\n0\.0", r"\n0,0"),
+        *((r'(Dimensions="209 3"[^>]*>)\s*\S+', rf"\1{word}") for word in ("", " 1_0")),
     ],
 )
-def test_series__numbers_in_the_xml_are_numbers(tmp_path, change, message):
-    refused(tmp_path, change, message, runs.xdmf(RUN, "XML"))
+def test_series__numbers_in_the_xml_are_numbers(tmp_path, old, new):
+    files = runs.xdmf(RUN, "XML")
+    refused(tmp_path, lambda t: re.sub(old, new, t, count=1), "cannot be read", files)
 
 
 @pytest.mark.parametrize(

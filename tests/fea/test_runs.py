@@ -182,6 +182,7 @@ def level_twice(text):
     return text.replace(first, re.sub(r"-?\d\.\d+E-0\d", "9.000000E-03", first) + first)
 
 
+FALLING = put(r"(?s)(<Data.*/>\n)", lambda m: "".join(m[1].splitlines(True)[::-1]))
 SAME = [
     ("calculix", lambda text: "".join(reversed(levels(text))), {}, ""),
     ("calculix", level_twice, {}, "1 increments printed again: the later one counts"),
@@ -222,6 +223,7 @@ SAME = [
     ("ansys", put("^(?=     1150)", ANSYS_PAGE, count=0), {}, ""),
     ("ansys, status", put("^(?=     1150)", ANSYS_PAGE, count=0), {}, ""),
     ("febio", None, {}, "line 1: increment ignored, zeros, as before the first step"),
+    ("series, PVD", FALLING, {}, "34 states"),
     ("nodes", put("COPEN", "Clearance"), {"map": ("gap=Clearance",)}, "34 steps of 241 nodes"),
 ]
 
@@ -272,8 +274,11 @@ def test_nodes__units_in_headers_are_converted(tmp_path, load, given, E):
         imported(tmp_path, "nodes", lambda _: text, **given | {"R": "8"})
 
 
-def test_calculix__thickness_is_the_section_s_and_an_unread_material_asks_for_E(tmp_path, whole):
-    deck = f"{writer.deck_text(RUN)}*SOLID SECTION, ELSET=EBODY, MATERIAL=RUBBER\n20.\n"
+@pytest.mark.parametrize(
+    ("old", "new"), [(r"\Z", "*SOLID SECTION\n20.\n"), ("^(2.*),0.$", r"\1,20.")]
+)
+def test_calculix__thickness_is_the_deck_s_and_other_materials_need_E(tmp_path, whole, old, new):
+    deck = put(old, new, 0)(writer.deck_text(RUN))
     files = {"run.dat": writer.calculix_text(20 * FORCE, NODES, POSITION), "run.inp": deck}
     read = imported(tmp_path, "calculix", files=files)
     np.testing.assert_allclose(loads_of(read), loads_of(whole("calculix")), rtol=1e-6)  # printed
@@ -391,6 +396,7 @@ def row_of_50(new):
     return put(rf"^ {50:10d} .*", new)
 
 
+BALANCE = runs.listing([7], [[[0, p]] for p in FORCE], ("FX", "FY"))
 REFUSED = [
     ("calculix", put(r"(TOP and time +)0\.2000000E\+01", r"\1nan"), "'nan': expected a finite"),
     ("calculix", put(r"^( +3 .*)  0\.000000E\+00$", r"\1"), "expected node, vx, vy, vz"),
@@ -459,6 +465,7 @@ REFUSED = [
     ("ansys", put("     UY", "     UZ", count=0), "UY missing"),
     ("ansys", put("FX|UX", "UZ", count=0), "UX, UY missing"),
     ("ansys", put("E-0", "Q-0"), "expected a finite number"),
+    ("ansys", lambda text: text + BALANCE, "forces FY sum to .*, less than that of one node"),
     ("ansys", lambda text: text[: text.rindex("     1201") + 15], "is cut off"),
     ("ansys", lambda text: text.replace("     1201", "     5201"), "node 5201 has no X and Y"),
     ("series, PVD", put("0.vtu", "../0.vtu"), "expected a .vtu in the same folder"),

@@ -137,6 +137,7 @@ def test_spreadsheet__several_sheets_need_a_name(read, refusal):
     assert len(read(content, sheet="other").table) == 1
     assert "the sheets are 'loads', 'other', 'empty'" in refusal(content, sheet="third")
     assert "no sheet with cells in 'empty'" in refusal(content, sheet="empty")
+    assert "fewer recognised headers: 'n'" in str(read(workbook(n=[["a", "z"], [1, 2]])).messages)
     visible, not_so = b'state="visible"', b'state="hidden"'
     hidden = changed(content, "workbook.xml", lambda d: d.replace(visible, not_so, 1))
     assert len(read(hidden).table) == 1  # the second

@@ -15,14 +15,16 @@ KEYS = {
     "Q": "contacts,Kontakte,Anzahl Stege,ridges in contact,cnt,Kontaktkanten,Stegkanten,"
     "berührte Kanten,Kontaktrippen [-],ridge edges,arêtes en contact,Anzahl Kontaktstege",
     "p": "Pressure,Flächenpressung,Nenndruck,mean pressure",
-    "load": "Force,Normalkraft,Last,F,Belastung",
+    "load": "Force,Normalkraft,Last,F,F_N,Belastung",
     "line": "line load,Linienlast,force per unit length",
     "p_over_E": "p/E,P/(2RE),p over E,load / E",
     "": "Note,ridge height,corner radius,load step,max pressure,shear modulus,reduced modulus,"
     "groove depth,friction force,q_lin,ridge spacing,Stegabstand,groove distance,ridge length,"
     "ridge angle,ridge type,groove radius,root radius,loss modulus,substrate modulus,E sd,"
     "ridge width sd,mean contact pressure,Kontaktdruck,pull-off force,Adhesionskraft,"
-    "ridge fraction,Steganteil,groove/ridge ratio,number of grooves,Anzahl Rillen,ridge roughness",
+    "ridge fraction,Steganteil,groove/ridge ratio,number of grooves,Anzahl Rillen,ridge roughness,"
+    "half load,load per side,Last halbes Modell,tare load,Nulllast,load offset,load range,min load,"
+    "load type,force amplitude,G modulus,modulus G,contact modulus,storage modulus,100% modulus",
     "load_sd": "Force sd,SD,standard deviation of the pressure,Kraft Standardabw.",
     "load_lower": "untere Last",
     "a_over_R": "a/R",
@@ -48,6 +50,7 @@ def test_key_of__reads_words_of_the_field(words, key):
         (["Probe 2 Kraft", "Probe 4 Kraft"], {}),
         (["load 3", "load 5"], {}),
         (["load 4"], {}),
+        (["load #4", "load #6"], {}),
         (["height 4", "height 6"], {}),
     ],
 )
@@ -63,7 +66,8 @@ def test_corners_of__takes_series_of_even_counts_alone(headers, corners):
         ("E", "E, MPa", None, Fraction(10**6)),
         ("E", "E [N/mm²]", None, Fraction(10**6)),
         ("line", "P (kN/m)", None, Fraction(1000)),
-        ("line", "P (Newton/Millimeter)", None, Fraction(1000)),
+        *(("line", f"P ({N_mm})", None, Fraction(1000)) for N_mm in ("Newton/mm", "N.mm-1")),
+        *(("p", f"p ({unit})", None, Fraction(10**6)) for unit in ("N mm-2", "MPA")),
         ("a", "w [-]", None, Fraction(1)),
         ("a", "w [mm]", "mm", Fraction(1, 1000)),
         ("nu", "nu [-]", None, Fraction(1)),

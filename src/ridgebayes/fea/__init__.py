@@ -6,9 +6,9 @@ r"""Import of measured tables and finite element output, and export of input dec
 Tables: `read.read_columns` reads a table with any columns and units. `delimited` finds the header
 of a text file and reads plain cells; `cells` reads other cells, with comments, notes and styles of
 numbers. `binary_tables` reads Excel and Parquet. `mapping` matches headers with contract
-columns by the vocabulary of `words` and `words.toml`, `missing` proposes columns for unmatched
-quantities, and `convert` converts to SI units. `layouts` reads tables without a row for each load:
-merged cells, wide tables, and increments of load-stepped runs.
+columns by the vocabulary of `words` and `words.toml`, and `convert` converts to SI units. `layouts`
+reads tables without a row for each load: merged cells, wide tables, and increments of load-stepped
+runs.
 
 Runs: `calculix`, `abaqus`, `listings` (FEBio and ANSYS), `node_table` and `meshes` read each format
 into a `history.ContactHistory`. `runs` collects the facts that the files lack, and

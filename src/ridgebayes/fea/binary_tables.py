@@ -183,6 +183,9 @@ def _grids(content: bytes, problems: FileError) -> tuple[Grids, set[str]]:
             "all reads those with the same header)",
             sheet=best[0],
         )
+    elif len(full) > 1:
+        others = ", ".join(repr(name) for name in full if name != best[0])
+        problems.messages.append(f"sheets ignored, fewer recognised headers: {others}")
     return {best[0]: full[best[0]]}, typed
 
 

@@ -138,18 +138,24 @@ def body_cells(
         Line of each row.
     cells : DataFrame, n_row rows
         Text of the cells by header.
+
+    Raises
+    ------
+    InputError
+        If all rows are empty.
     """
     width, where = len(headers), problems.where
     comments = [row for row in rows if _is_comment(row[1], width)]
     n_comment, n_whole = (sum(len(row[1]) == width for row in part) for part in (comments, rows))
     full = [cells for _, cells in rows if any(map(str.strip, cells))]
+    if not full:
+        raise problems.error("no rows below the header")
     first = next((cells for cells in full if not _is_comment(cells, width)), full[0])
     if comments and 2 * n_comment <= n_whole:  # otherwise # begins labels
         text = repr(separator.join(comments[0][1]))
         shown = f"{count(len(comments), 'comment')} such as {text}"
         problems.messages.append(f"{where}: passed over: {shown}")
-        lines = {line for line, _ in comments}
-        rows = [row for row in rows if row[0] not in lines]
+        rows = [row for row in rows if not _is_comment(row[1], width)]
     rows = _without_notes(rows, width, problems)
     names, units = list(headers), dict[str, tuple[str, bool]]()
     for i, match in enumerate(map(WITH_UNIT.fullmatch, first[:width])):

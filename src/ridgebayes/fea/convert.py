@@ -9,7 +9,7 @@ import pandas as pd
 
 from ridgebayes._types import FloatArray
 from ridgebayes.fea.mapping import ABOVE_0, LOADS, SDS, Use
-from ridgebayes.fea.record import FileError
+from ridgebayes.fea.record import MAX_REL_SE, FileError
 from ridgebayes.fea.words import (
     COUNTS,
     DIMENSIONS,
@@ -22,7 +22,7 @@ from ridgebayes.fea.words import (
     touching,
     unit_factor,
 )
-from ridgebayes.runtime.text import some_of
+from ridgebayes.runtime.text import percent, some_of
 from ridgebayes.table.columns import COUNT, NAMES, OK
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import as_text
@@ -32,6 +32,7 @@ _MISSING_CONSTANTS = {  # meaning of the constant, and an example value for mess
     "E": ("Young's modulus of the body", "? kPa"),
     "thickness": ("length of the body along the ridges, needed for forces", "? mm"),
 }
+_REDUNDANT = {"pitch": ("a", "b"), "D": ("R", "R")}  # lengths, and the keys of their parts
 # Divisors that convert each kind of load to p/E, where p is the line load over 2 R.
 _LOAD_DIVISORS = {"p_over_E": (), "p": ("E",), "line": ("R", "E"), "force": ("thickness", "R", "E")}
 
@@ -92,12 +93,14 @@ class Converter:
         has_sd = any(use.key in SDS for use in self.used)
         has_repeats = has_sd and frame.duplicated(["a_over_R", "b_over_R", "Q"]).any()
         frame = frame.assign(**{name: self.cells[name] for name in extra})
-        few = (frame["Q"] < 4) & frame["Q"].isin([0, 2]) & (frame.get("kind", "") != COUNT)
+        few = frame["Q"].isin([0, 2]) & (frame.get("kind", "") != COUNT)
+        exact = frame["p_over_E"].notna() & frame.get("rel_se", few).isna()
         remarks = {
             f"ignored, as the mapping uses other columns: {listed(ignored)}": ignored,
             f"kept as they are: {listed(extra)}": extra,
             "repeats with an sd of their own: sigma is fitted to the scatter of repeats, so an "
             "sd over the same repeats counts it twice": has_repeats,
+            f"{exact.sum()} rows without an error of their own: rel_se is 0": exact.any(),
             f"{few.sum()} rows of Q under 4 ignored: that many touch at any load": few.any(),
         }
         self.messages += [remark for remark, holds in remarks.items() if holds]
@@ -106,13 +109,12 @@ class Converter:
     def curve(self) -> dict[str, Any]:
         """Return the columns that are constant along a curve."""
         a, b = self.over_R("a"), self.over_R("b")
-        pitch = self.over_R("pitch") if (a is None) != (b is None) else None
-        if pitch is not None and a is not None:
-            b = np.round(pitch - a, 12)  # removes rounding errors of a difference of decimals
-            self.messages.append("b: pitch minus ridge width")
-        elif pitch is not None and b is not None:
-            a = np.round(pitch - b, 12)
-            self.messages.append("a: pitch minus groove width")
+        one = a if b is None else b if a is None else None
+        if one is not None and (pitch := self.over_R("pitch")) is not None:
+            rest = np.round(pitch - one, 12)  # removes rounding errors of a difference of decimals
+            said = "a: pitch minus groove width" if a is None else "b: pitch minus ridge width"
+            self.messages.append(said)
+            a, b = (rest, b) if a is None else (a, rest)
         columns = {"a_over_R": a, "b_over_R": b, "offset_over_R": self.over_R("offset")}
         columns["nu"] = self.number("nu")
         return columns | self.texts("texture", "series", "solver", "source")
@@ -202,6 +204,21 @@ class Converter:
         used = {use.header for use in self.used}
         return [name for name in map(str, self.cells) if name not in used]
 
+    @property
+    def doubts(self) -> list[str]:
+        """Cautions on unused columns of a pitch or diameter that contradict the used columns."""
+        doubts = []
+        for key, parts in _REDUNDANT.items():
+            use, sizes = self.uses.get((key, None)), [self.number(part) for part in parts]
+            if use is None or use in self.used or any(size is None for size in sizes):
+                continue
+            _, factor, rule = column_unit(key, use.header, use.unit)
+            size = self.cells[use.header].to_numpy(dtype=float) * float(factor)
+            off = float(np.nanmax(np.abs(size / sum(sizes) - 1), initial=0.0))  # type: ignore[arg-type]
+            if off > MAX_REL_SE and not rule:
+                doubts.append(f"column {use.header!r} is {percent(off)} off {' + '.join(parts)}")
+        return doubts
+
     def _column(self, use: Use) -> FloatArray:
         key, has_dimension = use.key, use.key in DIMENSIONS
         unit, factor, rule = column_unit(key, use.header, use.unit)
@@ -260,13 +277,19 @@ class Converter:
 
     def _rel_se(self, load: FloatArray | None) -> FloatArray | None:
         """Return the relative standard error of loads, from the columns of errors and sds."""
-        rel_se, se, n = self.number("rel_se"), self.load("_sem"), self.uses.get(("n_mean", None))
-        if se is None and (se := self.load("_sd")) is not None and n is not None:
-            se = se / np.sqrt(self.cells[n.header].to_numpy(dtype=float))
-            self.tell(n, ", how many loads the mean is of: its error is sd over their root")
-        if se is None or load is None:
-            return rel_se
-        return divided(se, load) if rel_se is None else np.hypot(rel_se, divided(se, load))
+        rel_se, n = self.number("rel_se"), self.uses.get(("n_mean", None))
+        for end in ("_sem", "_sd"):
+            if (share := self.number(f"rel{end}")) is None and (se := self.load(end)) is not None:
+                share = divided(se, np.array(np.nan) if load is None else load)
+            if share is not None and end == "_sd" and n is not None:
+                numbers = self.cells[n.header].to_numpy(dtype=float)
+                is_lost = np.isnan(numbers) & ~np.isnan(share)
+                self.problems.cells(is_lost, n.header, "expected a number beside an sd")
+                share = share / np.sqrt(numbers)
+                self.tell(n, ", how many loads the mean is of: its error is sd over their root")
+            if share is not None:
+                return share if rel_se is None else np.hypot(rel_se, share)
+        return rel_se
 
     def _counts(self, counts: FloatArray | None, term: str | None) -> FloatArray | None:
         """Return Q from counts of edges, ridges or segments, or of edges on one side."""

@@ -40,6 +40,8 @@ class Deck:
         either, and for other hyperelastic materials.
     is_hyperelastic : bool
         Whether the deck has a hyperelastic material.
+    depths : dict of int to float
+        Coordinate z by node number, if it is not 0.
     thickness : float or None
         From the first ``*SOLID SECTION`` with a thickness.
     printed : dict of str to list of str
@@ -53,6 +55,7 @@ class Deck:
     E: float | None = None
     nu: float | None = None
     is_hyperelastic: bool = False
+    depths: dict[int, float] = field(default_factory=dict)
     thickness: float | None = None
     printed: dict[str, list[str]] = field(default_factory=dict)
 
@@ -75,6 +78,14 @@ class Deck:
             names = ", ".join(self.nsets) or "none"
             raise InputError(f"{self.path}: no node set {name!r}; the node sets are {names}")
         return list(dict.fromkeys(self.nsets[name.upper()]))
+
+    def thickness_of(self, name: str) -> float | None:
+        """Return the extent along z of a node set or of all nodes, or that of the section."""
+        for nodes in (self.nodes_of(name), self.nodes):
+            z = [self.depths.get(node, 0.0) for node in nodes]
+            if max(z) > min(z):
+                return max(z) - min(z)
+        return self.thickness
 
     def coordinates(self, numbers: Sequence[int]) -> FloatArray:
         """Return coordinates of nodes, shape (n, 2).
@@ -158,11 +169,6 @@ class Run:
             )
 
     @property
-    def where(self) -> str:
-        """First file, for messages."""
-        return str(self.path)
-
-    @property
     def path(self) -> Path:
         """First file."""
         return self.paths[0]
@@ -234,8 +240,10 @@ def _read(path: Path, deck: Deck, depth: int) -> None:
 def _nodes(block: _Block, deck: Deck) -> None:
     numbers = []
     for line, cells in block.rows:
-        _, x, y = _numbers(line, cells[:3], 3)
+        _, x, y, *z = _numbers(line, cells[:4] if any(cells[3:4]) else cells[:3], 3)
         numbers += _integers(line, cells[:1])
+        if any(z):
+            deck.depths[numbers[-1]] = z[0]
         if deck.nodes.setdefault(numbers[-1], (x, y)) != (x, y):
             rule = "expected a deck without parts, each node once"
             raise line.error(f"node {numbers[-1]} stands at two places; {rule}")

@@ -77,11 +77,6 @@ class PressedDisk:
         rim = self.mesh.rim
         return np.concatenate([rim[:, :2].ravel(), rim[-1:, 2]])
 
-    @property
-    def reach(self) -> float:
-        """Distance of the outer end of the last block from the axis."""
-        return float(max(block[:, 0].max() for block in self.blocks))
-
 
 def pressed_disk(scene: Scene, *, edges: float = 12.0) -> PressedDisk:
     """Build the pressed disk of a scene.
@@ -165,14 +160,10 @@ def _size(
 
 def _ridge(start: float, a: float, r: float, height: float) -> list[FloatArray]:
     """Return the blocks of a ridge: one for sharp corners, several slices for round corners."""
-    if r == 0.0:
-        x, y = np.array([start, start + a]), np.array([height, height])
-    else:
-        turn = np.linspace(0.0, 0.5 * math.pi, _BLOCKS_PER_ROUND_CORNER + 1)
-        out, up = r * (1 - np.cos(turn)), height - r + r * np.sin(turn)
-        x = np.concatenate([start + out, (start + a - out)[::-1]])
-        y = np.concatenate([up, up[::-1]])
-    bottom = height - DEPTH
+    turn = np.linspace(0.0, 0.5 * math.pi, _BLOCKS_PER_ROUND_CORNER + 1)
+    out, up = r * (1 - np.cos(turn)), height - r + r * np.sin(turn)
+    x = np.concatenate([start + out, (start + a - out)[::-1]])
+    y, bottom = np.concatenate([up, up[::-1]]), height - DEPTH
     return [
         np.array([[x[i], bottom], [x[i + 1], bottom], [x[i + 1], y[i + 1]], [x[i], y[i]]])
         for i in range(len(x) - 1)
@@ -248,8 +239,9 @@ def deck_text(disk: PressedDisk, program: str) -> str:
 def _pressed_faces(disk: PressedDisk) -> list[tuple[int, int]]:
     """Return the element and side of each rim edge that can come into contact."""
     rim, points = disk.mesh.rim, disk.mesh.points
+    reach = np.concatenate(disk.blocks)[:, 0].max()  # outer end of the last block
     middle = np.arctan2(points[:, 0], -points[:, 1])[rim[:, 1]]
-    pressed = rim[middle < 2.0 * np.arcsin(min(disk.reach, 0.7)), 1]
+    pressed = rim[middle < 2.0 * np.arcsin(min(reach, 0.7)), 1]
     side, element = np.nonzero(np.isin(disk.cells[:, 4:].T, pressed))
     return list(zip((element + 1).tolist(), (side + 1).tolist(), strict=True))
 

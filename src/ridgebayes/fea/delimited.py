@@ -20,7 +20,7 @@ from ridgebayes.fea.cells import SEPARATORS, WITH_UNIT, body_cells, numbers_in, 
 from ridgebayes.fea.record import MOST, FileError, Row, TableFile
 from ridgebayes.fea.words import DISGUISES, corners_of, is_unit, key_of, split_header
 from ridgebayes.runtime.reading import decoded, read_bytes
-from ridgebayes.runtime.text import some_of
+from ridgebayes.runtime.text import count, some_of
 from ridgebayes.table.columns import NAMES, REQUIRED
 from ridgebayes.table.files import even_lines, lossless, records
 
@@ -28,7 +28,7 @@ SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".rpt", ".xlsx", ".parquet")
 LOOKED_AT = 60  # first records, and first cells of each, that are searched for the header
 _NUMBER = re.compile(r"\s*[+-]?(?:\d[\d.,'\u2019 \u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*%?\s*")
 _HEADER = re.compile(r"(?!=)[^\x00-\x1f\x7f]*")
-_NO_UNIT = ("", "-", "--", "\N{EN DASH}", "1", "#", "[-]", "(-)", "count", "%")
+_NO_UNIT = ("", "-", "--", "\N{EN DASH}", "1", "#", "count")
 _NOT_PLAIN = ("#", "=", "nan")  # signs of comments, formulas and missing numbers
 # From pandas 3.1 on, floats are exact by default.
 _IS_OLD = np.lib.NumpyVersion(pd.__version__) < "3.1.0"
@@ -160,7 +160,10 @@ def find_header(rows: Sequence[Row], problems: FileError) -> tuple[list[str], in
         problems.messages.append(f"{problems.where}: {shown}")
     below = rows[i + 1][1] if i + 1 < len(rows) else []
     units = [cell.strip().removeprefix("#").strip().strip("[]()") for cell in below]
-    if not (all(unit in _NO_UNIT or is_unit(unit) for unit in units) and any(map(is_unit, units))):
+    texts = [unit for unit in units if unit not in _NO_UNIT]
+    n_unit = sum(unit == "%" or is_unit(unit) for unit in texts)
+    # Half of the units may be those of other quantities, such as s or °C.
+    if not 0 < len(texts) <= 2 * n_unit or any(map(_is_number, texts)):
         return headers, i + 1
     problems.messages.append(f"{problems.where}: units in line {lines[i + 1]}")
     for j, unit in enumerate(units[: len(headers)]):
@@ -314,7 +317,12 @@ class TextTable(TableFile):
         self._units: dict[str, tuple[str, bool]] = {}  # units in the cells of columns, by header
         self._body = self._even_body(text, first - self._facts.skip_rows)
         if not self._body:
-            below = [row for row in chain(head, rows) if row[0] >= first]
+            titles = [cells for _, cells in full[:n_head]]
+            records_below = [row for row in chain(head, rows) if row[0] >= first]
+            below = [row for row in records_below if row[1] not in titles]
+            if n_again := len(records_below) - len(below):  # as in files that were joined
+                said = f"{count(n_again, 'row')} with the header again"
+                problems.messages.append(f"{self.where}: passed over: {said}")
             self._units, self.lines, self._typed = body_cells(
                 below, self.headers, separator, problems
             )
@@ -327,9 +335,12 @@ class TextTable(TableFile):
 
     def _even_body(self, text: str, first: int) -> str:
         """Return the text of the rows if all have the same number of plain cells; empty if not."""
-        body, separator = text.split("\n", first - 1)[-1].rstrip("\n"), self._separator
+        *titles, body = text.split("\n", first - 1)
+        body, separator = body.rstrip("\n"), self._separator
         small = body.lower()
         if not body or self._facts.empty or any(mark in small for mark in _NOT_PLAIN):
+            return ""
+        if any(title.strip() and title in body for title in titles):
             return ""
         lines = even_lines(body, separator, len(self.headers))
         begin, last = body.lstrip("\n").partition("\n")[0], body.rpartition("\n")[2]

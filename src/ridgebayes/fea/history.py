@@ -100,7 +100,7 @@ def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:
         If the surface is not circular, corners cannot be located, no corner is reached, or a load
         is too large.
     """
-    where, load = run.where, np.abs(history.load)
+    where, load = str(run.path), np.abs(history.load)
     remarks: list[str] = []
     errors: dict[str, Any] = {}
     if history.Q is None or history.closed is None:
@@ -111,13 +111,15 @@ def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:
     else:
         gaps, Q = np.where(history.closed, -np.inf, np.inf), history.Q
         past = np.zeros(int(Q.max()) // 2)
-    is_force, divisor = history.load_is == "force", 2 * (run.R or 1.0) * run.E
-    half = 2 if is_force and run.symmetry == "half" else 1
-    how = f"{' times 2' if half == 2 else ''} over 2 R E, E = {run.E:g}"
-    if history.load_is == "p_over_E":
-        divisor, how = 1.0, ""
+    half, line = 2 if run.symmetry == "half" else 1, 2 * (run.R or 1.0) * run.E
+    over, twice = f" over 2 R E, E = {run.E:g}", " times 2" * (half == 2)
+    divisor, name = {
+        "p_over_E": (1.0, "p/E"),
+        "line": (line, f"line load{over}"),
+        "force": (line * run.thickness / half, f"force{twice}{over}, thickness {run.thickness:g}"),
+    }[history.load_is]
     with np.errstate(over="ignore"):
-        p_over_E = load * half / (run.thickness if is_force else 1.0) / divisor
+        p_over_E = load / divisor
     if (bad := p_over_E > HUGE).any():  # NaN passes: transitions_of ignores those increments
         too_large = f"force {load[bad][0]:.6g}, p/E = {p_over_E[bad][0]:.6g}"
         raise InputError(f"{where}: {too_large}; expected p/E at most {HUGE:g}")
@@ -128,12 +130,11 @@ def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:
     texture = {"a_over_R": run.a_over_R, "b_over_R": run.b_over_R}
     frame = frame.assign(**texture, nu=run.nu, **columns)
     n_bracket = int(frame["p_over_E_lower"].notna().sum())
-    name = {"line": "line load", "p_over_E": "p/E"}.get(history.load_is, "force")
     messages = (
         *history.messages,
         *remarks,
         f"texture: a/R = {run.a_over_R:g}, b/R = {run.b_over_R:g}, nu = {run.nu:g}",
-        f"load: {name}{how}, {len(load)} increments to p/E = {np.nanmax(p_over_E):.5g}",
+        f"load: {name}, {len(load)} increments to p/E = {np.nanmax(p_over_E):.5g}",
         *odd,
         f"kept: {len(frame)} transitions, Q = {frame['Q'].iloc[0]} to {frame['Q'].iloc[-1]}, "
         f"{'all' if n_bracket == len(frame) else n_bracket} as brackets",
@@ -160,7 +161,7 @@ def _on_rim(
     axis, if only contact is known, else 0.
     """
     assert history.at is not None
-    R, where, position, n = run.R or history.R, run.where, history.at, history.at.shape[1]
+    R, where, position, n = run.R or history.R, str(run.path), history.at, history.at.shape[1]
     if history.undeformed is None:
         rim = Rim.deformed(position[0], where, R=R, symmetry=run.symmetry)
     else:
@@ -189,12 +190,8 @@ def _on_rim(
     depth = np.array([rim.overlap(at, flat, width) for at in position])
     error = np.hypot(depth[:, None], digits) / rim.R
     # A height is the sum of two printed numbers, a coordinate and a displacement.
-    return (
-        run,
-        gaps,
-        {"gap_error": error, "digits": 2 * history.digits / rim.R},
-        np.zeros(gaps.shape[1]),
-    )
+    errors = {"gap_error": error, "digits": 2 * history.digits / rim.R}
+    return run, gaps, errors, np.zeros(gaps.shape[1])
 
 
 def _corners(
@@ -203,7 +200,7 @@ def _corners(
     """Return the proximal corners (distance from the axis, height), their radius and a message."""
     R, b = rim.R, run.b_over_R * rim.R
     pitch = run.a_over_R * R + b
-    rim.check_reach("surface node", farthest, run.where)
+    rim.check_reach("surface node", farthest, str(run.path))
     n = max(math.ceil((farthest - b / 2) / pitch), 2)
     far = b / 2 + pitch * np.arange(n)
     if run.top is not None:
@@ -219,7 +216,7 @@ def _corners(
     heights = [float(y.max()) for y in takewhile(len, at_ends)]
     if len(heights) < 2:
         raise InputError(
-            f"{run.where}: no rigid nodes at the corners, {far[0] + radius * R:.6g} and "
+            f"{run.path}: no rigid nodes at the corners, {far[0] + radius * R:.6g} and "
             f"{far[1] + radius * R:.6g} from the axis; expected a deck with the ridges and "
             "their --texture, or --top, their height, and --corner where corners are round"
         )
@@ -249,7 +246,7 @@ def _relative_to_tops(position: FloatArray, away: FloatArray, run: Run, rim: Rim
         over = (near <= x) & (x <= far)
         if not over.any():
             raise InputError(
-                f"{run.where}, state {k + 1}: no rim node over the first ridge, {near:.4g} to "
+                f"{run.path}, state {k + 1}: no rim node over the first ridge, {near:.4g} to "
                 f"{far:.4g} from the axis; expected its texture and a mesh as fine, or --top"
             )
         # Heights of resting nodes scatter about the top by the mesh error; their median is robust.
@@ -272,7 +269,7 @@ def _closed_gaps(
     assert history.closed is not None
     a, b = run.a_over_R * rim.R, run.b_over_R * rim.R
     farthest = float(np.max(away[history.closed], initial=0.0))
-    rim.check_reach("closed node", farthest, run.where)
+    rim.check_reach("closed node", farthest, str(run.path))
     n = max(math.ceil((farthest - b / 2) / (a + b)), 1) + 1
     near = b / 2 + (a + b) * np.arange(n)
     gap = np.full((len(away), n), math.inf)

@@ -156,11 +156,14 @@ def of_counts(converter: Converter, frame: pd.DataFrame) -> pd.DataFrame:
     levels = np.arange(4, int(np.nanmax(Q)) + 1, 2)
     gaps = np.where(Q[:, None] >= levels, -np.inf, np.inf)
     gaps[np.isnan(Q)] = np.nan
+    gaps[Q[:, None] == levels - 1] = np.nan  # one side of the body touches, or a count is wrong
     how = "loads" if converter.facts.interpolate else "brackets (--interpolate gives loads)"
     if converter.problems:
         return pd.DataFrame()
+    n_odd = int((Q % 2 == 1).sum())
+    odd = f"; {count(n_odd, 'odd count')}: unclear, intervals around them are wider" * bool(n_odd)
     converter.messages.append(
-        f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}"
+        f"counts repeat while loads rise: {len(frame)} increments of runs, taken as {how}{odd}"
     )
     curve = frame.drop(columns=["Q", "p_over_E_lower", "rel_se"], errors="ignore")
     return _transitions(converter, curve, gaps, levels)

@@ -1,10 +1,9 @@
 """Matching of a file's columns with contract columns: by mapping, by name, or by header words."""
 
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ridgebayes.errors import InputError
 from ridgebayes.fea.record import FileError
 from ridgebayes.fea.words import (
     DIMENSIONS,
@@ -12,6 +11,7 @@ from ridgebayes.fea.words import (
     OF_CORNERS,
     corners_of,
     count_term,
+    is_likely,
     key_of,
     load_kind,
     named,
@@ -25,9 +25,9 @@ from ridgebayes.table.columns import NAMES, NUMBERS
 TEXTS = tuple(name for name in NAMES if name not in NUMBERS)
 LOADS = ("p_over_E", "p", "line", "force")
 LOWERS = tuple(f"{key}_lower" for key in LOADS)
-SDS, _SEMS = (tuple(f"{key}{end}" for key in LOADS) for end in ("_sd", "_sem"))
+SDS, _SEMS = (tuple(f"{key}{end}" for key in (*LOADS, "rel")) for end in ("_sd", "_sem"))
 NEVER_EMPTY = ("a", "b", "pitch", "R", "D", "E")  # columns that must not have empty cells
-ABOVE_0 = (*NEVER_EMPTY, "thickness", "p", "line", "force")  # p_over_E: by the table's rules
+ABOVE_0 = (*NEVER_EMPTY, "thickness", "n_mean", "p", "line", "force")  # p_over_E: table rules
 _MEAN_KEYS = ("load", "load_lower", "load_sd", "load_sem", "n_mean")
 _UNLISTED_KEYS = ("gap", "x", "thickness", *SDS, *_SEMS)
 KEYS = (*NAMES, *(key for key in DIMENSIONS if key not in _UNLISTED_KEYS), *_MEAN_KEYS)
@@ -139,6 +139,7 @@ def assign(
         columns.name_corners()
     columns.guess()
     columns.settle()
+    columns.propose()
     # Counts that were recognised by words may be counts of edges, ridges or segments.
     counts = [u for u in columns.uses if u.key == "Q" and u.how == "guessed"]
     terms = columns.terms | {count_term(use.header) for use in counts}
@@ -176,7 +177,7 @@ class Columns:
         key, Q, header, unit = name.strip(), None, text, None
         if text not in self._split and ";" in text:
             header, unit = map(str.strip, text.rsplit(";", 1))
-        before, star, after = ("", "", "") if header in self._split else header.partition("*")
+        star = "*" in header and header not in self._split
         match = None if key in _MAPPED or star else _CORNER_KEY.fullmatch(key)
         if match is not None:
             key, Q = match[1] or "load", int(match[2])
@@ -185,23 +186,21 @@ class Columns:
             raise self.problems.error(
                 f"mapping {name}={text}: key {name!r}: expected one of {keys}"
             )
+        pattern = re.escape(header)
         if star:
-            pattern = re.compile(rf"{re.escape(before)}(\d{{1,6}}){re.escape(after)}")
-            columns = [
-                Use(key, header, unit, int(match[1]))
-                for header, (words, _) in self._split.items()
-                if (match := pattern.fullmatch(header) or pattern.fullmatch(words))
-            ]
-            if not columns:
-                raise self._missing(f"mapping {name}={text}: no such column")
-            self.uses += columns
-            return
-        headers = [name for name, (words, _) in self._split.items() if words == header]
-        headers = [header] if header in self._split else headers
-        if len(headers) != 1:
-            several = "several columns" if headers else "no column"
-            raise self._missing(f"mapping {name}={text}: {several} {header!r}")
-        self.uses.append(Use(key, headers[0], unit, Q))
+            pattern = pattern.replace(re.escape("*"), r"(\d{1,6})", 1)
+        there = [header] if header in self._split else list(self._split)
+        columns = [
+            Use(key, name, unit, int(match[1]) if star else Q)
+            for name in there
+            if (match := re.fullmatch(pattern, name) or re.fullmatch(pattern, self._split[name][0]))
+        ]
+        if not columns or (len(columns) > 1 and not star):
+            several = "several columns" if columns else "no column"
+            names = ", ".join(map(repr, [*self._split][:50]))
+            fault = f"mapping {name}={text}: {several} {header!r}; the columns are {names}"
+            raise self.problems.error(fault)
+        self.uses += columns
 
     def name(self) -> None:
         """Add columns whose header is a contract column or a key with a dimension."""
@@ -238,10 +237,11 @@ class Columns:
 
     def guess(self, recognise: Callable[[str], str] = key_of) -> None:
         """Add columns that are recognised by the words in their headers."""
-        keys, free = self._keys(), self._free()
+        keys = self._keys()
+        free = [(header, words.partition(" #")[0], unit) for header, words, unit in self._free()]
         is_wide = any(use.Q is not None for use in self.uses)
         found = keys | {recognise(words) for _, words, _ in free if plain(words) not in N_MEAN}
-        of_mean = "Q" in found and not found.isdisjoint(("load_sd", "load_sem"))
+        of_mean = "Q" in found and not found.isdisjoint(("rel_sd", "load_sd", "load_sem"))
         for header, words, unit in free:
             key = "n_mean" if of_mean and plain(words) in N_MEAN else recognise(words)
             of_each_Q = is_wide and key.removesuffix("_lower") in ("Q", *PER_Q)
@@ -266,6 +266,33 @@ class Columns:
             ]
         self.uses = [use for uses in places.values() for use in self._settled(uses)]
 
+    def propose(self) -> None:
+        """Ask for the required quantities that neither a column nor a constant gives.
+
+        A column that its unit makes likely is added, so that further errors are found; the user
+        has to confirm it. Several loads or counts are ambiguous.
+        """
+        keys, per_Q = self._keys(), {use.key for use in self.uses if use.Q is not None}
+        keys |= self.problems.values.keys()
+        if "pitch" in keys:
+            keys.add("a" if keys & _alternatives("b") else "b")
+        if per_Q:
+            keys |= {"Q"} if "status" in per_Q else {"Q", "load"}
+        is_bare = not any(unit for _, unit in self._split.values())
+        lacking = [key for key in ("a", "b", "Q", "load") if not keys & _alternatives(key)]
+        for key in lacking:
+            likely = [one for one, *split in self._free() if is_likely(key, is_bare, *split)]
+            header = likely[0] if likely and (key in ("a", "b") or len(likely) == 1) else None
+            names = ", ".join(sorted(_alternatives(key)))
+            text = f"no column {names}; name it with --map '{key}=HEADER'"
+            if header is None and key in ("a", "b"):
+                self.problems.need(f"{text}, or give --texture A,B", texture="?,?")
+            else:
+                self.problems.need(text, {key: header or "?"})
+            self.uses += [Use(key, header)] if header is not None else []
+        there = ", ".join(map(repr, [*self._split][:50]))
+        self.problems.needs += [f"the columns are {there}"] * bool(lacking)
+
     def _settled(self, uses: list[Use]) -> list[Use]:
         """Return the columns to keep among several with one key; they may be repeats of loads."""
         first, headers = uses[0], [use.header for use in uses]
@@ -279,6 +306,7 @@ class Columns:
             if any(use.how == "mapped" for use in uses[1:]):
                 raise self.problems.error(f"{text}; expected one column")
             text += f": name one with --map '{first.name}=HEADER'"
+            text += ", or copy equal tables below each other" * any(" #" in one for one in headers)
             self.problems.need(text, {first.name: headers[0]})
         return uses[:1]
 
@@ -291,31 +319,17 @@ class Columns:
         used = {use.header for use in self.uses}
         return [(header, *split) for header, split in self._split.items() if header not in used]
 
-    def _missing(self, message: str) -> InputError:
-        names = ", ".join(map(repr, [*self._split][:50]))
-        return self.problems.error(f"{message}; the columns are {names}")
-
 
 def _alternatives(key: str) -> set[str]:
     """Return the keys that give the same quantity, including the key itself."""
     return next((set(group) for group in _ALTERNATIVES if key in group), {key})
 
 
-def lacking(uses: Sequence[Use], values: Iterable[str]) -> list[str]:
-    """Return the required quantities (a, b, Q, load) that neither a column nor a constant gives."""
-    keys = {use.key for use in uses} | set(values)
-    per_Q = {use.key for use in uses if use.Q is not None}
-    if "pitch" in keys:
-        keys.add("a" if keys & _alternatives("b") else "b")
-    if per_Q:
-        keys |= {"Q"} if "status" in per_Q else {"Q", "load"}
-    return [key for key in ("a", "b", "Q", "load") if not keys & _alternatives(key)]
-
-
 def as_load(use: Use, uses: Sequence[Use], problems: FileError) -> Use:
     """Replace "load" in a key by the kind of load of its unit; ask for a unit if it is missing.
 
-    An sd or a standard error of loads without a unit has the unit of the loads.
+    An sd or a standard error of loads without a unit has the unit of the loads, and one in per cent
+    is a share of the load, unless the loads are in per cent, too.
     """
     stem, _, end = use.key.partition("_")
     loads = [other for other in uses if other.key in (*LOADS, "load")]
@@ -323,6 +337,8 @@ def as_load(use: Use, uses: Sequence[Use], problems: FileError) -> Use:
     if stem != "load" or (is_error and not loads):
         return use
     unit = use.own_unit or (loads[0].own_unit if is_error else "")
+    if is_error and unit == "%" != loads[0].own_unit:
+        return replace(use, key=f"rel_{end}")
     kind = load_kind(unit) or (loads[0].key if is_error else "load").replace("load", "")
     use = replace(use, unit=unit if is_error and not use.own_unit else use.unit)
     if kind or is_error or use.unit is not None:

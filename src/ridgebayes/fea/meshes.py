@@ -25,13 +25,7 @@ from ridgebayes.fea.history import ContactHistory
 from ridgebayes.fea.lines import parse_number
 from ridgebayes.fea.record import FARTHEST, HUGE, SHOWN
 from ridgebayes.fea.rim import NEAR
-from ridgebayes.runtime.reading import (
-    LARGEST,
-    LARGEST_TEXT,
-    check_tree,
-    read_text,
-    refusing,
-)
+from ridgebayes.runtime.reading import LARGEST, LARGEST_TEXT, check_tree, read_text, refusing
 from ridgebayes.runtime.text import clipped, some_of
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 
@@ -244,7 +238,7 @@ def read_series(run: Run) -> ContactHistory:
         If a file cannot be parsed, has a document type, entities or an encoding other than UTF-8,
         refers to data outside of its folder, or has more than 2 GiB of data.
     """
-    paths, where, time, loads = run.paths, run.where, run.facts.time, run.facts.loads
+    paths, where, time, loads = run.paths, str(run.path), run.facts.time, run.facts.loads
     field = run.facts.field or "displacement"
     if time not in (None, "p_over_E", "line"):
         raise InputError(f"--time {time}: expected p_over_E or line")
@@ -294,14 +288,15 @@ def _loads(words: Sequence[object], places: Sequence[str]) -> FloatArray:
 
 
 def _read_pvd(path: Path) -> tuple[list[Path], list[str]]:
-    """Return the files of a collection, which must lie in its folder, and their times."""
+    """Return the files of a collection, which must lie in its folder, by rising time."""
     listed = parse_xml(path).findall("Collection/DataSet")
+    listed.sort(key=lambda item: parse_number(item.get("timestep", "")))  # as ParaView reads it
     names = [item.get("file", "") for item in listed]
     times = [item.get("timestep", "") for item in listed]
     for name in names:
         if not (name.lower().endswith(".vtu") and is_beside(path, name)):
             raise InputError(f"{path}: file {clipped(name)}; expected a .vtu in the same folder")
-    if twice := [one for one, next_one in pairwise(sorted(times)) if one == next_one]:
+    if twice := [one for one, other in pairwise(times) if parse_number(one) == parse_number(other)]:
         raise InputError(f"{path}: timestep {clipped(twice[0])} stands twice; expected a file each")
     return [path.parent / name for name in names], times
 

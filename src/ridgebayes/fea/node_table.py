@@ -45,7 +45,7 @@ def read_node_table(run: Run) -> ContactHistory:
     """
     mapping, values = run.facts.columns_and_values()
     body = {key: text for key, text in values.items() if key in ("R", "E", "thickness")}
-    problems = FileError(run.where, run.facts, body)
+    problems = FileError(str(run.path), run.facts, body)
     source = TABLES[run.path.suffix.lower()](table_content(run.path, problems), problems)
     columns = Columns(source.headers, problems, OF_NODES)
     for name, text in mapping.items():
@@ -100,12 +100,8 @@ def read_node_table(run: Run) -> ContactHistory:
         raise problems.error("the steps have different nodes: expected the same nodes in all steps")
     at, values_at = (wide[name].to_numpy() for name in ("x", "value"))
     how = f"{len(at)} steps of {at[0].size} nodes, by {kind}{', load times 2' if half else ''}"
-    history = ContactHistory(
-        (2.0 if half else 1.0) * loads.first().to_numpy(),
-        R=1.0,
-        load_is="p_over_E",
-        messages=[*problems.messages, how],
-    )
+    load_at, said = (2.0 if half else 1.0) * loads.first().to_numpy(), [*problems.messages, how]
+    history = ContactHistory(load_at, R=1.0, load_is="p_over_E", messages=said)
     if kind != "gap":
         return replace(history, at=at[..., None], closed=values_at > 0)
     printed = parts["gap"]

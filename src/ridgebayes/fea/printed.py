@@ -242,9 +242,10 @@ class Printed:
         Raises
         ------
         InputError
-            If all increments are ignored.
+            If all increments are ignored, or the forces of the nodes balance each other.
         """
         states: list[tuple[float, FloatArray]] = []
+        most = net = 0.0  # largest force of one node, and the sum of forces in its increment
         ignored: dict[str, list[str]] = {}
         for _, increment in sorted(self.increments.items(), key=lambda item: item[0]):
             try:
@@ -253,20 +254,25 @@ class Printed:
                 if (total := forces.below.get("TOTAL")) is not None:
                     load = total[forces.columns.index(name)]
                 else:
-                    load = math.fsum(self.filled(forces, force)[name])
+                    parts = self.filled(forces, force)[name]
+                    load = math.fsum(parts)
+                    most, net = max((most, net), (parts.abs().max(), abs(load)))
                 states.append((load, self.filled(table, values)[[*values.columns]].to_numpy()))
             except MissingError as lack:
                 ignored.setdefault(str(lack), []).append(f"line {increment.line.number}")
-        notes = [f"not used: {', '.join(sorted(self.others))}"] if self.others else []
-        if self._n_again:
-            notes.append(f"{self._n_again} increments printed again: the later one counts")
+        notes = [*self.messages]
+        notes += [f"not used: {', '.join(sorted(self.others))}"] * bool(self.others)
+        again = f"{self._n_again} increments printed again: the later one counts"
+        notes += [again] * bool(self._n_again)
         notes += [
             f"{some_of(where, SHOWN)}: increment ignored, {lack}" for lack, where in ignored.items()
         ]
-        notes = [*self.messages, *notes]
         if not states:
             why = "".join(f"; {text}" for text in notes[:SHOWN])
             raise InputError(f"{path}: no increment with {required}{why}")
+        if net < most:
+            balance = f"forces {name} sum to {net:.3g}, less than that of one node, {most:.3g}"
+            raise InputError(f"{path}: {balance}; expected the driven nodes alone")
         self.messages = [f"{path}: {len(states)} increments", *notes]
         loads, at = zip(*states, strict=True)
         return np.array(loads, dtype=float), np.array(at, dtype=float)

@@ -23,16 +23,7 @@ from ridgebayes.fea.layouts import (
     of_counts,
     one_series,
 )
-from ridgebayes.fea.mapping import (
-    ABOVE_0,
-    LOADS,
-    LOWERS,
-    NEVER_EMPTY,
-    Use,
-    assign,
-    lacking,
-)
-from ridgebayes.fea.missing import ask_columns
+from ridgebayes.fea.mapping import ABOVE_0, LOADS, LOWERS, NEVER_EMPTY, Use, assign
 from ridgebayes.fea.record import (
     SHOWN,
     FileError,
@@ -237,8 +228,6 @@ def read_columns(path: Path, facts: Given) -> Imported:
         if use.header not in cells:
             rule = "expected numbers or text"
             raise problems.error(f"column {use.header!r}, {use.name}: {rule}")
-    if needed := lacking(uses, values):
-        ask_columns(needed, cells, uses, problems)
     _check_cells(cells, uses, problems)
     corners = [use for use in uses if use.Q is not None and use.key == "status"]
     if not corners and any(use.label is not None for use in uses):
@@ -270,6 +259,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
         source_column = (origin + "; " + sources).where(sources != "", origin)
     frame["source"] = source_column
     lines = None if rows is None or source.lines is None else source.lines[rows]
+    doubts = tuple(converter.doubts)
     del cells, converter  # for a million rows this frees 0.2 GB for the validation
     table = _validated(RawTable(frame, source.where, lines), rows, problems, source)
     Q, labels = table.column("Q"), table.labels
@@ -280,7 +270,7 @@ def read_columns(path: Path, facts: Given) -> Imported:
     ]
     if n_not_ok := len(table.left_out):
         problems.messages.append(f"{n_not_ok} rows whose status is not 'ok'")
-    return Imported(table, tuple(problems.messages), problems.known)
+    return Imported(table, tuple(problems.messages), problems.known, doubts)
 
 
 def _check_cells(cells: pd.DataFrame, uses: Sequence[Use], problems: FileError) -> None:

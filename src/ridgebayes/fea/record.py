@@ -222,8 +222,6 @@ class FileError(InputError):
         Whether rules are broken that no option mends.
     messages : list of str
         Messages about the import so far.
-    columns : str
-        Columns of the file, shown if a column is missing.
     """
 
     where: str
@@ -236,7 +234,6 @@ class FileError(InputError):
     known: dict[str, str] = field(default_factory=dict)
     is_broken: bool = False
     messages: list[str] = field(default_factory=list)
-    columns: str = ""
     _cells: dict[tuple[str, str], list[int]] = field(default_factory=dict)
 
     def __str__(self) -> str:
@@ -284,7 +281,6 @@ class FileError(InputError):
         # A rule that names an option is not a broken rule: the option mends its cells.
         self.is_broken = bool(self.wrong) or any("--" not in rule for _, rule in self._cells)
         self.wrong += [] if source is None else self._cell_errors(source)
-        self.needs += [f"the columns are {self.columns}"] if self.columns else []
         if self.wrong or self.needs:
             raise self
 
@@ -317,7 +313,7 @@ def broken_rule(where: str, name: str, rule: str, spots: Sequence[tuple[str, str
 
 
 FIRST = 4  # smallest Q with a transition load: two ridges touch at any load
-_MAX_REL_SE = 0.2  # larger relative errors get a caution
+MAX_REL_SE = 0.2  # larger relative errors get a caution
 # Loads that differ from a smooth body's by more than this factor get a caution: by the half-plane
 # equation textures need 0.27 to 1 times that load, from a/b = 0.01 to wide ridges.
 _MAX_LOAD_RATIO = 5.0
@@ -339,7 +335,7 @@ class Imported:
     known : mapping of str to str
         Recognised columns of a table file by key, in the notation of ``--map``.
     doubts : tuple of str
-        Cautions on the run's mesh.
+        Cautions on the mesh of a run, or on columns that contradict each other.
     """
 
     table: ContactTable
@@ -364,8 +360,8 @@ class Imported:
         doubtful = {
             f"p/E is over {factor} body whose contact reaches this corner; check the units of "
             "loads, widths, R and E": frame[is_far],
-            f"rel_se is above {_MAX_REL_SE:g}: the load is hardly known": frame[
-                frame["rel_se"] > _MAX_REL_SE
+            f"rel_se is above {MAX_REL_SE:g}: the load is hardly known": frame[
+                frame["rel_se"] > MAX_REL_SE
             ],
             "a curve begins here; loads of lower Q are missing": first[first["Q"] > FIRST],
         }

@@ -74,10 +74,12 @@ def _completed(name: str, deck: Deck, problems: FileError) -> Given:
     # Decks of export-deck have E = 1 up to printed digits; the default of E is exactly 1.
     if deck.E is not None and not math.isclose(deck.E, 1, rel_tol=1e-3):
         more["E"] = f"{deck.E:.10g}"
-    if deck.thickness is not None and deck.thickness != 1:
-        more["thickness"] = f"{deck.thickness:.10g}"
     sets = deck.result_sets if name in _WITH_DECK else {}
     more |= {key: names[0] for key, names in sets.items() if len(names) == 1}
+    surface = facts.surface or more.get("surface")
+    thickness = deck.thickness_of(surface) if surface and file is not None else deck.thickness
+    if thickness is not None and thickness != 1:
+        more["thickness"] = f"{thickness:.10g}"
     more = {key: value for key, value in more.items() if value and getattr(facts, key) is None}
     for key, what in _needed(name, facts, deck, problems.where).items():
         if getattr(facts, key) is None and key not in more:

@@ -200,9 +200,8 @@ _LOWER, _FILLERS = (
     re.compile(rf"\b{_any_of(_WORDS['columns'][name])}\b") for name in ("lower", "fillers")
 )
 NOTHING = re.compile(rf"\s*{_any_of(_WORDS['columns']['nothing'])}\s*", re.I)
-COUNTER, _NO_CORNER = (
-    re.compile(_any_of(_WORDS["columns"][name])) for name in ("counter", "no_corner")
-)
+_COUNTER = re.compile(_any_of(_WORDS["columns"]["counter"]))
+_NO_CORNER = re.compile(_any_of(_WORDS["columns"]["no_corner"]))
 _LOADS = ("load", "p", "line")
 _RATIO = re.compile(r"(.+?) ?(?:/|\bover\b|\bdurch\b) ?(.+)")
 
@@ -246,11 +245,27 @@ def key_of(words: str) -> str:
 def _key_of(text: str) -> str:
     for key, yes, no in _PATTERNS:
         if yes.search(text) and not no.search(text):
-            if key.startswith("load_s") and _key_of(yes.sub("", text).strip()) not in ("", *_LOADS):
+            is_error = key.startswith(("load_s", "rel_s"))
+            if is_error and _key_of(yes.sub("", text).strip()) not in ("", *_LOADS):
                 return ""  # the sd of another quantity, such as E
             is_lower = key in _LOADS and _LOWER.search(text)
             return f"{key}_lower" if is_lower else key
     return ""
+
+
+def is_likely(key: str, is_bare: bool, words: str, unit: str) -> bool:
+    """Return whether a column of these words and unit may be a quantity that no word names.
+
+    Words that belong to the quantity, but exclude this column, make it unlikely. In bare tables no
+    column has a unit.
+    """
+    keys = _LOADS if key == "load" else (key,)
+    is_excluded = any(yes.search(plain(words)) for name, yes, _ in _PATTERNS if name in keys)
+    if is_excluded or _COUNTER.search(words.lower()) or (key == "Q" and count_term(words)):
+        return False
+    if key == "Q" or is_bare:
+        return not unit
+    return bool(load_kind(unit)) if key == "load" else unit_factor(unit, "length") is not None
 
 
 def count_term(words: str) -> str:
@@ -287,8 +302,8 @@ def corners_of(headers: Iterable[str]) -> dict[str, tuple[str, int, str]]:
     {'F at 4 ridges': ('load', 4, 'ridges'), 'F at 6 ridges': ('load', 6, 'ridges')}
     """
     groups: dict[str, dict[str, int]] = {}
-    for header in headers:
-        if len(numbers := re.findall(r"\d+", header)) == 1 and len(numbers[0]) <= 6:
+    for header in headers:  # "#4" is the number of a column whose header stands twice
+        if len(numbers := re.findall(r"(?<![#\d])\d+", header)) == 1 and len(numbers[0]) <= 6:
             groups.setdefault(re.sub(r"\d+", "*", header), {})[header] = int(numbers[0])
     corners: dict[str, tuple[str, int, str]] = {}
     for template, counts in groups.items():
