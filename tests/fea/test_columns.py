@@ -324,6 +324,7 @@ FIXED = (
         ),
         (LONG, MAP, BODY | {"R": "0 mm"}, "above 0"),
         (LONG, MAP, BODY | {"R": "8 kPa"}, "a finite number above 0 and a unit of length"),
+        (LONG, MAP, BODY | {"E": "60 kPa ± 5 %"}, "a unit of pressure; its error is common to all"),
         (LONG, MAP, BODY | {"R": "1e400"}, "above 0"),
         (LONG, MAP, BODY | {"nu": "half"}, "nu = 'half': expected a finite"),
         (LONG, MAP, BODY | {"Q": "4"}, "value 'Q'"),

@@ -244,6 +244,7 @@ class Converter:
         if factor is None or not np.isfinite(number) or (is_above_0 and number <= 0):
             rule = f"a finite number{' above 0' if is_above_0 else ''}"
             rule += f" and a unit of {kind}" if kind else ""
+            rule += "; its error is common to all loads and no part of the table" * ("±" in text)
             raise self.problems.error(f"value {name} = {text!r}: expected {rule}")
         self._used_values[name] = None
         if kind:

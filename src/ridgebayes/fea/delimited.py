@@ -156,7 +156,7 @@ def find_header(rows: Sequence[Row], problems: FileError) -> tuple[list[str], in
     if header_row is None:
         _refuse_rows(rows[:i], headers, lines[i], problems.where)
     if i:
-        shown = f"header in line {lines[i]}, {i} title lines above it"
+        shown = f"header in line {lines[i]}, {count(i, 'title line')} above it"
         problems.messages.append(f"{problems.where}: {shown}")
     below = rows[i + 1][1] if i + 1 < len(rows) else []
     units = [cell.strip().removeprefix("#").strip().strip("[]()") for cell in below]
