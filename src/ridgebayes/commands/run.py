@@ -290,9 +290,10 @@ def _thinned(comparison: Comparison) -> Comparison:
     """Thin the posteriors to the draws that files keep, since every task gets a copy of them.
 
     The preset gives the total number of draws of a form, which its posteriors share in proportion
-    to their draws. A form with shared offsets, which are parameters as well, keeps at most the
-    number that predictions use. A form with negligible probability, whose bands enter no average,
-    keeps a quarter.
+    to their weights; the selected error model, which is shown, keeps at least an equal share. A
+    form with shared offsets, which are parameters as well, keeps at most the number that
+    predictions use. A form with negligible probability, whose bands enter no average, keeps a
+    quarter.
     """
     n_kept, fits = Preset.named(comparison.accuracy).n_kept, {}
     for name, fit in comparison.fits.items():
@@ -301,12 +302,12 @@ def _thinned(comparison: Comparison) -> Comparison:
         n = min(n_kept, N_SHARED) if share_offsets else n_kept
         if comparison.probabilities.get(name, 1.0) < MIN_FORM_PROBABILITY:
             n //= 4
-        share = n / sum(len(posterior.draws) for posterior in posteriors)
+        weights = fit.error_model_weights
         others = {
-            noise: other.thinned(round(share * len(other.draws)))
-            for noise, other in fit.others.items()
+            noise: other.thinned(round(n * weights[noise])) for noise, other in fit.others.items()
         }
-        fits[name] = replace(fit.thinned(round(share * len(fit.draws))), others=others)
+        selected = max(weights.get(fit.noise.name, 0.0), 1 / len(posteriors))
+        fits[name] = replace(fit.thinned(round(n * selected)), others=others)
     return replace(comparison, fits=fits)
 
 

@@ -41,14 +41,14 @@ class PosteriorLoads:
     kind : str, optional
         ``simulation``, or ``curve`` for loads without errors and offsets.
     share : float, optional
-        Weight of the posterior in an average. This share of its draws is used, but at least a
-        sixteenth: an average then has the Monte Carlo error of a single posterior at about the
-        same cost.
+        Weight of the posterior in an average. At most this share of the draws of a single
+        prediction is used, or a sixteenth if that is more: an average then has the Monte Carlo
+        error of a single posterior at about the same cost.
 
     Attributes
     ----------
     theta : ndarray of float, shape (n_draw, n_parameter)
-        Parameters of the draws used: all draws, or 2,560 if rows share offsets, times `share`.
+        Parameters of the draws used: at most 10,240, or 2,560 if rows share offsets, times `share`.
     stride : int
         Step between the posterior's draws that are used.
     has_mean : bool
@@ -59,7 +59,7 @@ class PosteriorLoads:
         self._is_curve = is_curve = kind == "curve"
         self._has_offsets = bool(fit.noise.factors) and not is_curve
         self._is_power_law = isinstance(fit.form, PowerLaw)
-        n = N_SHARED if self._has_offsets else len(fit.draws)
+        n = N_SHARED if self._has_offsets else N_KEPT
         n = max(round(n * min(share, 1.0)), n // DRAWS_DIVISOR, 1)
         self.fit, self.stride = fit, -(-len(fit.draws) // n)
         self.theta = fit.draws[:: self.stride]
