@@ -9,7 +9,7 @@ in each grade, and with which form named.
     python -m studies.verdicts --tables 40 --workers 2
 
 Every table that is done stands in docs/validation/verdicts.jsonl; a run that was stopped goes on
-from there. A table takes some 5 CPU seconds, so all cells with 40 tables take hours.
+from there. A table takes one to two CPU minutes, so all cells with 40 tables take days.
 
 Run it from the repository's root with OMP_NUM_THREADS=1.
 """
