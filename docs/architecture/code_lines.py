@@ -23,9 +23,9 @@ BUDGETS = {
     "table": 652,  # with the check for plain CSV that import uses too; a constructor that validates
     "scene": 1_312,  # with loads as they are typed; equality and bounds of distributions
     "simulate": 503,
-    "fea": 3_712,  # runs print displacements and forces of nodes; tables hold loads
+    "fea": 3_713,  # runs print displacements and forces of nodes; tables hold loads
     "model": 1_546,  # the loads of brackets nearest to a prediction, for all load errors; no bools
-    "inference": 2_478,  # points with the tails of Student rows; read-only draws
+    "inference": 2_481,  # points with the tails of Student rows; read-only draws
     "predict": 1_076,  # loads over a/pitch of one count, DataArrays, counts far below a load
     "evidence": 632,  # which evidences and posteriors are computed again
     "comparison": 875,

@@ -216,6 +216,12 @@ def test_import__columns_that_say_more_of_loads_are_spoken_of(read, header, cell
     assert any(message.startswith(said) for message in (*table.messages, *table.doubts))
 
 
+def test_import__a_length_that_no_load_needs_is_kept_whatever_its_unit(read):
+    table = read("a/R,b/R,Q,p/E,R (foo),D (mm)\n.03,.01,4,.001,8,20\n.03,.01,6,.004,8,20\n")
+    assert "kept as they are: 'R (foo)', 'D (mm)'" in table.messages
+    assert table.doubts == ()
+
+
 @pytest.mark.parametrize(
     ("load_se", "header", "load"),
     [

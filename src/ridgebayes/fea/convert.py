@@ -207,14 +207,15 @@ class Converter:
     @property
     def doubts(self) -> list[str]:
         """Cautions on unused columns of a pitch or diameter that contradict the used columns."""
-        doubts = []
+        doubts, used = [], {use.key for use in self.used} | self._used_values.keys()
         for key, parts in _REDUNDANT.items():
-            use, sizes = self.uses.get((key, None)), [self.number(part) for part in parts]
-            if use is None or use in self.used or any(size is None for size in sizes):
+            use = self.uses.get((key, None))
+            if use is None or use in self.used or not used.issuperset(parts):
                 continue
             _, factor, rule = column_unit(key, use.header, use.unit)
             size = self.cells[use.header].to_numpy(dtype=float) * float(factor)
-            off = float(np.nanmax(np.abs(size / sum(sizes) - 1), initial=0.0))  # type: ignore[arg-type]
+            whole = sum(x for part in parts if (x := self.number(part)) is not None)
+            off = float(np.nanmax(np.abs(size / whole - 1), initial=0.0))
             if off > MAX_REL_SE and not rule:
                 doubts.append(f"column {use.header!r} is {percent(off)} off {' + '.join(parts)}")
         return doubts
