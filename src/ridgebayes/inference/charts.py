@@ -248,8 +248,8 @@ def _groups(
     """Return references fitted to groups of rows, each group with a closer fit than all rows."""
     k, n = len(base), len(integral.rows.upper)
     n_near = max(math.ceil(_MIN_GROUP_SHARE * n), k + 1)
-    *columns, residual = _linearised(integral, base).T
-    jacobian = np.stack(columns, axis=1)
+    columns = _linearised(integral, base)
+    jacobian, residual = columns[:, :-1], columns[:, -1]
     if n < 2 * (k + 1) or not np.isfinite(residual).all():
         return []
     candidates: list[tuple[float, FloatArray, IntArray]] = []

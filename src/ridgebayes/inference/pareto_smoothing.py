@@ -46,8 +46,10 @@ def have_finite_variance(log_weights: FloatArray) -> bool:
 
     The standard error of k is (1 + k)/sqrt(m), with m = 3 sqrt(n) weights in the tail.
     """
+    if are_bounded(log_weights):
+        return True
     k, n_tail = pareto_k(log_weights), 3 * math.sqrt(len(log_weights))
-    return are_bounded(log_weights) or k + (1 + k) / math.sqrt(n_tail) <= MAX_FINITE_VARIANCE_K
+    return k + (1 + k) / math.sqrt(n_tail) <= MAX_FINITE_VARIANCE_K
 
 
 def pareto_smoothed(log_weights: FloatArray, reff: float = 1.0) -> tuple[FloatArray, float]:

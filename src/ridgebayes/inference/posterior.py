@@ -222,8 +222,9 @@ def posterior_of(model: Model, drawn: Drawn, seed: int) -> Posterior:
     n_repeat, n, d = drawn.u.shape
     u, scores = drawn.u.reshape(-1, d), drawn.scores.reshape(n_repeat * n, drawn.scores.shape[-1])
     whole = completed(model, u, scores, stream(seed, "offsets"))
-    whole = whole.reshape(*drawn.chains.log_density.shape, -1)
-    chains = replace(drawn.chains, u=whole, tau=np.ones(whole.shape[-1] + 1))
+    chains = drawn.chains
+    whole = whole.reshape(*chains.log_density.shape, -1)
+    chains = replace(chains, u=whole, tau=np.ones(whole.shape[-1] + 1))
     return _posterior(model, chains, seed, "importance", drawn.evidence)
 
 
