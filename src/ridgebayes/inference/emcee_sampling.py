@@ -10,7 +10,6 @@ Only this module imports emcee, and only when a walk starts.
 import math
 import time
 import zlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,6 +30,7 @@ _LONG_WALK_FACTOR = 5
 _MAX_STORED_NUMBERS = 256 * BATCH_SIZE  # half a GiB
 _PROPOSAL_SHARE = 0.9  # share of moves that draw from the proposal
 _N_FIRST_STEP = 100  # steps before the first check
+_N_BATCH_STEP = 16  # steps whose independent draws are evaluated in one call
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +85,25 @@ def _independence(density: _Density) -> Any:
     import emcee
 
     class Independence(emcee.moves.Move):  # type: ignore[misc]
+        def __init__(self) -> None:
+            self.batch: list[Any] = []
+
         def propose(self, model: Any, state: Any) -> tuple[Any, Any]:
-            rng = np.random.default_rng(model.random.randint(2**31, size=4))
             n = len(state.coords)
-            draws = density.target.evaluate(*density.proposal.draw(rng, n), rng, density.n_point)
-            value, extras = density.values(draws)
-            ratio = value - extras[:, 0] - state.log_prob + state.blobs[:, 0]
+            if not self.batch:
+                self.batch = self.evaluated(model.random.randint(2**31, size=4), n)
+            new = self.batch.pop()
+            ratio = new.log_prob - new.blobs[:, 0] - state.log_prob + state.blobs[:, 0]
             accepted = np.log(model.random.rand(n)) < ratio
-            new = emcee.State(draws.u, log_prob=value, blobs=extras)
             return self.update(state, new, accepted), accepted
+
+        def evaluated(self, seed: Any, n: int) -> list[Any]:
+            """Return the draws of several steps, which take less time in one call."""
+            rng = np.random.default_rng(seed)
+            charts, q = density.proposal.draw(rng, _N_BATCH_STEP * n)
+            draws = density.target.evaluate(charts, q, rng, density.n_point)
+            arrays = (np.split(x, _N_BATCH_STEP) for x in (draws.u, *density.values(draws)))
+            return [emcee.State(u, log_prob=p, blobs=x) for u, p, x in zip(*arrays, strict=True)]
 
     return Independence()
 
@@ -170,10 +180,9 @@ def walk(
     n_walker = max(settings.n_walker, 4 * d)
     began, limit = time.monotonic(), settings.time_limit or math.inf
     density = _Density(target, proposal, n_point)
-    samplers = [_ensemble(density, n_walker) for _ in range(settings.n_ensemble)]
     now = checkpoint.load() if checkpoint is not None else None
     if now is None:
-        now = _burnt_in(density, samplers, seed, settings.n_burn)
+        now = _burnt_in(density, seed, settings, n_walker)
     # All steps stay in memory: a walk that mixes badly must stop before it fills it.
     n_per_step = settings.n_ensemble * n_walker * (d + 1 + now.extras.shape[-1])
     n_step_max = min(settings.n_step_max, max(_MAX_STORED_NUMBERS // n_per_step, _N_FIRST_STEP))
@@ -191,7 +200,7 @@ def walk(
         # check costs as much as many steps, so that a walk that is much too short grows by half.
         needed = float(np.nan_to_num(settings.n_tau * tau.max(), posinf=0.0))
         goal = max(int(1.05 * now.n_step) + 20, _N_FIRST_STEP, int(min(needed, 1.5 * now.n_step)))
-        now = _extended(now, samplers, min(goal, n_step_max) - now.n_step, tau)
+        now = _extended(now, density, min(goal, n_step_max) - now.n_step, tau)
         if checkpoint is not None:
             checkpoint.save(now)
     acceptance = now.accepted / (now.n_step * n_walker)
@@ -200,41 +209,45 @@ def walk(
     return Walked(chains, extras[..., 2 : 2 + d], extras[..., 1], extras[..., 2 + d :])
 
 
-def _burnt_in(density: _Density, samplers: Sequence[Any], seed: int, n_burn: int) -> Walk:
+def _burnt_in(density: _Density, seed: int, settings: SampleSettings, n_walker: int) -> Walk:
     """Start each ensemble's walkers from the proposal, and burn them in."""
     import emcee
 
     ends = []
-    for i, sampler in enumerate(samplers):
+    for i in range(settings.n_ensemble):
         rng = stream(seed, f"ensemble {i}")
-        u = _start(density, rng, sampler.nwalkers)
+        u = _start(density, rng, n_walker)
         random_state = np.random.RandomState(rng.integers(2**32)).get_state()
         # emcee silently ignores a RandomState object; it expects the object's state.
-        ends.append(sampler.run_mcmc(emcee.State(u, random_state=random_state), n_burn))
+        start = emcee.State(u, random_state=random_state)
+        ends.append(_ensemble(density, n_walker).run_mcmc(start, settings.n_burn))
     return Walk(
         u=np.stack([end.coords for end in ends])[:, None],
         log_density=np.stack([end.log_prob for end in ends])[:, None],
         extras=np.stack([end.blobs for end in ends])[:, None],
         accepted=np.zeros(len(ends)),
-        tau=np.full(samplers[0].ndim + 1, np.inf),
+        tau=np.full(len(density.target.names) + 1, np.inf),
         **packed([end.random_state for end in ends]),
     )
 
 
-def _extended(now: Walk, samplers: Sequence[Any], n_step: int, tau: FloatArray) -> Walk:
-    """Return the walk with `n_step` more steps of every ensemble."""
+def _extended(now: Walk, density: _Density, n_step: int, tau: FloatArray) -> Walk:
+    """Return the walk with `n_step` more steps of every ensemble.
+
+    The ensembles are new, so that a resumed walk takes the same steps.
+    """
     import emcee
 
-    ends = []
-    for i, (sampler, random_state) in enumerate(zip(samplers, unpacked(now), strict=True)):
-        sampler.reset()
+    ends, samplers = [], []
+    for i, random_state in enumerate(unpacked(now)):
         last = emcee.State(
             now.u[i, -1],
             log_prob=now.log_density[i, -1],
             blobs=now.extras[i, -1],
             random_state=random_state,
         )
-        ends.append(sampler.run_mcmc(last, n_step))
+        samplers.append(_ensemble(density, now.u.shape[2]))
+        ends.append(samplers[-1].run_mcmc(last, n_step))
     parts = {
         "u": np.stack([sampler.get_chain() for sampler in samplers]),
         "log_density": np.stack([sampler.get_log_prob() for sampler in samplers]),
