@@ -42,7 +42,7 @@ READ = """
 
 @pytest.fixture(scope="module")
 def averaged(compare, paper):
-    return compare(paper, rng=0, accuracy="quick")
+    return compare(paper, [rb.Modified(), rb.Hybrid()], rng=0, accuracy="quick")
 
 
 def written(compared, folder):
