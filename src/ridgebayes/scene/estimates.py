@@ -77,7 +77,8 @@ def plan(scene: Scene) -> list[Plan]:
     >>> plan(scene)[0].simulated
     ('ridges', "Poisson's ratio")
     """
-    return [_plan_texture(_Base.of(scene, texture)) for texture in as_scene(scene).textures]
+    scene = as_scene(scene)
+    return [_plan_texture(_Base.of(scene, texture)) for texture in scene.textures]
 
 
 def _too_narrow(texture: Texture, status: str) -> InputError:
@@ -150,13 +151,19 @@ class _Base:
         """Highest load considered, over E."""
         return self.W_max / load_factor(self.scene.nu)
 
+    @property
+    def loads(self) -> FloatArray:
+        """Transition loads over E; the highest load stands for transitions beyond those in `W`."""
+        all_in_W = len(self.W) < _MAX_TRANSITIONS
+        return (self.W if all_in_W else np.append(self.W, self.W_max)) / load_factor(self.scene.nu)
+
     @cached_property
     def two_scale_error(self) -> float:
         """Largest relative standard error of two-scale loads; infinite where nu is too small."""
         nu = self.scene.nu
         if nu < two_scale.LEAST_NU:
             return math.inf
-        loads = np.minimum(self.W / load_factor(nu), two_scale.REACH)
+        loads = np.minimum(self.loads, two_scale.REACH)
         profile = self.profile
         if self.texture.offset == "uniform":  # the error is largest at a quarter pitch
             profile = replace(profile, offset=0.25)
@@ -304,8 +311,7 @@ def _finite_body(base: _Base) -> tuple[Effect, str]:
     depth_over_b = base.penetration / base.sharp.b
     estimate = math.nan
     if nu >= two_scale.LEAST_NU:
-        loads = base.W / load_factor(nu)
-        change = np.abs(two_scale.load_of(loads, nu) / loads - 1)
+        change = np.abs(two_scale.load_of(base.loads, nu) / base.loads - 1)
         if np.isfinite(change).any():
             estimate = float(np.nanmax(change))
     if math.isnan(estimate):
