@@ -309,11 +309,8 @@ def _finite_body(base: _Base) -> tuple[Effect, str]:
     count = max(base.last.Q, 2 * width / base.sharp.pitch)
     strain = 2 * p / (count * base.sharp.a)
     depth_over_b = base.penetration / base.sharp.b
-    estimate = math.nan
-    if nu >= two_scale.LEAST_NU:
-        change = np.abs(two_scale.load_of(base.loads, nu) / base.loads - 1)
-        if np.isfinite(change).any():
-            estimate = float(np.nanmax(change))
+    change = np.abs(two_scale.load_of(base.loads, nu) / base.loads - 1)
+    estimate = float(np.fmax.reduce(change))  # NaN only if all are
     if math.isnan(estimate):
         # Pressure draws a compressible surface in by (1 - 2 nu)(1 + nu) p, and loads grow with
         # distances squared. The second term is the bending of the surface into a groove.

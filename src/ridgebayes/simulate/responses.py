@@ -288,7 +288,9 @@ def _solved(
     if solver == "auto":
         # Forces on ridges need ridges, even if these have no effect on transition loads.
         sharp = [Profile(texture.a_over_R, texture.b_over_R) for texture in scene.textures]
-        plans = plan(_with_load(scene, min(float(loads.max()), two_scale.REACH)))
+        highest = {"max_p_over_E": min(float(loads.max()), two_scale.REACH)}
+        loaded = tuple(texture.model_copy(update=highest) for texture in scene.textures)
+        plans = plan(scene.model_copy(update={"textures": loaded}))
         profiles = [planned.profile or ridges for planned, ridges in zip(plans, sharp, strict=True)]
         solvers = [planned.solver for planned in plans]
     for texture, profile, chosen in zip(scene.textures, profiles, solvers, strict=True):
@@ -304,12 +306,6 @@ def _solved(
         scales = zip(loads.tolist(), load_ratio.tolist(), strict=True)
         for (load, scale), solutions in zip(scales, zip(*by_place, strict=True), strict=True):
             yield label, load, solutions, scale
-
-
-def _with_load(scene: Scene, p_over_E: float) -> Scene:
-    """Return the scene with another highest load, on all textures."""
-    textures = [each.model_copy(update={"max_p_over_E": None}) for each in scene.textures]
-    return scene.model_copy(update={"p_over_E": p_over_E, "textures": tuple(textures)})
 
 
 def _pressed(
