@@ -21,7 +21,7 @@ BUDGETS = {
     "drawing": 943,
     "contact": 3_253,  # few orders solved together, events started from the last two: floors
     "table": 652,  # with the check for plain CSV that import uses too; a constructor that validates
-    "scene": 1_319,  # with loads as they are typed; estimates at the highest of many loads
+    "scene": 1_318,  # with loads as they are typed; estimates at the highest of many loads
     "simulate": 505,  # effects at the loads that are asked for
     "fea": 3_713,  # runs print displacements and forces of nodes; tables hold loads
     "model": 1_546,  # the loads of brackets nearest to a prediction, for all load errors; no bools
@@ -31,9 +31,9 @@ BUDGETS = {
     "comparison": 875,
     "checks": 769,  # load errors of brackets; tables and forms by name, as elsewhere
     "friction": 865,  # draws the blocks of a scene itself; floors bound penetration
-    "texture_design": 1_115,  # with the refusal of loads above all models; cautions on a scene
+    "texture_design": 1_116,  # with the refusal of loads above all models; tolerances with units
     "report": 1_472,  # held-out brackets, the range of the priors of K
-    "commands": 2_181,  # cautions of a design appear once
+    "commands": 2_179,  # cautions of a design appear once
 }
 _NO_CODE = {
     tokenize.COMMENT,
