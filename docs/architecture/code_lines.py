@@ -33,7 +33,7 @@ BUDGETS = {
     "friction": 865,  # draws the blocks of a scene itself; floors bound penetration
     "texture_design": 1_116,  # with the refusal of loads above all models; tolerances with units
     "report": 1_472,  # held-out brackets, the range of the priors of K
-    "commands": 2_179,  # cautions of a design appear once
+    "commands": 2_181,  # cautions of a design appear once
 }
 _NO_CODE = {
     tokenize.COMMENT,
