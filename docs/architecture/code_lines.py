@@ -21,7 +21,7 @@ BUDGETS = {
     "drawing": 943,
     "contact": 3_253,  # few orders solved together, events started from the last two: floors
     "table": 652,  # with the check for plain CSV that import uses too; a constructor that validates
-    "scene": 1_318,  # with loads as they are typed; estimates at the highest of many loads
+    "scene": 1_319,  # with loads as they are typed; estimates at the highest of many loads
     "simulate": 505,  # effects at the loads that are asked for
     "fea": 3_713,  # runs print displacements and forces of nodes; tables hold loads
     "model": 1_546,  # the loads of brackets nearest to a prediction, for all load errors; no bools

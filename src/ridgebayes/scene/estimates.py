@@ -7,6 +7,7 @@ the slope of the gap.
 """
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -45,12 +46,12 @@ _FE_TRANSITION_S = 5.0  # CPU seconds per transition, by finite elements
 _SMOOTH_BODY_S = 15.0  # CPU seconds, of a smooth body by finite elements
 
 
-def plan(scene: Scene) -> list[Plan]:
+def plan(scene: Scene | str | os.PathLike[str]) -> list[Plan]:
     """Decide for each texture of a scene what to simulate.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or path
         Scene with its textures, highest load and required accuracy.
 
     Returns
