@@ -21,8 +21,8 @@ BUDGETS = {
     "drawing": 943,
     "contact": 3_253,  # few orders solved together, events started from the last two: floors
     "table": 652,  # with the check for plain CSV that import uses too; a constructor that validates
-    "scene": 1_312,  # with loads as they are typed; equality and bounds of distributions
-    "simulate": 503,
+    "scene": 1_319,  # with loads as they are typed; estimates at the highest of many loads
+    "simulate": 505,  # effects at the loads that are asked for
     "fea": 3_713,  # runs print displacements and forces of nodes; tables hold loads
     "model": 1_546,  # the loads of brackets nearest to a prediction, for all load errors; no bools
     "inference": 2_488,  # points with the tails of Student rows; draws of several steps at once
@@ -30,8 +30,8 @@ BUDGETS = {
     "evidence": 632,  # which evidences and posteriors are computed again
     "comparison": 875,
     "checks": 769,  # load errors of brackets; tables and forms by name, as elsewhere
-    "friction": 864,  # draws the blocks of a scene itself, with one BLAS thread
-    "texture_design": 1_115,  # with the refusal of loads above all models; cautions on a scene
+    "friction": 865,  # draws the blocks of a scene itself; floors bound penetration
+    "texture_design": 1_116,  # with the refusal of loads above all models; tolerances with units
     "report": 1_472,  # held-out brackets, the range of the priors of K
     "commands": 2_181,  # cautions of a design appear once
 }

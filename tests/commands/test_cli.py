@@ -279,9 +279,11 @@ def test_generate__bad_options_are_refused(refused, words, expected):
     refused(["generate", *words, "-o", "t.csv"], *expected)
 
 
-def test_generate__nothing_named_is_the_embedded_sweep(command, paper):
-    said = command("generate", "-o", "t.csv")
-    assert (said.code, said.err) == (0, "")
+@pytest.mark.parametrize("words", [(), ("--nu", "0.4"), ("--p-max", "0.01")])
+def test_generate__nothing_named_is_the_embedded_sweep(command, paper, words):
+    said = command("generate", *words, "-o", "t.csv")
+    unused = "ridgebayes: warning: --p-max and --nu have no effect without --texture\n"
+    assert (said.code, said.err) == (0, unused if words else "")
     assert said.out == "t.csv: 44 rows, 10 textures\n"
     table = rb.read_table("t.csv")
     np.testing.assert_allclose(  # algebra: rounding of another machine's linear solver

@@ -378,9 +378,10 @@ STA = (
         (STA + "1 1 1X 5 0.1 0.1 0.1\n", "run.sta, line 6"),
         (STA + "1 1 1 5 3,1 0,1 0,1\n", "run.sta, line 6: '3,1': expected a finite number"),
         (STA + "1 1 1 5 1e999 0.1 0.1\n", "run.sta, line 6: '1e999'"),
-        (STA + "1 3 1 5 2.0 0.1 0.1\n", "run.sta, line 6: time 2 after 2; expected rising times"),
-        # Two increments of 34; a last line without an end is not read.
+        (STA + "1 3 1 5 1.9 0.1 0.1\n", "time 1.9 after 2; expected times that do not fall"),
+        # Two increments of 34; a last line without an end is not read, and times are rounded.
         *((t, "no corner") for t in (STA, STA.replace("\n", "\r\n"), STA + "     1       3")),
+        (STA + "1 3 1 7 0.2E+01 0.5E+00 0.1E-05\n", "no corner"),
     ],
 )
 def test_sta__what_cannot_be_understood_is_named(tmp_path, text, message):

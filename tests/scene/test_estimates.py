@@ -188,6 +188,11 @@ def test_plan__estimates_floor_and_corners_beside_each_other():
         assert 0.5 * true <= effects[name].estimate <= 2 * true
 
 
+def test_plan__takes_a_path():
+    path = data_path("scenes/sharp_pair.toml")
+    pd.testing.assert_frame_equal(plan_table(plan(path)), plan_table(plan(Scene.from_toml(path))))
+
+
 def test_plan__looks_at_the_load_of_the_texture_before_that_of_the_scene():
     given = ({"max_p_over_E": P, "p_over_E": 0.02}, {}, {"p_over_E": 0.02})
     # As tables, in which an unknown number is equal to an unknown number.

@@ -3,9 +3,10 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from ridgebayes import InputError, Scene, contact_at_loads, generate, plan
+from ridgebayes import InputError, Scene, contact_at_loads, generate, plan, ridge_forces
 from ridgebayes.contact import two_scale
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.two_scale import CHECKED, REACH, load_of, relative_error
@@ -57,18 +58,19 @@ def test_generate__refuses_a_load_that_no_solver_reaches(relative):
 
 
 @pytest.mark.parametrize(
-    ("p", "relative", "solver"),
+    ("widths", "p", "relative", "solver"),
     [
-        (0.002, 0.01, "half-plane"),
-        (0.08, 0.01, "two-scale"),
-        (0.08, 1e-4, "cylinder-fe"),
-        (0.3, 1e-4, "two-scale"),
-        (0.08, None, "half-plane"),
-        (0.2, None, "two-scale"),
+        ((0.02, 0.1), 0.002, 0.01, "half-plane"),
+        ((0.02, 0.1), 0.08, 0.01, "two-scale"),
+        ((0.02, 0.1), 0.08, 1e-4, "cylinder-fe"),
+        ((0.02, 0.1), 0.3, 1e-4, "two-scale"),
+        ((0.02, 0.1), 0.08, None, "half-plane"),
+        ((0.02, 0.1), 0.2, None, "two-scale"),
+        ((5e-4, 5e-4), 0.08, 0.01, "two-scale"),  # with 390 transitions
     ],
 )
-def test_plan__chooses_the_cheapest_solver_that_is_right_to_the_accuracy(p, relative, solver):
-    (one,) = plan(Scene.of([(0.02, 0.1)], p_over_E=p, relative=relative))
+def test_plan__chooses_the_cheapest_solver_right_to_the_accuracy(widths, p, relative, solver):
+    (one,) = plan(Scene.of([widths], p_over_E=p, relative=relative))
     assert one.solver == solver
     named = {effect.name: effect for effect in one.effects}["finite body and large deformation"]
     assert named.simulated == (solver != "half-plane")
@@ -88,6 +90,16 @@ def test_contact_at_loads__says_what_is_beyond():
     assert [text.split(":")[0] for text in found["status"]] == ["ok", "not checked", "not computed"]
     assert found["half_width_over_R"].notna().tolist() == [True, True, False]
     assert math.isnan(found["rel_se"].iloc[2])
+
+
+def test_contact_at_loads__takes_effects_at_its_loads_and_not_at_the_scenes():
+    texture = Texture(a_over_R=0.02, b_over_R=0.06, groove_depth_over_R=0.002, max_p_over_E=0.001)
+    scene = Scene(textures=(texture,), relative=0.01)
+    found = contact_at_loads(scene, [0.02, 0.09])
+    pd.testing.assert_frame_equal(found, contact_at_loads(scene, [0.02, 0.09], solver="two-scale"))
+    # Large deformation does not press the surface below the floor that it touches.
+    grooves = ridge_forces(scene, [0.02, 0.09])["penetration_over_R"]
+    assert found["penetration_over_R"].max() == grooves.max() == 0.002
 
 
 @pytest.mark.slow

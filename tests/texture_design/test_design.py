@@ -31,7 +31,7 @@ def uncertain():
 
 
 def values_of(source, scene, tolerance, textures, n=16_384, seed=3):
-    made = Tolerance.parse(tolerance)
+    made = Tolerance.parse(tolerance, scene.body)
     loads = ratio_loads(source.averaged, Bodies.draw(scene, made, n, seed).ratios(textures))
     return GoalValues(loads, lambda size: Bodies.draw(scene, made, size, seed), n)
 
@@ -260,6 +260,7 @@ def test_design__is_a_record_like_the_others(fit, uncertain):
         ({"sizes": {"step": -1.0}}, "step: expected above 0, got -1.0"),
         ({"sizes": {"a": (0.011, 0.012), "step": 0.01}}, "a: no multiple of the step 0.01"),
         ({"sizes": {"step": 1e-5}}, "step: expected at most 40,000 textures"),
+        ({"tolerance": "4 mm"}, "tolerance: expected at most 20% of the smallest width"),
         ({"tolerance": "much"}, "tolerance 'much': expected a tolerance such as '5 %'"),
         ({"tolerance": "30 %"}, "tolerance '30 %': expected 0 to 20%"),
         ({"tolerance": "0.01"}, "tolerance: expected at most 20% of the smallest width"),

@@ -15,7 +15,7 @@ from ridgebayes.report.design_page import design_page, drawn_design
 from ridgebayes.runtime.atomic import write_text
 from ridgebayes.runtime.text import percent
 from ridgebayes.scene.scene import Scene
-from ridgebayes.scene.typed import has_unit
+from ridgebayes.scene.typed import has_unit, over_radius
 from ridgebayes.scene.units import Body
 from ridgebayes.texture_design.bodies import Tolerance
 from ridgebayes.texture_design.design import design
@@ -36,7 +36,7 @@ def command(asked: options.DesignOptions) -> Answer:
         for name, (text, parse) in typed.items()
         if text is not None
     }
-    tolerance = Tolerance.parse(asked.tolerance, lambda text: _over_radius(text, body))
+    tolerance = Tolerance.parse(asked.tolerance, body)
     parse_goals(asked.goal, body=body)  # report errors before the run is read, which takes seconds
     with (
         new_folder(asked.out, force=asked.force, about=_ABOUT) as folder,
@@ -56,14 +56,9 @@ def command(asked: options.DesignOptions) -> Answer:
     return _answer(result, asked.out, scene)
 
 
-def _over_radius(text: str, body: Body) -> float:
-    """Return a length over the radius, from a text with a unit or a number."""
-    return body.over_radius(text) if has_unit(text) else float(text)
-
-
 def _length(text: str, option: str, body: Body) -> float:
     try:
-        value = _over_radius(text, body)
+        value = over_radius(text, body)
     except InputError as error:
         raise InputError(f"{option} {error}") from None
     except ValueError:

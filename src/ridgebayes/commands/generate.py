@@ -40,7 +40,9 @@ def command(asked: options.Generate) -> Answer:
         scene = Scene.of(textures, p_over_E=asked.p_max, nu=asked.nu)
     else:
         scene = Scene.paper()
-    warned = warn(*filter(None, [beyond_reach(scene, asked.solver)]))
+    typed = (asked.p_max, asked.nu) != (options.Generate.p_max, options.Generate.nu)
+    ignored = ["--p-max and --nu have no effect without --texture"] * (typed and not asked.texture)
+    warned = warn(*ignored, *filter(None, [beyond_reach(scene, asked.solver)]))
     solving: Any = {"solver": asked.solver, "rel_tol": asked.tol, "accuracy": asked.accuracy}
     resources = {name: getattr(asked, name) for name in ("workers", "scheduler", "resume")}
     if asked.fields is None:

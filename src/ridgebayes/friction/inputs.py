@@ -37,7 +37,7 @@ SMALL_STRAIN = 0.015  # p/E: small strain is within 1 % of finite strain, for mo
 _BLOCK = 1_000  # draws in memory at a time
 _N_CHECKED = 24  # contacts solved to measure the error of interpolation
 _PROFILE = ("a", "b", "depth", "corner", "offset")
-_CORNER = _PROFILE.index("corner")
+_DEPTH, _CORNER = _PROFILE.index("depth"), _PROFILE.index("corner")
 # Name: dimensions, unit, meaning.
 _VARIABLES = {
     "Q": ("dl", "1", "proximal edges in contact, drawn from the posterior predictive"),
@@ -276,7 +276,8 @@ class InputDraws:
             out["contact_fraction"][here] = contact.length / contact.extent
             out["ridge_force_mean"][here] = line_load * contact.share / count
             out["ridge_force_max"][here] = line_load * contact.largest_share
-            out["penetration_over_R"][here] = contact.penetration * p_mechanics / p_half_plane
+            penetration = contact.penetration * p_mechanics / p_half_plane
+            out["penetration_over_R"][here] = np.minimum(penetration, profiles[i, _DEPTH])
             if self._edges:
                 modulus = 1 / (1 - nu[i][:, None] ** 2)
                 K = np.maximum(contact.K, 0.0) * modulus * (p[here] / p_half_plane)[:, None]

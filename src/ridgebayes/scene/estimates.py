@@ -7,6 +7,7 @@ the slope of the gap.
 """
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -45,12 +46,12 @@ _FE_TRANSITION_S = 5.0  # CPU seconds per transition, by finite elements
 _SMOOTH_BODY_S = 15.0  # CPU seconds, of a smooth body by finite elements
 
 
-def plan(scene: Scene) -> list[Plan]:
+def plan(scene: Scene | str | os.PathLike[str]) -> list[Plan]:
     """Decide for each texture of a scene what to simulate.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or path
         Scene with its textures, highest load and required accuracy.
 
     Returns
@@ -77,7 +78,8 @@ def plan(scene: Scene) -> list[Plan]:
     >>> plan(scene)[0].simulated
     ('ridges', "Poisson's ratio")
     """
-    return [_plan_texture(_Base.of(scene, texture)) for texture in as_scene(scene).textures]
+    scene = as_scene(scene)
+    return [_plan_texture(_Base.of(scene, texture)) for texture in scene.textures]
 
 
 def _too_narrow(texture: Texture, status: str) -> InputError:
@@ -150,13 +152,19 @@ class _Base:
         """Highest load considered, over E."""
         return self.W_max / load_factor(self.scene.nu)
 
+    @property
+    def loads(self) -> FloatArray:
+        """Transition loads over E; the highest load stands for transitions beyond those in `W`."""
+        all_in_W = len(self.W) < _MAX_TRANSITIONS
+        return (self.W if all_in_W else np.append(self.W, self.W_max)) / load_factor(self.scene.nu)
+
     @cached_property
     def two_scale_error(self) -> float:
         """Largest relative standard error of two-scale loads; infinite where nu is too small."""
         nu = self.scene.nu
         if nu < two_scale.LEAST_NU:
             return math.inf
-        loads = np.minimum(self.W / load_factor(nu), two_scale.REACH)
+        loads = np.minimum(self.loads, two_scale.REACH)
         profile = self.profile
         if self.texture.offset == "uniform":  # the error is largest at a quarter pitch
             profile = replace(profile, offset=0.25)
@@ -302,12 +310,8 @@ def _finite_body(base: _Base) -> tuple[Effect, str]:
     count = max(base.last.Q, 2 * width / base.sharp.pitch)
     strain = 2 * p / (count * base.sharp.a)
     depth_over_b = base.penetration / base.sharp.b
-    estimate = math.nan
-    if nu >= two_scale.LEAST_NU:
-        loads = base.W / load_factor(nu)
-        change = np.abs(two_scale.load_of(loads, nu) / loads - 1)
-        if np.isfinite(change).any():
-            estimate = float(np.nanmax(change))
+    change = np.abs(two_scale.load_of(base.loads, nu) / base.loads - 1)
+    estimate = float(np.fmax.reduce(change))  # NaN only if all are
     if math.isnan(estimate):
         # Pressure draws a compressible surface in by (1 - 2 nu)(1 + nu) p, and loads grow with
         # distances squared. The second term is the bending of the surface into a groove.

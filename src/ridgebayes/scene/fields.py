@@ -132,6 +132,8 @@ def findings(
         rule = finding["msg"].removeprefix("Value error, ")
         if finding["type"] == "extra_forbidden":
             rule = "; ".join(filter(None, ("unknown key", hints[finding["loc"]])))
+        elif finding["type"] == "model_type":
+            rule = "must be a table"
         elif finding["type"] == "missing":
             rule = "missing; expected a value"
         shown = "" if finding["type"] == "missing" else f" = {shown_value(finding['input'])}"

@@ -282,11 +282,15 @@ class Scene(fields.Record):
 
     @classmethod
     def _of_values(cls, values: Json, where: str) -> "Scene":
+        textures = list[Texture]()
         try:
-            textures = tuple(Texture(**texture) for texture in values.pop("textures"))
-            return cls(textures=textures, **values)
+            for texture in values.pop("textures"):
+                textures.append(Texture(**texture))
+            return cls(textures=tuple(textures), **values)
         except InputError as error:
-            raise InputError(f"{where}: {error}") from None
+            here = f"{where}: texture[{len(textures) + 1}]: "
+            text = str(error).replace("Texture: ", here).replace("Scene: ", f"{where}: ")
+            raise InputError(text) from None
 
     @property
     def uncertain_names(self) -> tuple[str, ...]:

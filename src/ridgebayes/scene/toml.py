@@ -99,7 +99,7 @@ def _read_uncertain(
     try:
         source = read_source(dimension, raw, (info.context or {}).get("folder", Path()))
     except InputError as error:
-        raise ValueError(str(error)) from None
+        raise ValueError(str(error).removeprefix(f"{raw!r}: ")) from None
     if source is None:
         return None
     for end in source.ends:

@@ -45,12 +45,9 @@ def parse_texture(
         rule = "both widths with a unit, or both without (shares of the radius)"
         raise InputError(f"{where}: expected {rule}")
     try:
-        if any(with_unit) and not isinstance(body, Body):
-            body = Body.of(body, None)
-        a, b = (
-            body.over_radius(part) if isinstance(body, Body) and unit else float(part)
-            for part, unit in zip(parts, with_unit, strict=True)
-        )
+        if not isinstance(body, Body):
+            body = Body.of(body if any(with_unit) else None, None)
+        a, b = (over_radius(part, body) for part in parts)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     except ValueError:
@@ -63,6 +60,11 @@ def parse_texture(
 def has_unit(text: str) -> bool:
     """Return whether a text has a unit after a number."""
     return re.search(r"\d.*[^\W\d_eE]", text) is not None
+
+
+def over_radius(text: str, body: Body) -> float:
+    """Return a length over the radius, from a text with a unit or a number."""
+    return body.over_radius(text) if has_unit(text) else float(text)
 
 
 def parse_loads(

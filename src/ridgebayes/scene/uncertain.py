@@ -250,7 +250,7 @@ class Joint:
             allowed = [name for name, value in certain.items() if not isinstance(value, str)]
         for name in names:
             if name not in allowed or names.count(name) > 1:
-                rule = f"expected names without repeats, of {', '.join(allowed)}"
+                rule = f"expected names without repeats, of {', '.join(allowed) or 'distributions'}"
                 raise InputError(f"joint.of: {rule}, got {name!r}")
         if draws is not None:
             joint = cls(names, None, draws if hasattr(draws, "rvs") else _array(draws))

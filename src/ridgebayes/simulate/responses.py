@@ -103,8 +103,9 @@ def contact_at_loads(
         mean = measures[0] if len(places) == 1 else measures.mean(axis=0)
         count = places[0].Q if len(places) == 1 else mean[0]
         status = next((solution.status for solution in places if solution.status != "ok"), "ok")
-        error = _error(load, places[0].profile, scale, scene)
-        rows.append([label, load, count, *mean[1:4].tolist(), mean[4] * scale, error, status])
+        profile = places[0].profile
+        error, deepest = _error(load, profile, scale, scene), min(mean[4] * scale, profile.depth)
+        rows.append([label, load, count, *mean[1:4].tolist(), deepest, error, status])
     return pd.DataFrame(rows, columns=RESPONSE_COLUMNS)
 
 
@@ -175,7 +176,7 @@ def ridge_forces(
             kind, share = "floor" if segment.ridge is None else "ridge", force / pressing.load
             number = profile.ridge_before(segment)
             pressure, penetration = 2 * load * share / (right - left), grooves.get(number, math.nan)
-            values = [left, right, share, pressure, penetration * scale, error]
+            values = [left, right, share, pressure, min(penetration * scale, profile.depth), error]
             rows.append([label, load, kind, number, *values, solution.status])
     return pd.DataFrame(rows, columns=FORCE_COLUMNS)
 
@@ -287,10 +288,11 @@ def _solved(
     if solver == "auto":
         # Forces on ridges need ridges, even if these have no effect on transition loads.
         sharp = [Profile(texture.a_over_R, texture.b_over_R) for texture in scene.textures]
-        plans = plan(scene)
+        highest = {"max_p_over_E": min(float(loads.max()), two_scale.REACH)}
+        loaded = tuple(texture.model_copy(update=highest) for texture in scene.textures)
+        plans = plan(scene.model_copy(update={"textures": loaded}))
         profiles = [planned.profile or ridges for planned, ridges in zip(plans, sharp, strict=True)]
-        high = bool(loads.max() > HIGHEST_LOAD)
-        solvers = ["two-scale" if high else planned.solver for planned in plans]
+        solvers = [planned.solver for planned in plans]
     for texture, profile, chosen in zip(scene.textures, profiles, solvers, strict=True):
         label = texture_label(texture.a_over_R, texture.b_over_R)
         offsets = offsets_between(_N_OFFSETS) if texture.offset == "uniform" else [profile.offset]

@@ -1,7 +1,7 @@
 """Draws of manufactured widths, body and load of a design."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -14,6 +14,8 @@ from ridgebayes.runtime.randomness import stream
 from ridgebayes.runtime.text import clipped
 from ridgebayes.scene.draws import draw_scene
 from ridgebayes.scene.scene import Scene
+from ridgebayes.scene.typed import over_radius
+from ridgebayes.scene.units import NO_UNITS, Body
 
 _MAX_SCORE = 4.9  # standard deviations: widths stay above 0 for an sd of 20 %
 _MAX_TOLERANCE = 0.2  # over the width
@@ -38,17 +40,15 @@ class Tolerance:
     is_worst: bool = False
 
     @classmethod
-    def parse(
-        cls, text: "str | Tolerance | None", over_radius: Callable[[str], float] = float
-    ) -> "Tolerance":
+    def parse(cls, text: "str | Tolerance | None", body: Body = NO_UNITS) -> "Tolerance":
         """Parse a tolerance: ``5 %``, ``worst 5 %`` or a length.
 
         Parameters
         ----------
         text : str, Tolerance or None
             Tolerance; None for exact widths.
-        over_radius : callable, optional
-            Function that converts a text such as ``10 um`` to a length over R.
+        body : Body, optional
+            Body whose radius converts a text such as ``10 um`` to a length over R.
 
         Raises
         ------
@@ -67,7 +67,7 @@ class Tolerance:
         try:
             if words is None:
                 raise ValueError(text)
-            size = float(words[2]) / 100 if words[3] else over_radius(words[2])
+            size = float(words[2]) / 100 if words[3] else over_radius(words[2], body)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         except ValueError:

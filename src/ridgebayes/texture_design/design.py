@@ -63,8 +63,9 @@ def design(
         ``a`` and ``b``: bounds (low, high) over R; the calibrated range if not given. ``step``:
         widths are multiples of it (over R); if not given, a round number for about 60 widths.
     tolerance : str or Tolerance, optional
-        Manufacturing tolerance: ``5 %`` or a length over R is the standard deviation of each width
-        (normal); ``worst 5 %`` sets bounds, and the goal has to be met at the worst corner.
+        Manufacturing tolerance: ``5 %`` or a length (over R, or ``10 um``) is the standard
+        deviation of each width (normal); ``worst 5 %`` sets bounds, and the goal has to be met at
+        the worst corner.
     loads : str or sequence of float, optional
         Loads p/E of goals without loads: LO:HI:N, also with units, or numbers. Goals have to be met
         at the worst load. The scene's largest load if not given.
@@ -119,7 +120,8 @@ def design(
     >>> result.recommended["feasible"], result.recommended["probability"] > 0.95
     (True, True)
     """
-    scene, seed, tol = as_scene(scene), seed_of(rng), Tolerance.parse(tolerance)
+    scene, seed = as_scene(scene), seed_of(rng)
+    tol = Tolerance.parse(tolerance, scene.body)
     warn_of(without_effect(scene, "offset"))
     expect(Fit, Comparison, source=source)
     expect(str, objective=objective)
