@@ -256,7 +256,7 @@ EMPTY = "a/R,b/R,Q,p/E,why\n.03,.01,4,.001,\n.03,.01,6,,slipped\n.03,.01,8,.009,
 def test_import__rows_without_a_load_are_left_out_if_asked(read, refusal):
     table = read(EMPTY, skip_empty=True)
     assert column(table, "Q") == [4, 8]
-    assert "1 rows without a load left out: slipped" in table.messages
+    assert "1 row without a load left out: slipped" in table.messages
     said = refusal(EMPTY)
     assert "line 3, column 'p/E' = '': expected a load; --skip-empty leaves out rows" in said
     refusal(EMPTY.replace(".009", "oops").replace(",,slipped", ",.005,slipped"))

@@ -266,10 +266,10 @@ def read_columns(path: Path, facts: Given) -> Imported:
     n_bracket = int(np.isfinite(table.column("p_over_E_lower")).sum())
     problems.messages += [
         f"textures: {len(labels)}: {listed(labels)}",
-        f"kept: {len(table)} rows, Q = {Q.min()} to {Q.max()}, {n_bracket} as brackets",
+        f"kept: {count(len(table), 'row')}, Q = {Q.min()} to {Q.max()}, {n_bracket} as brackets",
     ]
     if n_not_ok := len(table.left_out):
-        problems.messages.append(f"{n_not_ok} rows whose status is not 'ok'")
+        problems.messages.append(f"{count(n_not_ok, 'row')} whose status is not 'ok'")
     return Imported(table, tuple(problems.messages), problems.known, doubts)
 
 
