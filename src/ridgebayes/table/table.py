@@ -245,6 +245,11 @@ class ContactTable(ValidatedTable):
         return f"ContactTable({self.where}: {size})"
 
     @property
+    def ok(self) -> "ContactTable":
+        """Rows whose status is ok: those to fit and those held out."""
+        return self._where(self._ok)
+
+    @property
     def calibration(self) -> "ContactTable":
         """Rows to fit: status ok and role calibration. The table may be empty."""
         return self._where(self._ok & (self._frame["role"] == CALIBRATION).to_numpy())
