@@ -142,12 +142,14 @@ class ContactTable(ValidatedTable):
     >>> table.column("Q").tolist(), table.plot().get_xlabel()
     ([4, 6], 'load $p/E$')
 
-    Fitted rows, held-out rows, failed rows and repeated rows:
+    Fitted rows, held-out rows, both, failed rows and repeated rows:
 
     >>> import ridgebayes as rb
     >>> sweep = rb.paper_sweep()
-    >>> len(sweep.calibration), len(sweep.held_out), len(sweep.left_out), len(sweep.repeated)
-    (41, 3, 0, 0)
+    >>> len(sweep.calibration), len(sweep.held_out), len(sweep.ok)
+    (41, 3, 44)
+    >>> len(sweep.left_out), len(sweep.repeated)
+    (0, 0)
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     sweep.write(f"{folder}/sweep.csv")
