@@ -20,16 +20,16 @@ BUDGETS = {
     "distributions": 492,  # with those of SciPy, and a refusal of arrays
     "drawing": 943,
     "contact": 3_253,  # few orders solved together, events started from the last two: floors
-    "table": 655,  # rows that are ok; with the check for plain CSV that import uses too; a constructor that validates
+    "table": 655,  # rows that are ok; the check for plain CSV that import uses; a constructor that checks
     "scene": 1_312,  # with loads as they are typed; equality and bounds of distributions
     "simulate": 503,
-    "fea": 3_727,  # short labels, warnings of counts; runs print displacements and forces of nodes; tables hold loads
+    "fea": 3_727,  # short labels, warnings of counts; forces of nodes; tables hold loads
     "model": 1_546,  # the loads of brackets nearest to a prediction, for all load errors; no bools
     "inference": 2_481,  # points with the tails of Student rows; read-only draws
     "predict": 1_076,  # loads over a/pitch of one count, DataArrays, counts far below a load
     "evidence": 632,  # which evidences and posteriors are computed again
     "comparison": 876,  # the page knows the weight of normal errors
-    "checks": 773,  # coefficients that rows cannot tell apart; load errors of brackets; tables and forms by name, as elsewhere
+    "checks": 773,  # coefficients that rows cannot tell apart; load errors of brackets
     "friction": 864,  # draws the blocks of a scene itself, with one BLAS thread
     "texture_design": 1_115,  # with the refusal of loads above all models; cautions on a scene
     "report": 1_473,  # cautions of readings; held-out brackets, the range of the priors of K
