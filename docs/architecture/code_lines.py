@@ -20,7 +20,7 @@ BUDGETS = {
     "distributions": 492,  # with those of SciPy, and a refusal of arrays
     "drawing": 943,
     "contact": 3_253,  # few orders solved together, events started from the last two: floors
-    "table": 655,  # rows that are ok; the check for plain CSV that import uses; a constructor that checks
+    "table": 655,  # rows that are ok; the check for plain CSV that import uses
     "scene": 1_312,  # with loads as they are typed; equality and bounds of distributions
     "simulate": 503,
     "fea": 3_727,  # short labels, warnings of counts; forces of nodes; tables hold loads
