@@ -49,6 +49,13 @@ def test_least_squares_of_a_texture_in_other_units_says_that_there_are_none(pape
         fit_by_least_squares(rb.Hybrid(), table)
 
 
+@pytest.mark.parametrize("n_row", [2, 3])
+def test_least_squares_of_coefficients_that_one_texture_cannot_tell_apart(paper, n_row):
+    one = rb.ContactTable.from_frame(paper.frame.head(n_row))
+    with pytest.raises(rb.ComputationError, match="do not tell the coefficients apart"):
+        fit_by_least_squares(rb.Hybrid(), one)
+
+
 def test_least_squares_does_not_take_the_power_law(paper):
     with pytest.raises(rb.InputError, match="published coefficients"):
         fit_by_least_squares(rb.PowerLaw(), paper)

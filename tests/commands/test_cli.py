@@ -533,6 +533,11 @@ def test_predict__writes_a_row_a_texture_and_load_of_each_kind(command, run, kin
     assert rows["kind_of_band"].tolist() == kinds
     defaults = rows[["form", "nu", "prob"]].drop_duplicates().to_numpy().tolist()
     assert defaults == [["average", 0.5, 0.9]]
+    # Lengths in um, and a ridge as wide as the radius.
+    for texture, n_told in (("40,30", 1), ("1,1", 0)):
+        said = command(*words[:2], "--texture", texture, *words[4:], "--force")
+        assert said.err.count("without units widths are shares") == n_told
+        assert "warning: 1 of 1 row lies beyond the calibrated range of a/R, b/R" in said.err
 
 
 def test_predict__takes_units_of_a_body_or_of_a_scene(command, run):

@@ -160,6 +160,9 @@ def test_bayes_factors__are_the_difference_of_the_log_evidences(comparison):
 def test_one_form__has_all_the_probability_and_no_factor(paper):
     alone = rb.compare(paper, [rb.Modified()], noise="iid", accuracy="quick")
     assert alone.probabilities == {"modified": 1.0}
+    share = np.nextafter(1.0, 0.0)  # a sum over error models may be rounded
+    rounded = alone.evidence.assign(model_probability=share)
+    assert replace(alone, evidence=rounded).probabilities == {"modified": 1.0}
     assert list(alone.bayes_factors) == BAYES_FACTOR_COLUMNS
     assert len(alone.bayes_factors) == 0
 

@@ -31,6 +31,7 @@ import pyarrow.parquet
 from ridgebayes import InputError
 from ridgebayes.fea.read import import_files
 from ridgebayes.fea.record import Given, Imported
+from ridgebayes.runtime.text import count
 from tests.fea import runs
 
 SLOWEST = 5.0  # seconds that any file of this size may take
@@ -264,7 +265,7 @@ def _contract(content: bytes, found: Imported) -> str:
         tuple(_value(r, name, messages) for name in names) for r in plain_rows(content, messages)
     ]
     rows, low = [row for row in rows if row[2] not in (0, 2)], [row[2] in (0, 2) for row in rows]
-    if sum(low) and f"{sum(low)} rows of Q under 4 ignored" not in messages:
+    if sum(low) and f"{count(sum(low), 'row')} of Q under 4 ignored" not in messages:
         return f"{sum(low)} rows of Q under 4 are dropped in silence"
     return _same(found, rows)
 

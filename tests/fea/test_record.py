@@ -23,12 +23,19 @@ A, B, NU = 0.04, 0.02, 0.49
         ([4], 0.199, 0.0, "a0.04_b0.02 Q = 4 .*check the units"),
         ([4, 6, 8], 1.0, [0.19, 0.21, 0.0], "^1 row, a0.04_b0.02 Q = 6 .*rel_se is above 0.2"),
         ([6, 8], 1.0, 0.0, "a0.04_b0.02 Q = 6 .*lower Q are missing"),
+        ("count 2", 0.001, 0.0, "^$"),
+        ("count 6", 10.0, 0.0, "^$"),
+        ("count 6", 11.0, 0.0, "Q = 6 .*check the units"),
+        ("count 6", 0.199, 0.0, "Q = 6 .*check the units"),
+        ("failed 6", np.nan, 0.0, "^$"),
     ],
 )
 def test_cautions__name_doubtful_rows(Q, times, rel_se, said):
     """Loads are multiples of a smooth body's, whose contact reaches the next ridge."""
+    word, Q = (Q.split()[0], [int(Q.split()[1])]) if isinstance(Q, str) else ("", Q)
     load = times * load_of_half_width(B / 2 + (A + B) * (np.array(Q) / 2 - 1), nu=NU)
     columns = {"a_over_R": A, "b_over_R": B, "nu": NU, "Q": Q, "p_over_E": load, "rel_se": rel_se}
+    columns |= {"count": {"kind": "count"}, "failed": {"status": "failed"}, "": {}}[word]
     table = rb.ContactTable.from_frame(pd.DataFrame(columns))
     assert re.search(said, "".join(Imported(table, ()).cautions))
 

@@ -152,6 +152,18 @@ def test_page__uncertain_modulus_and_radius_widen_loads_and_counts(browser, aver
             np.testing.assert_allclose(there, loads.quantile(p), rtol=0.005)
 
 
+def test_page__heavy_tails_reach_no_count_beyond_the_body(compare, paper, tmp_path):
+    heavy = compare(paper, ["modified"], noise="iid:student", rng=0, accuracy="quick")
+    with Browser() as browser:
+        browser.open(written(heavy, tmp_path), 1280)
+        # Pitches of 0.5 R: the third pair of ridges is at 1.1 R from the axis.
+        found = fill(browser, width_unit="R", a=0.3, b=0.2, load_unit="p/E", load=2)
+    q = heavy.predict(0.3, 0.2, 2)
+    assert q.at_least(6) == 0 < heavy.predict_load(0.3, 0.2, 6).cdf(2)
+    shown = {row[0]: row[1] for row in found["rows"]}
+    np.testing.assert_allclose(list(shown.values()), q.at_least(list(shown)), rtol=0, atol=0.005)
+
+
 @pytest.mark.parametrize(
     ("fields", "words"),
     [

@@ -47,7 +47,10 @@ def test_plain__one_line_a_stage_and_nothing_else(clock):
             with progress.stage(name):
                 progress.detail("100 steps")
                 clock.wall += 2.0
-    assert out.getvalue() == "calibrate: 2.00 s\nevidence: 2.00 s\n"
+        with progress.stage("walk") as add_cpu:
+            add_cpu(3.0)
+    told = "calibrate: 2.00 s\nevidence: 2.00 s\nwalk: 0.00 s (and 3.00 s of CPU on workers)\n"
+    assert out.getvalue() == told
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,8 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> pd.DataFrame:
     InputError
         If the form has no published coefficients, or there are fewer rows than coefficients.
     ComputationError
-        If the search reaches coefficients for which the rate of a texture is not positive.
+        If the search reaches coefficients for which the rate of a texture is not positive, or the
+        textures do not tell the coefficients apart.
 
     References
     ----------
@@ -74,7 +75,13 @@ def fit_by_least_squares(form: Form, table: ContactTable) -> pd.DataFrame:
 
     # Scaled by the published values, c1 and c2 are of similar size instead of a factor 85 apart.
     with warnings.catch_warnings(action="ignore", category=OptimizeWarning):  # no covariance
-        scaled, covariance = curve_fit(count, None, q, np.ones(len(start)), xtol=1e-14, ftol=1e-14)
+        scaled, covariance, found, *_ = curve_fit(
+            count, None, q, np.ones(len(start)), full_output=True, xtol=1e-14, ftol=1e-14
+        )
+    # The Jacobian is by differences, so half its digits are noise; its triangle is in `fjac`.
+    triangle = np.triu(found["fjac"].T[: len(start)])
+    if np.linalg.cond(triangle) > np.finfo(float).eps ** -0.25:
+        raise ComputationError(f"{form.name}: the textures do not tell the coefficients apart")
     errors = np.sqrt(np.diag(covariance)) * np.abs(start)
     errors[np.isinf(errors)] = np.nan
     columns = {"coefficients": scaled * start, "standard_errors": errors}

@@ -164,8 +164,7 @@ def report_data(comparison: Comparison) -> ReportData:
     best, preset = best_form(comparison), Preset.named(comparison.accuracy)
     shown = best or next(iter(comparison.fits))
     fit = comparison.fits[shown]
-    frame, none = comparison.table.frame, pd.DataFrame()
-    seen = frame[frame["status"] == "ok"]
+    seen, none = comparison.table.ok.frame, pd.DataFrame()
     textures = load_errors.shown_textures(comparison)
     verdict = comparison.verdict
     # With prior odds the shown form may have the second highest evidence.
@@ -234,7 +233,7 @@ def _panel_bands(
 ) -> pd.DataFrame:
     """Return the bands of some forms at loads that span the panel of each texture."""
     # A figure holds at most `MOST_TEXTURES` panels; bands.csv in the run folder has all textures.
-    every = comparison.table.textures
+    every = comparison.table.ok.textures
     kept = list(dict.fromkeys([*first, *every]))[:MOST_TEXTURES]
     textures, loads = [texture for texture in every if texture in kept], []
     largest = seen.groupby(["a_over_R", "b_over_R"])["p_over_E"].max()

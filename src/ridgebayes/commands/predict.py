@@ -73,13 +73,19 @@ def command(asked: options.Predict) -> Answer:
     if asked.plot is not None:
         if textures is not None:
             drawn = bands_table(run, loads=with_transitions(run, form, bands, textures), **how)
-        rows = run.table.frame
-        seen = rows[rows["status"] == "ok"]
+        seen = run.table.ok.frame
         figure = drawing.predictions.plot_bands(drawn, seen, form, unit=unit, width=width)
         kind = asked.plot.suffix.lower().removeprefix(".")
         write_bytes(drawing.style.as_bytes(figure, kind), asked.plot)
     answer = _answer(bands, files, unit)
-    return replace(answer, warnings=[*without_effect(scene), *answer.warnings])
+    doubts = list(without_effect(scene))
+    is_share = not all(map(has_unit, asked.texture or ()))
+    if is_share and bands[["a_over_R", "b_over_R"]].to_numpy().max() > 1:
+        doubts.append(
+            "widths above the radius: without units widths are shares of the radius; write "
+            "lengths with units, such as --texture '40 um,30 um' --R '8 mm'"
+        )
+    return replace(answer, warnings=[*doubts, *answer.warnings])
 
 
 def _scene(asked: options.Predict) -> Scene | None:
@@ -255,8 +261,9 @@ def _answer(bands: pd.DataFrame, files: Sequence[Path], unit: tuple[float, str] 
     warnings = []
     if len(beyond):
         names = ",".join(beyond.unique()).split(",")
+        verb = "lies" if len(beyond) == 1 else "lie"
         warnings.append(
-            f"{len(beyond)} of {len(bands)} rows lie beyond the calibrated range of "
+            f"{len(beyond)} of {count(len(bands), 'row')} {verb} beyond the calibrated range of "
             f"{', '.join(name for name in NAMES if name in names)}"
         )
     return Answer((summary, pd.DataFrame(columns)), bands, files, warnings=warnings)

@@ -34,7 +34,7 @@ _N_DECIMAL = round(-math.log10(NEGLIGIBLE_PROBABILITY))  # decimals of probabili
 
 def default_loads(comparison: Comparison, n: int = N_LOAD) -> FloatArray:
     """Return log-spaced loads over the range of a comparison's table, shape (n,)."""
-    p = comparison.table.column("p_over_E")[comparison.table.column("status") == "ok"]
+    p = comparison.table.ok.column("p_over_E")
     # Twelve digits keep bands.csv small. Both ends are exact, so that they are no extrapolation.
     inner = [float(f"{load:.12g}") for load in np.geomspace(p.min(), p.max(), n)[1:-1]]
     return np.array([p.min(), *inner, p.max()])
@@ -58,7 +58,7 @@ def bands_table(
     comparison : Comparison
         Fits and model probabilities.
     textures : sequence of (float, float), optional
-        Textures (a/R, b/R); those of the table if not given.
+        Textures (a/R, b/R); those of the table's ok rows if not given.
     loads : ndarray of float, shape (n_load,) or (n_texture, n_load), dimensionless, optional
         p/E, for each texture or for all textures. If not given, 200 loads log-spaced over the
         table's range; with more than 500 textures fewer loads, at least ten, so that there are
@@ -91,7 +91,7 @@ def bands_table(
         reduced_load(1.0, nu)  # checked here so that the error shows a number, not an array
     names = [*comparison.fits, AVERAGE] if forms is None else list(forms)
     _check(comparison, names, prob)
-    chosen = comparison.table.textures if textures is None else tuple(textures)
+    chosen = comparison.table.ok.textures if textures is None else tuple(textures)
     a, b = np.array(chosen).T[:, :, None]
     of_table = _nu_of_textures(comparison) if nu is None else {}
     poisson = np.array([[of_table.get(texture, 0.5 if nu is None else nu)] for texture in chosen])
@@ -215,15 +215,15 @@ def _check(comparison: Comparison, forms: Sequence[str], prob: float) -> None:
 
 def predicted_rows(table: ContactTable) -> pd.DataFrame:
     """Return the ok transitions of a table, except of bodies off centre, which no form predicts."""
-    frame = table.frame
-    is_predicted = (frame["kind"] == "transition") & (frame["offset_over_R"] == 0)
-    return frame[(frame["status"] == "ok") & is_predicted]
+    frame = table.ok.frame
+    return frame[(frame["kind"] == "transition") & (frame["offset_over_R"] == 0)]
 
 
 def _nu_of_textures(comparison: Comparison) -> dict[Texture, float]:
     """Return the first Poisson's ratio of each texture in the table."""
-    rows = comparison.table.frame.drop_duplicates(["a_over_R", "b_over_R"])
-    return dict(zip(comparison.table.textures, rows["nu"].tolist(), strict=True))
+    table = comparison.table.ok
+    rows = table.frame.drop_duplicates(["a_over_R", "b_over_R"])
+    return dict(zip(table.textures, rows["nu"].tolist(), strict=True))
 
 
 def _predict(

@@ -174,7 +174,8 @@ class Comparison(Predictive, Tabular):
         """Posterior probabilities of the forms, with error models summed out."""
         used = self.evidence[self.evidence["used"]]
         sums = used.groupby("form", sort=False)["model_probability"].sum()
-        return {str(name): float(share) for name, share in sums.items()}
+        # Normalised, so that a single form has 1, not a little less, which would be shown as < 1.
+        return {str(name): float(share) for name, share in (sums / sums.sum()).items()}
 
     @property
     def probabilities_at_equal_odds(self) -> dict[str, float]:

@@ -21,7 +21,7 @@ from ridgebayes.model.forms import PowerLaw
 from ridgebayes.predict.extrapolation import CalibratedRange
 from ridgebayes.predict.posterior_loads import PosteriorLoads
 from ridgebayes.predict.predict import Predictive
-from ridgebayes.predict.q_distribution import heavy_parts
+from ridgebayes.predict.q_distribution import heavy_parts, shares
 
 _PROB = ndtr(ndtri(0.05) * np.linspace(2, -2, 17))  # evenly spaced normal scores
 _MIN_RATIO = 0.04  # smallest a/pitch; the largest is 1 minus this value
@@ -42,7 +42,8 @@ class OwnTexture:
         in units of ``unit``, in the order ratio, Q, prob, and None if too few draws reach Q;
         ``calibrated``, see `CalibratedRange.to_dict`; ``fitted``, textures with rows; ``knows``,
         whether fitted textures have their own offsets or coefficients; ``power_law``, whether a
-        heavy part of the average is a power law.
+        heavy part of the average is a power law; ``normal``, weight of the parts with normal
+        errors, which alone reach counts beyond the body's width.
     why : str
         Reason if there is no table; else empty.
     """
@@ -95,6 +96,7 @@ def own_texture(comparison: Comparison) -> OwnTexture:
             "fitted": [list(texture) for texture in posteriors[0].model.data.textures],
             "knows": power_law or any("texture" in posterior.noise.factors for posterior in heavy),
             "power_law": power_law,
+            "normal": float(shares(weights)[[p.noise.tail == "normal" for p in posteriors]].sum()),
         }
     )
 

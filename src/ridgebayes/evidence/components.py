@@ -38,9 +38,9 @@ def component_table(evidence: pd.DataFrame) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Columns component (``texture``, ``step``, ``smooth``, ``series``, ``student``), ln_bf,
-        ln_bf_se, probability (posterior probability of all error models with the component),
-        reading. Components of all or of none of the error models are omitted, so that a single
-        error model gives no row.
+        ln_bf_se, probability (posterior probability of all error models with the component, at the
+        prior odds of the forms; ln_bf is at equal odds), reading. Components of all or of none of
+        the error models are omitted, so that a single error model gives no row.
 
     Notes
     -----

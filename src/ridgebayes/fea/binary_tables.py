@@ -27,7 +27,7 @@ from ridgebayes.fea.delimited import (
 )
 from ridgebayes.fea.record import SHOWN, FileError, TableFile
 from ridgebayes.runtime.reading import LARGEST_TEXT, extra, refusing
-from ridgebayes.runtime.text import some_of
+from ridgebayes.runtime.text import count, some_of
 from ridgebayes.table.files import read_arrow
 from ridgebayes.table.rules import as_text
 
@@ -268,7 +268,7 @@ class ParquetTable(TableFile):
 
     def read(self, numeric: Collection[str], problems: FileError) -> pd.DataFrame:
         """Read all rows, `numeric` columns as numbers; report cells that are not finite."""
-        problems.messages.append(f"{self.where}: Parquet, {self._table.num_rows} rows")
+        problems.messages.append(f"{self.where}: Parquet, {count(self._table.num_rows, 'row')}")
         types: Any = import_module("pyarrow.types")
         numbers = (types.is_integer, types.is_floating, types.is_decimal, types.is_null)
         columns: dict[str, pd.Series[Any]] = {}

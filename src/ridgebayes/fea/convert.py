@@ -22,7 +22,7 @@ from ridgebayes.fea.words import (
     touching,
     unit_factor,
 )
-from ridgebayes.runtime.text import percent, some_of
+from ridgebayes.runtime.text import count, percent, some_of
 from ridgebayes.table.columns import COUNT, NAMES, OK
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import as_text
@@ -100,8 +100,8 @@ class Converter:
             f"kept as they are: {listed(extra)}": extra,
             "repeats with an sd of their own: sigma is fitted to the scatter of repeats, so an "
             "sd over the same repeats counts it twice": has_repeats,
-            f"{exact.sum()} rows without an error of their own: rel_se is 0": exact.any(),
-            f"{few.sum()} rows of Q under 4 ignored: that many touch at any load": few.any(),
+            f"{count(exact.sum(), 'row')} without an error of their own: rel_se is 0": exact.any(),
+            f"{count(few.sum(), 'row')} of Q under 4 ignored: all touch at any load": few.any(),
         }
         self.messages += [remark for remark, holds in remarks.items() if holds]
         return frame[~few & ~self._empty(frame, extra)]
@@ -327,7 +327,7 @@ class Converter:
             texts = [name for name in extra if frame[name].dtype.kind not in "if"]
             why = frame.loc[empty, texts].astype(str).agg(" ".join, axis=1).str.strip()
             reasons = listed(why.mask(why == "", "no reason given").unique(), "")
-            self.messages.append(f"{n} rows without a load left out: {reasons}")
+            self.messages.append(f"{count(n, 'row')} without a load left out: {reasons}")
         return empty
 
     def _ask_units(self, have: list[str], bare: list[str]) -> None:

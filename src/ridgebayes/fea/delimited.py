@@ -221,7 +221,7 @@ def filled(frame: pd.DataFrame, problems: FileError) -> pd.DataFrame:
             raise problems.error("no rows below the header")
         blank = ~blank  # the cells were reported as invalid numbers
     if n := int(blank.sum()):
-        problems.messages.append(f"{n} empty rows ignored")
+        problems.messages.append(f"{count(n, 'empty row')} ignored")
     return frame.loc[~blank, is_used]
 
 
@@ -359,7 +359,8 @@ class TextTable(TableFile):
             numbers, style = numbers_in(cells, self._units, self._is_typed, problems, mark)
             frame = self._typed.assign(**numbers)
         frame = frame.assign(**{n: lossless(frame[n]) for n in self.headers if n not in columns})
-        problems.messages.insert(0, f"{self.where}: {self._kind}, {style}, {len(frame)} rows")
+        size = count(len(frame), "row")
+        problems.messages.insert(0, f"{self.where}: {self._kind}, {style}, {size}")
         return filled(frame, problems)
 
     def cell(self, row: int, name: str) -> tuple[str, str]:

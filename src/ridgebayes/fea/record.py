@@ -17,7 +17,7 @@ from ridgebayes.contact.hertz import transition_load
 from ridgebayes.errors import InputError
 from ridgebayes.runtime.reading import read_bytes, read_toml
 from ridgebayes.runtime.text import clipped, count, shown_value, some_of
-from ridgebayes.table.columns import CURVE, OK, TRANSITION
+from ridgebayes.table.columns import COUNT, CURVE, OK, TRANSITION
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.table import ContactTable
 
@@ -351,11 +351,16 @@ class Imported:
         five times, or below a fifth of, the load at which a smooth body reaches the same corner.
         """
         frame = self.table.frame
-        transition = frame[(frame["kind"] == TRANSITION) & (frame["status"] == OK)]
+        is_ok, is_count = frame["status"] == OK, frame["kind"] == COUNT
+        transition = frame[(frame["kind"] == TRANSITION) & is_ok]
         first = transition.loc[transition.groupby(list(CURVE), sort=False)["Q"].idxmin()]
-        texture = (frame[name] for name in ("Q", "a_over_R", "b_over_R"))
-        ratio = frame["p_over_E"] / transition_load(*texture, nu=frame["nu"])
-        is_far = ~ratio.between(1 / _MAX_LOAD_RATIO, _MAX_LOAD_RATIO)
+        # A count is seen from the load of its corner, or from any load, to that of the next pair.
+        texture = (frame["a_over_R"], frame["b_over_R"])
+        first_load = transition_load(frame["Q"], *texture, nu=frame["nu"]) * (frame["Q"] >= FIRST)
+        last_load = transition_load(frame["Q"] + 2 * is_count, *texture, nu=frame["nu"])
+        load = frame["p_over_E"]
+        is_far = (load < first_load / _MAX_LOAD_RATIO) | (load > last_load * _MAX_LOAD_RATIO)
+        is_far &= is_ok
         factor = f"{_MAX_LOAD_RATIO:g} times, or under 1/{_MAX_LOAD_RATIO:g} of, that of a smooth"
         doubtful = {
             f"p/E is over {factor} body whose contact reaches this corner; check the units of "

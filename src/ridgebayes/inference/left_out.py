@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from scipy.special import logsumexp
 
 from ridgebayes._types import BoolArray, FloatArray
 from ridgebayes.errors import ComputationError
@@ -181,13 +182,11 @@ class AllRows:
         is_even = effective_share(log_weight) >= _MIN_EFFECTIVE_SHARE
         if not (shape <= MAX_FINITE_VARIANCE_K and is_even):
             return None
-        weight, top = np.exp(log_weight), joint.max()
-        density = np.exp(joint - top)
-        mean = float(weight @ density)
-        se = float(np.sqrt((weight**2) @ (density - mean) ** 2)) / mean
+        # In logs: one draw may be so dense that the densities of all others would be 0 beside it.
+        weight, value = np.exp(log_weight), float(logsumexp(log_weight + joint))
+        se = float(np.linalg.norm(np.exp(log_weight + joint - value) - weight))
         cumulative, n = np.cumsum(weight), min(_MAX_RETURNED_DRAWS, len(weight))
         index = np.searchsorted(cumulative, (np.arange(n) + 0.5) / n * cumulative[-1])
-        value = float(top) + math.log(mean)
         scores = estimate.scores[index]
         return LeftOut(rest, self.u[index], scores, value, se, "weights", self.status)
 

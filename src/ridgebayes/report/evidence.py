@@ -2,6 +2,7 @@
 """Sections on the evidence: Bayes factors, error models and sensitivity to the priors."""
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -116,7 +117,7 @@ def _pairs(factors: pd.DataFrame, caption: str) -> Table:
             "ln BF": lambda row: with_error(abs(row["ln_bf"]), row["ln_bf_se"], 1),
             "log₁₀ BF": lambda row: decimals(abs(row["log10_bf"]), 1),
             "Method": lambda row: row["method"],
-            "Reading": lambda row: row["reading"].partition(" (")[0].partition(" for ")[0],
+            "Reading": lambda row: re.sub(r" for .* \(Kass & Raftery\)", "", row["reading"]),
         },
         caption,
         text=(0, 3, 4),

@@ -154,7 +154,7 @@ def _consequence(data: ReportData) -> str:
 
 def _bands(data: ReportData) -> Picture:
     """Return Q against load for at most three textures."""
-    n, n_shown = len(data.comparison.table.textures), len(data.textures)
+    n, n_shown = len(data.comparison.table.ok.textures), len(data.textures)
     name = "bands" if n <= 3 or not n_shown else "bands-first"
     some = say("bands_shown", n=n, n_shown=n_shown, are_all_below=data.preset.extras)
     caption = say("first_bands_caption", shown=form_name(data.shown), some=some)

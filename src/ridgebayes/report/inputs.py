@@ -32,8 +32,8 @@ def data_section(data: ReportData) -> list[Block]:
     table = data.comparison.table
     statuses = Counter(map(str, table.left_out.column("status")))
     left_out = "; ".join(f"{count(n, 'row')}: {status}" for status, n in statuses.items())
-    frame = table.frame
-    parts = [*drawing.style.rows_by_texture(frame[frame["status"] == "ok"]).items()]
+    frame = table.ok.frame
+    parts = [*drawing.style.rows_by_texture(frame).items()]
     columns: dict[str, Callable[[Any], str]] = {
         "Texture": lambda row: short_label(str(row[1]["texture"].iloc[0])),
         "a/R": lambda row: f"{row[0][0]:g}",
@@ -48,7 +48,7 @@ def data_section(data: ReportData) -> list[Block]:
     if (frame["solver"] != "").any():
         columns["Solver"] = lambda row: ", ".join(dict.fromkeys(row[1]["solver"].astype(str)))
     texts = [0, *(i for i, name in enumerate(columns) if name in ("Role", "Solver"))]
-    n, shown = len(table.textures), parts[:MOST_ROWS]
+    n, shown = len(parts), parts[:MOST_ROWS]
     more = f"{len(shown)} of {n:,} textures shown; all are in table.csv."
     warning = f"Left out because their status is not ok: {left_out}."
     return [

@@ -21,7 +21,7 @@ _NEW = {
 
 def bands_section(data: ReportData) -> list[Block]:
     """Return Q against load with bands for all textures."""
-    if len(data.comparison.table.textures) <= 3 or not data.preset.extras:
+    if len(data.comparison.table.ok.textures) <= 3 or not data.preset.extras:
         return []  # the first screen shows all bands that are drawn
     shown = form_name(data.shown)
     alt = f"Q against load of every texture with the bands of {shown}."

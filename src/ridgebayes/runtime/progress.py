@@ -99,21 +99,23 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._task, description=name)
         # CPU time of this thread only, because stages may run on several threads at once.
-        wall, cpu, elsewhere = time.perf_counter(), time.thread_time(), [0.0]
+        wall, cpu, elsewhere = time.perf_counter(), time.thread_time(), list[float]()
         self.name, self._began, self._reported = name, wall, wall
         try:
             yield elsewhere.append
         finally:
             cpu = time.thread_time() - cpu + sum(elsewhere)
-            self._ended(name, time.perf_counter() - wall, cpu)
+            # Workers may have begun before the stage, which then takes less time than they did.
+            note = f" (and {sum(elsewhere):.2f} s of CPU on workers)" if elsewhere else ""
+            self._ended(name, time.perf_counter() - wall, cpu, note)
             self.name = ""
 
-    def _ended(self, name: str, wall: float, cpu: float) -> None:
+    def _ended(self, name: str, wall: float, cpu: float, note: str = "") -> None:
         self.stages.append({"name": name, "wall_s": wall, "cpu_s": cpu})
         if self._bar is not None:
             self._bar.update(self._task, completed=len(self.stages))
         elif VERBOSITY.get() >= 0:
-            print(f"{name}: {wall:.2f} s", file=self.out, flush=True)
+            print(f"{name}: {wall:.2f} s{note}", file=self.out, flush=True)
 
     def detail(self, text: str) -> None:
         """Report the state of a stage: at once on a terminal, else as a line now and then."""

@@ -142,12 +142,14 @@ class ContactTable(ValidatedTable):
     >>> table.column("Q").tolist(), table.plot().get_xlabel()
     ([4, 6], 'load $p/E$')
 
-    Fitted rows, held-out rows, failed rows and repeated rows:
+    Fitted rows, held-out rows, both, failed rows and repeated rows:
 
     >>> import ridgebayes as rb
     >>> sweep = rb.paper_sweep()
-    >>> len(sweep.calibration), len(sweep.held_out), len(sweep.left_out), len(sweep.repeated)
-    (41, 3, 0, 0)
+    >>> len(sweep.calibration), len(sweep.held_out), len(sweep.ok)
+    (41, 3, 44)
+    >>> len(sweep.left_out), len(sweep.repeated)
+    (0, 0)
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     sweep.write(f"{folder}/sweep.csv")
@@ -243,6 +245,11 @@ class ContactTable(ValidatedTable):
     def __repr__(self) -> str:
         size = f"{count(len(self), 'row')}, {count(len(self.textures), 'texture')}"
         return f"ContactTable({self.where}: {size})"
+
+    @property
+    def ok(self) -> "ContactTable":
+        """Rows whose status is ok: those to fit and those held out."""
+        return self._where(self._ok)
 
     @property
     def calibration(self) -> "ContactTable":

@@ -169,7 +169,7 @@ def figures_of(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
 
 def _bands(data: ReportData) -> dict[str, Callable[[], "Figure"]]:
     """Return functions that draw Q against load, for the first textures and for all."""
-    n_texture, n_first = len(data.comparison.table.textures), len(data.textures)
+    n_texture, n_first = len(data.comparison.table.ok.textures), len(data.textures)
     draw = partial(drawing.predictions.plot_bands, table=data.transitions, form=data.shown)
     recipes: dict[str, Callable[[], Figure]] = {}
     if n_texture > n_first > 0:

@@ -177,7 +177,10 @@ for (const form of document.querySelectorAll("form[data-texture]")) {
     const shift = 2 * Math.log(x.a + x.b) - Math.log((1 - x.nu ** 2) / 0.75) + Math.log(x.perE);
     const counts = atRatio(ratio).map(one => widened(one, x.sd));
     const load = x.ends.at(-1), survival = [];
-    for (const one of counts) survival.push(Math.min(one.cdf(Math.log(load) - shift), survival.at(-1) ?? 1));
+    // Under Student errors no load reaches counts beyond the body's width.
+    const widest = 2 + 2 * Math.floor(Math.max(1 - x.b / 2, 0) / (x.a + x.b));
+    counts.forEach((one, k) => survival.push(
+      Math.min(one.cdf(Math.log(load) - shift), T.Q[k] > widest ? T.normal : 1, survival.at(-1) ?? 1)));
     const at = p => counts.map(one => Math.exp(one.quantile(p) + shift));
     const loads = { high: at(TAIL), median: at(0.5), low: at(1 - TAIL) };
     const rising = values => values.reduce((found, one) => [...found, Math.max(one, found.at(-1) ?? 0)], []);
