@@ -25,7 +25,7 @@ BUDGETS = {
     "simulate": 505,  # effects at the loads that are asked for
     "fea": 3_718,  # warnings of counts; runs print forces of nodes, tables hold loads
     "model": 1_546,  # the loads of brackets nearest to a prediction, for all load errors; no bools
-    "inference": 2_488,  # points with the tails of Student rows; draws of several steps at once
+    "inference": 2_486,  # points with the tails of Student rows; draws of several steps at once
     "predict": 1_076,  # loads over a/pitch of one count, DataArrays, counts far below a load
     "evidence": 632,  # which evidences and posteriors are computed again
     "comparison": 876,  # the page knows the weight of normal errors

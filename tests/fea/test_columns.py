@@ -250,19 +250,6 @@ def test_import__an_error_of_all_loads_is_that_of_brackets(read):
     np.testing.assert_allclose(column(table, "rel_se"), [0.1, 0.05])
 
 
-@pytest.mark.parametrize(
-    ("rows", "labels"),
-    [
-        (".25,.2,4,1", ["a0.0357143_b0.0285714"]),
-        (".25,.2,4,1\n.2500001,.2,4,1", ["a0.03571428571428571_b0.02857142857142857", None]),
-    ],
-)
-def test_import__labels_have_six_digits_if_these_tell_textures_apart(read, rows, labels):
-    table = read(f"a [mm],b [mm],Q,p [kPa]\n{rows}\n", R="7 mm", E="60 kPa")
-    found = column(table, "texture")
-    assert (len(set(found)), found[0]) == (len(labels), labels[0])
-
-
 EMPTY = "a/R,b/R,Q,p/E,why\n.03,.01,4,.001,\n.03,.01,6,,slipped\n.03,.01,8,.009,\n"
 
 

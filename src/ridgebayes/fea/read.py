@@ -38,7 +38,7 @@ from ridgebayes.runtime.reading import read_bytes
 from ridgebayes.runtime.text import LONGEST_VALUE, count
 from ridgebayes.scene.typed import parse_texture
 from ridgebayes.table.columns import RawTable
-from ridgebayes.table.rules import as_text, checked, texture_label
+from ridgebayes.table.rules import as_text, checked
 from ridgebayes.table.table import ContactTable
 
 _HEAD_BYTES = 20_000  # bytes at the beginning of a file that are searched for marks of a format
@@ -154,7 +154,6 @@ def import_files(
         from ridgebayes.fea.runs import read_run  # slow imports that tables do not need
 
         imported = read_run(name, paths, facts)
-        imported = replace(imported, table=_with_short_labels(imported.table))
     table, messages = imported.table, (f"format: {name}", *imported.messages)
     if role is not None:
         table = ContactTable.from_frame(table.frame.assign(role=role), where=table.where)
@@ -263,7 +262,6 @@ def read_columns(path: Path, facts: Given) -> Imported:
     doubts = tuple(converter.doubts)
     del cells, converter  # for a million rows this frees 0.2 GB for the validation
     table = _validated(RawTable(frame, source.where, lines), rows, problems, source)
-    table = _with_short_labels(table)
     Q, labels = table.column("Q"), table.labels
     n_bracket = int(np.isfinite(table.column("p_over_E_lower")).sum())
     problems.messages += [
@@ -318,19 +316,6 @@ def _validated(
         problems.wrong.append(broken_rule(raw.where, column, rule, spots, len(bad)))
     problems.raise_all(source)
     return ContactTable(frame, raw.where, _is_valid=True)
-
-
-def _with_short_labels(table: ContactTable) -> ContactTable:
-    """Shorten default labels to six digits: quotients of lengths have up to 17.
-
-    The labels are kept if six digits do not tell all textures apart.
-    """
-    exact = table.frame["texture"]
-    shorter = {texture_label(a, b): f"a{a:.6g}_b{b:.6g}" for a, b in table.textures}
-    short = exact.map(lambda label: shorter.get(label, label))
-    if short.nunique() < exact.nunique():
-        return table
-    return ContactTable(table.frame.assign(texture=short), table.where, _is_valid=True)
 
 
 def recognise(path: Path) -> str:
