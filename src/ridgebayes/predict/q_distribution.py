@@ -131,6 +131,7 @@ class QDistribution(Predicted):
     def _sf(self, k: ArrayLike) -> FloatArray:
         return self._at(k, operator.gt, self.survival)
 
+    @keep_labels
     def _at(
         self, k: ArrayLike, is_in: Callable[..., Any], values: FloatArray, name: str = "k"
     ) -> FloatArray:
@@ -142,7 +143,6 @@ class QDistribution(Predicted):
         chosen = np.where(is_in(self.q, count[..., None]), values, 0.0)
         return np.asarray(chosen.max(axis=-1))[()]
 
-    @keep_labels
     def at_least(self, n: ArrayLike) -> FloatArray:
         """Return P(Q >= n).
 
