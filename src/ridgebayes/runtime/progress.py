@@ -105,7 +105,7 @@ class Progress:
             yield elsewhere.append
         finally:
             cpu = time.thread_time() - cpu + sum(elsewhere)
-            # Workers may have begun before the stage, which then takes less time than they did.
+            # Workers may start before the stage, so that their CPU time can exceed its wall time.
             note = f" (and {sum(elsewhere):.2f} s of CPU on workers)" if elsewhere else ""
             self._ended(name, time.perf_counter() - wall, cpu, note)
             self.name = ""

@@ -154,7 +154,7 @@ class _Base:
 
     @property
     def loads(self) -> FloatArray:
-        """Transition loads over E; the highest load stands for transitions beyond those in `W`."""
+        """Transition loads over E; the highest load replaces the transitions that `W` omits."""
         all_in_W = len(self.W) < _MAX_TRANSITIONS
         return (self.W if all_in_W else np.append(self.W, self.W_max)) / load_factor(self.scene.nu)
 
