@@ -23,7 +23,7 @@ BUDGETS = {
     "table": 655,  # rows that are ok; the check for plain CSV that import uses
     "scene": 1_319,  # with loads as they are typed; estimates at the highest of many loads
     "simulate": 505,  # effects at the loads that are asked for
-    "fea": 3_718,  # warnings of counts; runs print forces of nodes, tables hold loads
+    "fea": 3_719,  # warnings of counts; runs print forces of nodes, tables hold loads
     "model": 1_546,  # the loads of brackets nearest to a prediction, for all load errors; no bools
     "inference": 2_486,  # points with the tails of Student rows; draws of several steps at once
     "predict": 1_076,  # loads over a/pitch of one count, DataArrays, counts far below a load

@@ -14,7 +14,7 @@ from ridgebayes.fea.deck import Run
 from ridgebayes.fea.record import HUGE, Imported
 from ridgebayes.fea.rim import NEAR, Rim
 from ridgebayes.fea.transitions import half_digit, transitions_of
-from ridgebayes.runtime.text import percent
+from ridgebayes.runtime.text import count, percent
 from ridgebayes.table.table import ContactTable
 
 _REST_ERROR = 3e-6  # error over R of the height of a rim that rests on a ridge
@@ -134,9 +134,10 @@ def table_of(history: ContactHistory, run: Run, **columns: str) -> Imported:
         *history.messages,
         *remarks,
         f"texture: a/R = {run.a_over_R:g}, b/R = {run.b_over_R:g}, nu = {run.nu:g}",
-        f"load: {name}, {len(load)} increments to p/E = {np.nanmax(p_over_E):.5g}",
+        f"load: {name}, {count(len(load), 'increment')} to p/E = {np.nanmax(p_over_E):.5g}",
         *odd,
-        f"kept: {len(frame)} transitions, Q = {frame['Q'].iloc[0]} to {frame['Q'].iloc[-1]}, "
+        f"kept: {count(len(frame), 'transition')}, "
+        f"Q = {frame['Q'].iloc[0]} to {frame['Q'].iloc[-1]}, "
         f"{'all' if n_bracket == len(frame) else n_bracket} as brackets",
     )
     doubts, pitches = [], 1 + run.b_over_R / run.a_over_R

@@ -183,7 +183,7 @@ def _transitions(
     problems.messages += notes
     if converter.facts.interpolate:
         rows, n = middle_loads(rows)
-        problems.messages.append(f"{n} loads in the middle of their increments")
+        problems.messages.append(f"{count(n, 'load')} in the middle of their increments")
     if load_se is None:
         return rows
     if np.ptp(load_se):

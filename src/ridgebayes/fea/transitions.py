@@ -11,7 +11,7 @@ from ridgebayes._types import BoolArray, FloatArray, IntArray
 from ridgebayes.errors import InputError
 from ridgebayes.fea.record import MOST, SHOWN
 from ridgebayes.fea.words import MOST_DISTINCT
-from ridgebayes.runtime.text import some_of
+from ridgebayes.runtime.text import count, some_of
 from ridgebayes.table.columns import SHOWN as MOST_SHOWN
 from ridgebayes.table.rules import row_codes
 
@@ -141,7 +141,7 @@ def _rising(load: FloatArray) -> tuple[IntArray, list[str]]:
         "the load decreases or was cut back": finite & (load < before),
     }
     counts = {why: int(mask.sum()) for why, mask in ignored.items()}
-    messages = [f"{n} increments ignored: {why}" for why, n in counts.items() if n]
+    messages = [f"{count(n, 'increment')} ignored: {why}" for why, n in counts.items() if n]
     return np.flatnonzero(finite & (load > before)), messages
 
 
@@ -244,7 +244,7 @@ def transitions_of_runs(
     messages += [f"run ignored: {text}" for text in failed]
     if (n := len(messages) - MOST_SHOWN) > 0:
         messages = [*messages[:MOST_SHOWN], f"and {n} more remarks on runs"]
-    return pd.concat(frames, ignore_index=True), [f"{n_run} runs of increments", *messages]
+    return pd.concat(frames, ignore_index=True), [f"{count(n_run, 'run')} of increments", *messages]
 
 
 def middle_loads(rows: pd.DataFrame) -> tuple[pd.DataFrame, int]:
