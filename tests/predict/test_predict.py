@@ -337,6 +337,7 @@ def test_predictions__of_data_arrays_meet_by_name_and_come_back_named(fits):
     expected = fits["hybrid"].predict(a.values[:, None], B, p.values.T, nu=0.3)
     for named, values in (
         (q.mean(), expected.mean()),
+        (q.at_least(6), expected.at_least(6)),
         (q.cdf(6), expected.cdf(6)),
         (q.interval(0.9)[1], expected.interval(0.9)[1]),
         (q.extrapolation_of(), expected.extrapolation_of()),
