@@ -142,6 +142,17 @@ def test_nugget__changes_the_evidence_as_two_evidences_say(observed):
     assert abs(found[NUGGET, 10.0] - found[NUGGET, 1.0]) > 0.3
 
 
+def test_degrees_of_freedom__are_integrated_out_without_new_draws(monkeypatch):
+    outliers = {wild.name: Observations.from_table(wild.table) for wild in tables()}["outliers"]
+    fitted = [rb.PowerLaw()], [Noise.named("texture:student")]
+    monkeypatch.setattr("ridgebayes.evidence.prior_sensitivity._redrawn", lambda task: {})
+    found = by_change(weigh_pairs(outliers, *fitted, seed=1))
+    for factor in (0.1, 10.0):
+        priors = {"noise": {"df": NOISE_PRIORS["df"].stretched(factor)}}
+        truth = next(iter(weigh_pairs(outliers, *fitted, priors=priors).weighed.values())).evidence
+        assert abs(found["df", factor] - truth.value) < 4 * math.hypot(truth.se, 0.03)
+
+
 def by_change(weighed):
     return prior_sensitivity(weighed).set_index(["prior", "factor"])["log_evidence"]
 

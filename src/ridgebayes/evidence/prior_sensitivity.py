@@ -2,7 +2,9 @@
 
 The draws of every pair are reweighted by the ratio of new to old prior. Pairs with unreliable
 weights are sampled again under the widest or the narrowest prior; for the priors in between, these
-draws and the draws under the default prior are reweighted together.
+draws and the draws under the default prior are reweighted together. Rows hardly inform the degrees
+of freedom of Student errors, so that other priors have mass where there are no draws. Degrees of
+freedom are therefore integrated out, given each draw's other parameters and offsets.
 """
 
 import math
@@ -13,9 +15,10 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from scipy.special import logsumexp
+from scipy.special import logsumexp, ndtri
 
 from ridgebayes._types import FloatArray
+from ridgebayes.distributions.distribution import Distribution
 from ridgebayes.evidence.pairs import (
     MAX_LN_EVIDENCE_GAP,
     Pair,
@@ -40,10 +43,11 @@ COEFFICIENTS = ("c", "c2")  # their priors come from contact mechanics, and are 
 _SCALE_FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
 # A pair further below the best pair of its form in ln evidence has less than 5 % of the form's
 # evidence, the largest accepted standard error. Evidences from weights that miss a new mode are
-# too low, mostly by less than 3 in ln evidence.
+# too low, mostly by less than this gap, which is 3.
 _MAX_LN_EVIDENCE_GAP = -math.log(MAX_SE)
-_MAX_LN_MISSED = 3.0
 _N_LIKELIHOOD_DRAW = Effort().n_draw  # draws with likelihoods under changed priors
+# Values of the degrees of freedom, over all their priors and among those of the draws.
+_N_NODE = 24
 
 _Key = tuple[str, str]  # names of form and error model
 _Change = tuple[str, float]  # name of a prior, and factor of its scale
@@ -165,7 +169,7 @@ def _unreliable_changes(
             # `most` is an upper estimate: weights that miss a mode are too low, and the prior may
             # have no effect on this pair.
             if (key, change) in doubtful:
-                most = max(values[key, change] + _MAX_LN_MISSED, evidence[key])
+                most = max(values[key, change] + _MAX_LN_EVIDENCE_GAP, evidence[key])
                 if most > best[key[0]] - _MAX_LN_EVIDENCE_GAP:
                     unreliable.append((key, change))
     return unreliable
@@ -231,22 +235,27 @@ class _Draws:
         Normal scores of the draws, under the priors with which they were drawn.
     theta : ndarray of float, shape (n, n_outer)
         Outer parameters.
+    scores : ndarray of float, shape (n, n_level)
+        Scores of the offsets; empty for normal rows.
     """
 
     pair: Pair
     u: FloatArray
     theta: FloatArray
+    scores: FloatArray
 
     @classmethod
     def of(cls, pair: Pair, drawn: Drawn, n: int | None = None) -> "_Draws":
         """Return a pair's draws, at most n of them if given."""
-        u = drawn.u.reshape(-1, drawn.u.shape[-1])
-        u = u if n is None else u[:: len(u) // n][:n]
-        return cls(pair, u, pair.model().outer_theta(u))
+        u, scores = map(np.concatenate, (drawn.u, drawn.scores))
+        if n is not None:
+            step = len(u) // n
+            u, scores = u[::step][:n], scores[::step][:n]
+        return cls(pair, u, pair.model().outer_theta(u), scores)
 
     def beside(self, other: "_Draws") -> "_Draws":
         """Return these draws and as many draws of the pair under other priors."""
-        sets = (self.u, other.u), (self.theta, other.theta)
+        sets = (self.u, other.u), (self.theta, other.theta), (self.scores, other.scores)
         return _Draws(self.pair, *(np.concatenate(arrays) for arrays in sets))
 
     def log_ratio(self, change: _Change) -> FloatArray:
@@ -258,6 +267,8 @@ class _Draws:
         if prior in (SLOPES, NUGGET):
             return self._likelihood(_changed(self.pair, change)) - self._default_likelihood
         model = self._model
+        if prior in model.tail.parameter_names:
+            return self._log_ratio_of_tails(model.priors[prior], factor)
         for name in _scaled_priors(model)[prior]:
             x, default = self.theta[:, model.outer_names.index(name)], model.priors[name]
             with np.errstate(invalid="ignore"):  # inf - inf for draws outside both supports
@@ -267,6 +278,34 @@ class _Draws:
     @cached_property
     def _model(self) -> Model:
         return self.pair.model()
+
+    def _log_ratio_of_tails(self, default: Distribution, factor: float) -> FloatArray:
+        """Return the log ratio at about 256 draws, with the degrees of freedom integrated out."""
+        nodes, log_likelihood = self._at_nodes
+        # The trapezoidal rule in log df.
+        log_terms = log_likelihood + np.log(np.gradient(np.log(nodes)) * nodes)
+        priors = default.stretched(factor), default
+        with np.errstate(divide="ignore"):
+            changed, unchanged = (
+                logsumexp(log_terms + prior.log_pdf(nodes), axis=1) for prior in priors
+            )
+        return np.asarray(changed - unchanged)
+
+    @cached_property
+    def _at_nodes(self) -> tuple[FloatArray, FloatArray]:
+        """Degrees of freedom, and log-likelihoods of about 256 draws with each, (n, n_node)."""
+        model, step = self._model, max(len(self.theta) // _N_LIKELIHOOD_DRAW, 1)
+        theta, scores = self.theta[::step], self.scores[::step]
+        (name,) = model.tail.parameter_names
+        end = float(ndtri(1 / len(theta)))  # one of the draws from a prior is expected beyond
+        low, high = (
+            model.priors[name].stretched(factor).value_at(sign * end)
+            for factor, sign in ((_SCALE_FACTORS[0], 1), (_SCALE_FACTORS[-1], -1))
+        )
+        drawn = theta[:, model.outer_names.index(name)]
+        among_draws = np.quantile(drawn, np.linspace(0, 1, _N_NODE))
+        nodes = np.unique(np.concatenate([np.geomspace(low, high, _N_NODE), among_draws]))
+        return nodes, LatentIntegral(model).log_likelihoods(theta, scores, nodes)
 
     @cached_property
     def _default_likelihood(self) -> FloatArray:

@@ -333,6 +333,36 @@ class LatentIntegral:
             df = eta[:, -1:] if self.tail.parameter_names else None
             return self.rows.log_density(error, self.rows.scale(eta[:, 0]), self.tail, df)
 
+    def log_likelihoods(self, theta: FloatArray, scores: FloatArray, df: FloatArray) -> FloatArray:
+        """Return log-likelihoods of draws of a Student model with other degrees of freedom.
+
+        Parameters
+        ----------
+        theta : ndarray of float, shape (n_draw, n_outer)
+            Outer parameters, whose degrees of freedom are replaced.
+        scores : ndarray of float, shape (n_draw, n_level)
+            Scores of all offsets, log K included.
+        df : ndarray of float, shape (n,)
+            Degrees of freedom.
+
+        Returns
+        -------
+        ndarray of float, shape (n_draw, n)
+            Log densities of all rows given the offsets.
+        """
+        eta, design = theta[:, self.model.n_outer_coefficient :], self.design
+        with np.errstate(all="ignore"):
+            error, scale, _ = self._errors(self.model.outer_log_rates(theta), eta)
+            if self.n_level:
+                root = self.model.offsets.root(eta)
+                blocks = scores[:, : design.n_first], scores[:, design.n_first :]
+                error = error - design.spread(*root.times(*blocks))
+            values = [
+                self.rows.log_density(error, scale, self.tail, np.full((len(theta), 1), each))
+                for each in df
+            ]
+        return np.stack([value.sum(axis=-1) for value in values], axis=-1)
+
     def _given_others(self, u: FloatArray) -> FloatArray:
         with np.errstate(all="ignore"):
             log_rates, eta, possible = self._rates_and_noise(u)
