@@ -137,6 +137,23 @@ def test_log_rates__refuse_a_form_that_has_none_at_ordinary_coefficients(undefin
     assert not np.isfinite(model.log_rates(np.array([1e120, 0.03]))).all()
 
 
+WRONG_METHODS = [
+    ("rate", lambda _, theta, a, b: a, r"rate: expected shape \(1, 9\), got \(9,\)"),
+    ("pairs", lambda _, shape, a, b: shape, r"pairs: expected the inverse of shape, 1 at Q = 4, g"),
+    ("pairs", lambda *_: 1.0, r"pairs: expected shape \(41,\), got \(\)"),
+    ("log_rate_gradient", lambda *_: np.ones(9), r"rate_gradient: expected shape \(9, 1\), got \("),
+    ("parameter_names", ("c", "c"), "expected names that differ from each other and .*, got c, c"),
+    ("parameter_names", ("df",), "expected names that differ .*, length_ratio, df, got df"),
+]
+
+
+@pytest.mark.parametrize(("method", "wrong", "said"), WRONG_METHODS)
+def test_form__of_ones_own_is_refused_by_the_method_that_is_wrong(paper, method, wrong, said):
+    own = type("Own", (Modified,), {"name": "own", method: wrong})
+    with pytest.raises(InputError, match=f"own: .*{said}"):
+        rb.calibrate(paper, own(), noise="iid", rng=1)
+
+
 def test_model__refuses_a_prior_that_does_not_belong():
     data = observations(made_up(24))
     rule = r"prior of '{}': expected one of c, sigma, with the support of its default, got "
