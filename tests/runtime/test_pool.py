@@ -77,8 +77,8 @@ def test_submit__what_cannot_travel_is_an_error_of_its_own(pool):
     assert isinstance(pool.submit(threading.Lock).exception(), TypeError)  # the result cannot
     error = pool.submit(_raise_what_does_not_come_back).exception()
     assert (type(error), str(error)) == (RuntimeError, "OneWayError: 1 of 2")
-    error = pool.submit(OnlyThere()).exception()  # nor be read
-    assert str(error).startswith("No module named 'no_such_module'; worker processes import")
+    # Nor can it be read.
+    assert "no_such_module'; worker processes import" in str(pool.submit(OnlyThere()).exception())
     assert pool.submit(abs, -1).result() == 1
 
 
