@@ -159,7 +159,7 @@ def test_model__refuses_what_it_cannot_serve(observed):
     data = observed(rows % 4, 4, -8.0)
     for noise in (Noise("texture"), Noise("iid", "student")):
         Model(data, Modified(), noise)
-    with pytest.raises(rb.ComputationError, match="texture:student: 2001 rows; .* at most 2000"):
+    with pytest.raises(rb.ComputationError, match=r"texture:student: 2001 rows; .* at most 2000"):
         Model(data, Modified(), Noise("texture", "student"))
 
     class Wide(Modified):

@@ -80,8 +80,8 @@ def coefficient_priors(form: Form) -> dict[str, Distribution | None]:
         If two parameters have the same name, one of the error models' included.
     """
     if isinstance(form, PowerLaw):
-        names = zip(form.parameter_names, form.textures, strict=True)
-        return {name: slope_prior(texture, {}) for name, texture in names}
+        slopes = zip(form.parameter_names, form.textures, strict=True)
+        return {name: slope_prior(texture, {}) for name, texture in slopes}
     names = form.parameter_names
     if len({*names, *NOISE_PRIORS}) < len(names) + len(NOISE_PRIORS):
         raise InputError(
