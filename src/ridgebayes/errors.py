@@ -50,7 +50,7 @@ class OutputError(RidgebayesError, OSError):
 
 
 class WorkerLostError(ComputationError):
-    """Every worker process that was given a task died; the message names the task."""
+    """A task cannot be sent to a worker process, or all that got it died; the message names it."""
 
 
 class CautionWarning(UserWarning):

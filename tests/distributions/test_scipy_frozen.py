@@ -34,6 +34,7 @@ def test_scipy__densities_are_scipys(paper, frozen):
         (stats.t(4), r"priors: \[hybrid\] c1: expected one of scipy.stats' norm, .*, got t with"),
         (stats.lognorm(0.1, loc=1), "with loc = 0.*, got lognorm with loc = 1"),
         (stats.norm, "expected one of"),
+        (stats.norm(1, -1), r"priors: \[hybrid\] c1: normal distribution: expected finite and > 0"),
     ],
 )
 def test_scipy__others_are_refused_by_name(paper, frozen, words):

@@ -6,19 +6,7 @@ import pytest
 from scipy import stats
 
 import ridgebayes as rb
-from ridgebayes import (
-    Classic,
-    ComputationError,
-    ContactTable,
-    HalfPlane,
-    Hybrid,
-    InputError,
-    LogNormal,
-    Modified,
-    Noise,
-    Normal,
-    PowerLaw,
-)
+from ridgebayes import Classic, HalfPlane, Hybrid, InputError, Modified, Noise, PowerLaw
 from ridgebayes.inference.latent import LatentIntegral
 from ridgebayes.model.model import MAX_COEFFICIENTS, Model
 from ridgebayes.model.observations import Observations
@@ -51,7 +39,7 @@ def made_up(seed, *, rel_se=False, nu=False):
 
 
 def observations(frame):
-    return Observations.from_table(ContactTable.from_frame(frame))
+    return Observations.from_table(rb.ContactTable.from_frame(frame))
 
 
 def log_density(model, u):
@@ -130,23 +118,40 @@ def test_log_rates__refuse_a_form_that_has_none_at_ordinary_coefficients(undefin
     theta = np.array([[1.4, 0.03], [1.6, 0.03], [1.7, 0.03]])
     rule = rf"rate of texture a/R = 0.032, b/R = 0.01 at c = 1.6: expected .*, got {undefined}"
     for asked in (theta, theta[1]):
-        with pytest.raises(ComputationError, match=rule):
+        with pytest.raises(rb.ComputationError, match=rule):
             model.log_rates(asked)
     assert np.isfinite(model.log_rates(theta[0])).all()
     # At coefficients so large that a rate may overflow it is no fault of the form.
     assert not np.isfinite(model.log_rates(np.array([1e120, 0.03]))).all()
 
 
+WRONG_METHODS = [
+    ("rate", lambda _, theta, a, b: a, r"rate: expected shape \(1, 9\), got \(9,\)"),
+    ("pairs", lambda _, shape, a, b: shape, r"pairs: expected the inverse of shape, 1 at Q = 4, g"),
+    ("pairs", lambda *_: 1.0, r"pairs: expected shape \(41,\), got \(\)"),
+    ("log_rate_gradient", lambda *_: np.ones(9), r"rate_gradient: expected shape \(9, 1\), got \("),
+    ("parameter_names", ("c", "c"), "expected names that differ from each other and .*, got c, c"),
+    ("parameter_names", ("df",), "expected names that differ .*, length_ratio, df, got df"),
+]
+
+
+@pytest.mark.parametrize(("method", "wrong", "said"), WRONG_METHODS)
+def test_form__of_ones_own_is_refused_by_the_method_that_is_wrong(paper, method, wrong, said):
+    own = type("Own", (Modified,), {"name": "own", method: wrong})
+    with pytest.raises(InputError, match=f"own: .*{said}"):
+        rb.calibrate(paper, own(), noise="iid", rng=1)
+
+
 def test_model__refuses_a_prior_that_does_not_belong():
-    data = observations(made_up(24))
-    rule = r"prior of '{}': expected one of c, sigma, with the support of its default, got "
-    with pytest.raises(InputError, match=rule.format("c1")):
-        Model(data, Modified(), priors={"c1": LogNormal(1.0, 0.1)})
-    with pytest.raises(InputError, match=rule.format("c")):
-        Model(data, Modified(), priors={"c": Normal(1.0, 0.1)})
-    rule = r"prior of 'K\[a0.012_b0.03\]': expected log-normal, since log K is integrated in closed"
-    with pytest.raises(InputError, match=rule):
-        Model(data, PowerLaw(), priors={"K": rb.Uniform(10.0, 200.0)})
+    own = r"prior of '{}': expected one of c, sigma, with the support of its default, got "
+    log_normal = r"prior of 'K\[a0.012_b0.03\]': expected log-normal, since log K is integrated"
+    for form, name, prior, rule in (
+        (Modified(), "c1", rb.LogNormal(1.0, 0.1), own),
+        (Modified(), "c", rb.Normal(1.0, 0.1), own),
+        (PowerLaw(), "K", rb.Uniform(10.0, 200.0), log_normal),
+    ):
+        with pytest.raises(InputError, match=rule.format(name)):
+            Model(observations(made_up(24)), form, priors={name: prior})
 
 
 def test_model__refuses_what_it_cannot_serve(observed):
@@ -154,14 +159,14 @@ def test_model__refuses_what_it_cannot_serve(observed):
     data = observed(rows % 4, 4, -8.0)
     for noise in (Noise("texture"), Noise("iid", "student")):
         Model(data, Modified(), noise)
-    with pytest.raises(ComputationError, match="texture:student: 2001 rows; expected at most 2000"):
+    with pytest.raises(rb.ComputationError, match=r"texture:student: 2001 rows; .* at most 2000"):
         Model(data, Modified(), Noise("texture", "student"))
 
     class Wide(Modified):
         parameter_names = tuple(f"c{i}" for i in range(MAX_COEFFICIENTS + 1))
 
-    priors = dict.fromkeys(Wide.parameter_names, LogNormal(1.0, 0.1))
-    with pytest.raises(ComputationError, match="modified: 21 coefficients; expected at most 20"):
+    priors = dict.fromkeys(Wide.parameter_names, rb.LogNormal(1.0, 0.1))
+    with pytest.raises(rb.ComputationError, match="modified: 21 coefficients; expected at most 20"):
         Model(data, Wide(), priors=priors)
 
 

@@ -80,7 +80,7 @@ def test_resolve__k_of_every_texture_is_kept_for_new_ones_beside_that_of_one(dat
 
 
 BAD = {
-    "hybrid = 1": ": expected one of classic, hybrid, modified, noise, power-law, got 'hybrid'",
+    "hybrid = 1": ": hybrid: expected priors by parameter, got 1",
     "[cubic]": ": expected one of classic, hybrid, modified, noise, power-law, got 'cubic'",
     "[hybrid]\nc3 = 'normal(0, 1)'": ": [hybrid]: expected one of c1, c2, got 'c3'",
     "[classic]\nsigma = 'halfnormal(1)'": ": [classic]: expected one of c, got 'sigma'",

@@ -54,7 +54,10 @@ def from_scipy(value: object, where: str) -> object:
             f"{where}: expected one number for each parameter of scipy.stats' {frozen.name}, got "
             f"arrays of shapes {', '.join(str(np.shape(x)) for x in parameters)}"
         )
-    same = None if kind is None else kind(*map(float, parameters))
+    try:
+        same = None if kind is None else kind(*map(float, parameters))
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
     if same is None:
         names = ", ".join(_KINDS)
         raise InputError(

@@ -133,13 +133,13 @@ def charts_of(integral: LatentIntegral, rng: np.random.Generator) -> list[Chart]
     Raises
     ------
     InputError
-        If the gradient of a user's form is not the derivative of its rates.
+        If the methods of a user's form contradict each other.
     ComputationError
         If the form reproduces all rows to rounding, so that sigma has no lower bound.
     """
     model, k = integral.model, integral.model.n_outer_coefficient
     base = _least_squares(integral, _start(integral, rng)) if k else np.zeros(0)
-    model.check_gradient(np.concatenate([base, np.zeros(model.n_outer - k)]))
+    model.check_form(np.concatenate([base, np.zeros(model.n_outer - k)]))
     _refuse_perfect_rows(integral, base)
     references = [base]
     if k:

@@ -73,16 +73,27 @@ def coefficient_priors(form: Form) -> dict[str, Distribution | None]:
     ----------
     form : Form
         Form; PowerLaw must be bound to its textures.
+
+    Raises
+    ------
+    InputError
+        If two parameters have the same name, one of the error models' included.
     """
     if isinstance(form, PowerLaw):
-        names = zip(form.parameter_names, form.textures, strict=True)
-        return {name: slope_prior(texture, {}) for name, texture in names}
+        slopes = zip(form.parameter_names, form.textures, strict=True)
+        return {name: slope_prior(texture, {}) for name, texture in slopes}
+    names = form.parameter_names
+    if len({*names, *NOISE_PRIORS}) < len(names) + len(NOISE_PRIORS):
+        raise InputError(
+            f"{form.name}: parameter_names: expected names that differ from each other and from "
+            f"{', '.join(NOISE_PRIORS)}, got {', '.join(names)}"
+        )
     priors: dict[str, Distribution] = {
         "c": LogNormal(1.0 if form.name == "half-plane" else HERTZ, 0.1),
         "c1": LogNormal(HERTZ, 0.1),
         "c2": Normal(0.0, 0.05),
     }
-    return {name: priors.get(name) for name in form.parameter_names}
+    return {name: priors.get(name) for name in names}
 
 
 def replaced_priors(

@@ -162,9 +162,12 @@ class Model:
         ------
         ComputationError
             If the form returns a rate that is NaN or infinite at finite coefficients.
+        InputError
+            If the rates have not the shape of draws times textures.
         """
         coefficients = theta[..., : self.n_coefficient]
         rate = self.form.rate(coefficients, self._a, self._b)
+        self._check_shape("rate", rate, (*theta.shape[:-1], len(self._a)))
         with np.errstate(divide="ignore", invalid="ignore"):
             value = np.log(rate)
         if np.isfinite(value).all():
@@ -216,11 +219,22 @@ class Model:
             slope = 2 * self._outer_prior.at_scores_slope(u, theta)[:k]
             return slope * self.form.log_rate_gradient(theta[:k], self._a, self._b)
 
-    def check_gradient(self, u: FloatArray) -> None:
-        """Raise InputError if the form's gradient does not match the differences of its rates."""
+    def check_form(self, u: FloatArray) -> None:
+        """Raise InputError if the methods of the form contradict each other.
+
+        Pairs have to invert the shape, and the gradient has to match the differences of rates.
+        """
         k = self.n_outer_coefficient
         if not k:
             return
+        Q, at = self.data.Q, (self._a[self.data.texture], self._b[self.data.texture])
+        pairs = self.form.pairs(self.form.shape(Q, *at), *at)
+        self._check_shape("pairs", pairs, Q.shape)
+        for i in np.flatnonzero((Q > 2) & ~np.isclose(pairs, Q / 2 - 1))[:1]:
+            raise InputError(
+                f"{self.form.name}: pairs: expected the inverse of shape, {Q[i] / 2 - 1:g} at "
+                f"Q = {Q[i]}, got {pairs[i]:g}"
+            )
         theta = self.outer_theta(u)
         step = np.zeros(self.n_outer)
         size = np.abs(self.outer_theta(u + _GRADIENT_STEP) - theta)[:k]
@@ -232,6 +246,7 @@ class Model:
         with np.errstate(all="ignore"):
             change = self.log_rates(ahead) - self.log_rates(behind)
             gradient = self.form.log_rate_gradient(theta[:k], self._a, self._b)
+            self._check_shape("log_rate_gradient", gradient, (len(self._a), k))
             claimed = gradient @ (ahead - behind)[:k]
             difference = np.abs(claimed - change)
             largest = np.abs(change).max() + np.abs(claimed).max()
@@ -243,6 +258,12 @@ class Model:
                 f"{self.form.name}: log_rate_gradient: expected the derivative of log rate, got a "
                 f"change of {claimed[worst]:.6g} where that of texture a/R = {a!r}, b/R = {b!r} "
                 f"changes by {change[worst]:.6g}"
+            )
+
+    def _check_shape(self, method: str, values: FloatArray, shape: tuple[int, ...]) -> None:
+        if np.shape(values) != shape:
+            raise InputError(
+                f"{self.form.name}: {method}: expected shape {shape}, got {np.shape(values)}"
             )
 
     def slopes_given(

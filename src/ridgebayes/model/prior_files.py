@@ -77,9 +77,11 @@ def resolve_priors(
     }
     resolved: dict[str, dict[str, Distribution]] = {}
     for owner, texts in (given or {}).items():
-        if owner not in defaults or not isinstance(texts, Mapping):
+        if owner not in defaults:
             expected = ", ".join(sorted(defaults))
             raise InputError(f"{where}: expected one of {expected}, got {clipped(str(owner))}")
+        if not isinstance(texts, Mapping):
+            raise InputError(f"{where}: {owner}: expected priors by parameter, got {texts!r}")
         resolved[owner] = {}
         for name in sorted(texts, key=lambda name: name != SLOPES):  # K of one texture overrides K
             value, parameters = texts[name], [name]

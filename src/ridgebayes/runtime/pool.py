@@ -17,6 +17,7 @@ from concurrent import futures
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from multiprocessing import forkserver, resource_tracker
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 from unittest.mock import patch
 
@@ -87,7 +88,8 @@ class WorkerPool(futures.ThreadPoolExecutor):
         self, function: Callable[..., _T], args: tuple[object, ...], kwargs: dict[str, object]
     ) -> _T:
         """Call a function on this thread's worker, and on a new one if the worker dies."""
-        message = pickle.dumps((function, args, kwargs))
+        with _sending():
+            message = pickle.dumps((function, args, kwargs))
         me, code = threading.get_ident(), None
         for _ in range(_MAX_TRIES):
             try:
@@ -97,7 +99,12 @@ class WorkerPool(futures.ThreadPoolExecutor):
                     if me not in self._workers:
                         context = multiprocessing.get_context(_METHOD)
                         self._workers[me] = futures.ProcessPoolExecutor(1, context, _start_worker)
-                    future = self._workers[me].submit(_call, message)
+                    main = sys.modules["__main__"]
+                    script = getattr(main, "__file__", None)
+                    # Workers import the script, but cannot import one from standard input.
+                    script = script if script and Path(script).exists() else None
+                    with patch.object(main, "__file__", script, create=True):
+                        future = self._workers[me].submit(_call, message)
                 value: _T = future.result()
                 return value
             except futures.BrokenExecutor:
@@ -338,10 +345,23 @@ def _exit_with_parent() -> None:
     os._exit(1)
 
 
+@contextmanager
+def _sending() -> Iterator[None]:
+    """Say that a worker cannot get what is not in a module, such as a form of a notebook."""
+    try:
+        yield
+    except (AttributeError, ImportError, TypeError, pickle.PicklingError) as error:
+        raise WorkerLostError(
+            f"{error}; worker processes import the forms and functions that they use: define them "
+            "in a file that is imported, or call with workers=1"
+        ) from None
+
+
 def _call(message: bytes) -> Any:
     """Call a pickled function on a worker; a failure to unpickle must not end the worker."""
-    try:
+    with _sending():
         function, args, kwargs = pickle.loads(message)
+    try:
         return function(*args, **kwargs)
     except Exception as error:
         try:

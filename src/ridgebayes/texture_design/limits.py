@@ -66,7 +66,7 @@ class Limits:
         load, widths = self.of_loads(texture), self.of_widths(texture, tolerance)
         goal = self._goals[int(row.get("goal", 1)) - 1]
         extreme = "sd of Q is at least" if goal.is_spread else "largest probability found is"
-        why = f"The {extreme} {row['probability']:.3g}, and {goal.level:.3g} was asked for."
+        why = f"The {extreme} {row['probability']:.4g}, and {goal.level:.4g} was asked for."
         changes = []
         if load is not None:
             p = " to ".join(f"{load * p:.3g}" for p in dict.fromkeys(self._p_over_E))

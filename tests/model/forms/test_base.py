@@ -174,3 +174,6 @@ def test_as_form__takes_a_form_or_its_name():
     assert as_form("hybrid") == form
     with pytest.raises(InputError, match=r"form: expected a form, such as Hybrid\(\)"):
         as_form(Hybrid)
+    for name in ("hybrid", "average", "noise", "a/b", "..", "", 3):
+        with pytest.raises(InputError, match=f"form: expected a name of letters.*, got {name!r}"):
+            as_form(type("Own", (Modified,), {"name": name})())

@@ -22,6 +22,8 @@ are computed with +, *, / and sqrt only, whose IEEE rounding does not depend on 
 array: `count` at a load that `load` returned is exactly the same Q.
 """
 
+import re
+
 from ridgebayes.errors import InputError
 from ridgebayes.model.forms.base import Form
 from ridgebayes.model.forms.closed import Classic, Hybrid, Modified
@@ -43,6 +45,9 @@ __all__ = [
 FORMS: dict[str, type[Form]] = {
     form.name: form for form in (Classic, PowerLaw, Modified, Hybrid, HalfPlane)
 }
+
+
+_RESERVED = ("average", "noise")  # in the column `form` of a run, and among the keys of priors
 
 
 def form_named(name: str) -> Form:
@@ -69,9 +74,17 @@ def as_form(form: Form | str) -> Form:
     Raises
     ------
     InputError
-        If the argument is neither a form nor the name of a form.
+        If the argument is neither a form nor the name of a form, or if a form has a name that
+        files cannot have, or the name of another form.
     """
     if isinstance(form, Form):
+        name = form.name
+        is_name = isinstance(name, str) and re.fullmatch(r"\w[\w .-]*", name)
+        if not is_name or name in _RESERVED or not isinstance(form, FORMS.get(name, Form)):
+            raise InputError(
+                f"form: expected a name of letters, digits, spaces, '-', '_' and '.', other than "
+                f"{', '.join(_RESERVED)} and the names of other forms, got {name!r}"
+            )
         return form
     if isinstance(form, str):
         return form_named(form)
