@@ -56,12 +56,13 @@ def told(data):
     return tell
 
 
-def changed(form, prior, factor, data):
-    """Return priors with one of them stretched."""
-    if prior in NOISE_PRIORS:
-        return {"noise": {prior: NOISE_PRIORS[prior].stretched(factor)}}
-    own = coefficient_priors(FORMS[form].bind(data.textures, data.labels))
-    return {form: {n: one.stretched(factor) for n, one in own.items() if prior_of(n) == prior}}
+def weighed_under(rows, form, noise, prior, factor, **options):
+    """Return the evidence under a stretched prior."""
+    own = coefficient_priors(FORMS[form].bind(rows.textures, rows.labels)) | NOISE_PRIORS
+    priors = {n: one.stretched(factor) for n, one in own.items() if prior_of(n) == prior}
+    options |= {"priors": {"noise" if prior in NOISE_PRIORS else form: priors}}
+    pairs = weigh_pairs(rows, [FORMS[form]], [Noise.named(noise)], **options)
+    return pairs.weighed[form, noise].evidence
 
 
 @pytest.mark.parametrize(("form", "noise", "prior", "factor"), CASES)
@@ -71,9 +72,7 @@ def test_changes__are_as_weighed_under_the_prior(told, data, form, noise, prior,
     value = table.set_index(["prior", "factor"])["log_evidence"]
     before = weighed.weighed[form, noise].evidence
     assert value[prior, 1.0] == pytest.approx(before.value, rel=1e-12)
-    priors = changed(form, prior, factor, data)
-    truth = weigh_pairs(data, [FORMS[form]], [Noise.named(noise)], priors=priors, seed=2)
-    found = next(iter(truth.weighed.values())).evidence
+    found = weighed_under(data, form, noise, prior, factor, seed=2)
     # Monte Carlo: of both evidences, and 0.03 of a thousand draws weighed or drawn anew.
     error = math.hypot(before.se, found.se, 0.03)
     assert found.ok
@@ -89,9 +88,7 @@ def test_form_far_behind__is_weighed_under_the_changed_prior_too():
     before = {form: one.evidence.value for (form, _), one in weighed.weighed.items()}
     assert before["classic"] < before["hybrid"] - 30
     value = prior_sensitivity(weighed).set_index(["prior", "factor", "form"])["log_evidence"]
-    priors = {"noise": {"tau_step": NOISE_PRIORS["tau_step"].stretched(0.1)}}
-    truth = weigh_pairs(sweep, [rb.Classic()], noise, priors=priors, seed=2)
-    found = truth.weighed["classic", "step"].evidence
+    found = weighed_under(sweep, "classic", "step", "tau_step", 0.1)
     assert found.ok
     assert found.value < before["classic"] - 3  # beyond what weights of draws reach
     error = math.hypot(found.se, 0.03)  # Monte Carlo, as above
@@ -111,10 +108,8 @@ def test_form_far_behind__is_weighed_under_the_changed_prior_too():
 )
 def test_far_mode__is_found_by_every_seed(name, form, noise, factor):
     rows = {wild.name: wild.table for wild in tables()} | {"sweep": rb.paper_sweep()}
-    rows, fitted = Observations.from_table(rows[name]), ([FORMS[form]], [Noise.named(noise)])
-    options = {"priors": {"noise": {"sigma": NOISE_PRIORS["sigma"].stretched(factor)}}}
-    runs = [weigh_pairs(rows, *fitted, **options, seed=i, accuracy=QUICK) for i in range(1, 5)]
-    evidences = [run.weighed[form, noise].evidence for run in runs]
+    under = functools.partial(weighed_under, Observations.from_table(rows[name]), form, noise)
+    evidences = [under("sigma", factor, seed=i, accuracy=QUICK) for i in range(1, 5)]
     assert all(evidence.ok for evidence in evidences)
     values = np.array([evidence.value for evidence in evidences])
     error = math.hypot(*(evidence.se for evidence in evidences)) / math.sqrt(len(evidences))
@@ -130,11 +125,9 @@ def test_nugget__changes_the_evidence_as_two_evidences_say(observed):
     rows = observed(texture, Q, load, textures=TEXTURES)
 
     def weighed(nugget):
-        noise = Noise("step-smooth", nugget=nugget)
-        return weigh_pairs(rows, [rb.Modified()], [noise], seed=3)
+        return weigh_pairs(rows, [rb.Modified()], [Noise("step-smooth", nugget=nugget)], seed=3)
 
-    base = weighed(1e-5)
-    found = by_change(base)
+    found = by_change(weighed(1e-5))
     for factor in (0.1, 10.0):
         truth = weighed(factor * 1e-5).weighed["modified", "step-smooth"].evidence
         assert truth.ok
@@ -144,12 +137,10 @@ def test_nugget__changes_the_evidence_as_two_evidences_say(observed):
 
 def test_degrees_of_freedom__are_integrated_out_without_new_draws(monkeypatch):
     outliers = {wild.name: Observations.from_table(wild.table) for wild in tables()}["outliers"]
-    fitted = [rb.PowerLaw()], [Noise.named("texture:student")]
     monkeypatch.setattr("ridgebayes.evidence.prior_sensitivity._redrawn", lambda task: {})
-    found = by_change(weigh_pairs(outliers, *fitted, seed=1))
+    found = by_change(weigh_pairs(outliers, [rb.PowerLaw()], [Noise.named("texture:student")]))
     for factor in (0.1, 10.0):
-        priors = {"noise": {"df": NOISE_PRIORS["df"].stretched(factor)}}
-        truth = next(iter(weigh_pairs(outliers, *fitted, priors=priors).weighed.values())).evidence
+        truth = weighed_under(outliers, "power-law", "texture:student", "df", factor)
         assert abs(found["df", factor] - truth.value) < 4 * math.hypot(truth.se, 0.03)
 
 

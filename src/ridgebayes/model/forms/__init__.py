@@ -79,10 +79,10 @@ def as_form(form: Form | str) -> Form:
     """
     if isinstance(form, Form):
         name = form.name
-        is_name = isinstance(name, str) and re.fullmatch(r"\w[\w .-]*", name)
+        is_name = isinstance(name, str) and re.fullmatch(r"\w[\w .+()-]*", name)
         if not is_name or name in _RESERVED or not isinstance(form, FORMS.get(name, Form)):
             raise InputError(
-                f"form: expected a name of letters, digits, spaces, '-', '_' and '.', other than "
+                f"form: expected a name of letters, digits, spaces, and '+-_.()', other than "
                 f"{', '.join(_RESERVED)} and the names of other forms, got {name!r}"
             )
         return form
