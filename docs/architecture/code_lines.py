@@ -25,7 +25,7 @@ BUDGETS = {
     "simulate": 505,  # effects at the loads that are asked for
     "fea": 3_719,  # warnings of counts; runs print forces of nodes, tables hold loads
     "model": 1_578,  # the methods, coefficients and name of a form of the user agree; no bools
-    "inference": 2_499,  # likelihoods at other degrees of freedom; steps drawn together
+    "inference": 2_500,  # likelihoods at other degrees of freedom; steps drawn together
     "predict": 1_076,  # loads over a/pitch of one count, DataArrays, counts far below a load
     "evidence": 661,  # degrees of freedom are integrated out; what is computed again
     "comparison": 876,  # the page knows the weight of normal errors

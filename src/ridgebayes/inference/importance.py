@@ -238,7 +238,8 @@ def _mode_mixture(target: Target, rng: np.random.Generator) -> Mixture:
         components += [(chart, mode) for mode in modes]
     if not components:
         raise ComputationError(
-            f"{target.name}: expected starts of positive density, got none of {N_START}"
+            f"{target.name}: expected starts of positive density, got none of {N_START}; the "
+            "priors exclude the rows, or allow no positive rate of some texture"
         )
     heaviest = max(mode.log_mass for _, mode in components)
     kept = [
