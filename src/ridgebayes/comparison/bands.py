@@ -35,8 +35,8 @@ _N_DECIMAL = round(-math.log10(NEGLIGIBLE_PROBABILITY))  # decimals of probabili
 def default_loads(comparison: Comparison, n: int = N_LOAD) -> FloatArray:
     """Return log-spaced loads over the range of a comparison's table, shape (n,)."""
     p = comparison.table.ok.column("p_over_E")
-    # Six digits keep bands.csv small. Both ends are exact, so that they are no extrapolation.
-    inner = [float(f"{load:.6g}") for load in np.geomspace(p.min(), p.max(), n)[1:-1]]
+    # Twelve digits keep bands.csv small. Both ends are exact, so that they are no extrapolation.
+    inner = [float(f"{load:.12g}") for load in np.geomspace(p.min(), p.max(), n)[1:-1]]
     return np.array([p.min(), *inner, p.max()])
 
 

@@ -334,21 +334,11 @@ class LatentIntegral:
             return self.rows.log_density(error, self.rows.scale(eta[:, 0]), self.tail, df)
 
     def log_likelihoods(self, theta: FloatArray, scores: FloatArray, df: FloatArray) -> FloatArray:
-        """Return log-likelihoods of draws of a Student model with other degrees of freedom.
+        """Return log-likelihoods of Student rows given offsets, with other degrees of freedom.
 
-        Parameters
-        ----------
-        theta : ndarray of float, shape (n_draw, n_outer)
-            Outer parameters, whose degrees of freedom are replaced.
-        scores : ndarray of float, shape (n_draw, n_level)
-            Scores of all offsets, log K included.
-        df : ndarray of float, shape (n,)
-            Degrees of freedom.
-
-        Returns
-        -------
-        ndarray of float, shape (n_draw, n)
-            Log densities of all rows given the offsets.
+        Draws have outer parameters `theta` (n_draw, n_outer), whose degrees of freedom are replaced
+        by each of `df` (n,), and `scores` (n_draw, n_level) of all offsets, log K included. The
+        result has shape (n_draw, n).
         """
         eta, design = theta[:, self.model.n_outer_coefficient :], self.design
         with np.errstate(all="ignore"):
