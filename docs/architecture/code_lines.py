@@ -27,7 +27,7 @@ BUDGETS = {
     "model": 1_578,  # the methods, coefficients and name of a form of the user agree; no bools
     "inference": 2_500,  # likelihoods at other degrees of freedom; steps drawn together
     "predict": 1_076,  # loads over a/pitch of one count, DataArrays, counts far below a load
-    "evidence": 661,  # degrees of freedom are integrated out; what is computed again
+    "evidence": 662,  # degrees of freedom are integrated out; what is computed again
     "comparison": 876,  # the page knows the weight of normal errors
     "checks": 773,  # coefficients that rows cannot tell apart; load errors of brackets
     "friction": 865,  # draws the blocks of a scene itself; floors bound penetration

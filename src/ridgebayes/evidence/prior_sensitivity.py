@@ -289,7 +289,8 @@ class _Draws:
             changed, unchanged = (
                 logsumexp(log_terms + prior.log_pdf(nodes), axis=1) for prior in priors
             )
-        return np.asarray(changed - unchanged)
+        ratio = np.asarray(changed - unchanged)
+        return np.where(np.isnan(ratio), -np.inf, ratio)
 
     @cached_property
     def _at_nodes(self) -> tuple[FloatArray, FloatArray]:
