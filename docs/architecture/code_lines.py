@@ -16,7 +16,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "ridgebayes"
 # when its room has shrunk; write the reason beside a budget that is raised.
 BUDGETS = {
     "modules of the package": 443,  # with `request`, cautions, the check of argument types
-    "runtime": 772,  # forms that workers cannot import, scripts from standard input
+    "runtime": 775,  # scripts from standard input; freed memory that the next batch takes
     "distributions": 495,  # with those of SciPy, and a refusal of arrays, by the key of the prior
     "drawing": 943,
     "contact": 3_253,  # few orders solved together, events started from the last two: floors
@@ -27,7 +27,7 @@ BUDGETS = {
     "model": 1_578,  # the methods, coefficients and name of a form of the user agree; no bools
     "inference": 2_500,  # likelihoods at other degrees of freedom; steps drawn together
     "predict": 1_076,  # loads over a/pitch of one count, DataArrays, counts far below a load
-    "evidence": 662,  # degrees of freedom are integrated out; what is computed again
+    "evidence": 666,  # degrees of freedom are integrated out; fewer draws for pairs far behind
     "comparison": 876,  # the page knows the weight of normal errors
     "checks": 773,  # coefficients that rows cannot tell apart; load errors of brackets
     "friction": 865,  # draws the blocks of a scene itself; floors bound penetration

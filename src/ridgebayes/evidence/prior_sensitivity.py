@@ -105,7 +105,7 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
         sampled again if its weights may have no finite variance (`have_finite_variance`) and its ln
         evidence may be less than 3 below that of the form's best pair. A new evidence with a
         standard error above 0.1 is computed again with twice the draws, unless it is more than 12
-        below the best evidence.
+        below the best evidence. Pairs that far below get half of the draws.
     """
     used = used_evidence(weighed.evidence)
     keys = zip(used["form"], used["noise"], strict=True)
@@ -190,10 +190,14 @@ def _redrawn(task: _Task) -> dict[_Change, float]:
                 values[change] = value
                 continue
         pair = _changed(task.pair, change)
-        result = weigh(pair)
-        evidence = result.evidence
-        if not (evidence.value < task.lowest or evidence.se <= QUICK.evidence_error):
-            result = weigh(replace(pair, effort=pair.effort.doubled))
+        efforts = [pair.effort, pair.effort.doubled]
+        if task.drawn.evidence.value < task.lowest:
+            efforts.insert(0, pair.effort.halved)
+        for effort in efforts:
+            result = weigh(replace(pair, effort=effort))
+            evidence = result.evidence
+            if evidence.value < task.lowest or evidence.se <= QUICK.evidence_error:
+                break
         if result.drawn is not None:
             values[change], furthest = result.evidence.value, (change, result.drawn)
     return values

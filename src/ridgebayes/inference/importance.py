@@ -65,6 +65,11 @@ class Effort:
     n_point: int = 16
 
     @property
+    def halved(self) -> "Effort":
+        """The effort with half of the draws, and the same points."""
+        return replace(self, n_per_round=self.n_per_round // 2, n_draw=self.n_draw // 2)
+
+    @property
     def doubled(self) -> "Effort":
         """The effort with twice the draws and points."""
         n_per_round, n_draw, n_point = self.n_per_round, self.n_draw, self.n_point

@@ -24,6 +24,7 @@ from ridgebayes.model.linear_algebra import cholesky_or_nan, solve_lower
 from ridgebayes.model.model import Model
 from ridgebayes.model.offsets import Root
 from ridgebayes.model.rows import RowGroups
+from ridgebayes.runtime.memory import keep_freed_memory
 
 
 class LatentIntegral:
@@ -36,6 +37,7 @@ class LatentIntegral:
     """
 
     def __init__(self, model: Model) -> None:
+        keep_freed_memory()
         self.model, self.rows, self.tail = model, model.rows, model.tail
         self.design = model.offsets.design
         self.n_level = model.offsets.n_level
@@ -325,10 +327,7 @@ class LatentIntegral:
         """
         eta, offsets = theta[:, self.model.n_coefficient :], self.model.offsets.own()
         with np.errstate(all="ignore"):
-            offset: FloatArray | float = 0.0
-            if offsets.n_level:
-                first, rest = scores[:, : offsets.n_first], scores[:, offsets.n_first :]
-                offset = offsets.design.spread(*offsets.root(eta).times(first, rest))
+            offset = offsets.of_predictors(eta, scores)
             error = self.rows.errors(self.model.log_rates(theta), offset)
             df = eta[:, -1:] if self.tail.parameter_names else None
             return self.rows.log_density(error, self.rows.scale(eta[:, 0]), self.tail, df)
@@ -340,13 +339,10 @@ class LatentIntegral:
         by each of `df` (n,), and `scores` (n_draw, n_level) of all offsets, log K included. The
         result has shape (n_draw, n).
         """
-        eta, design = theta[:, self.model.n_outer_coefficient :], self.design
+        eta = theta[:, self.model.n_outer_coefficient :]
         with np.errstate(all="ignore"):
             error, scale, _ = self._errors(self.model.outer_log_rates(theta), eta)
-            if self.n_level:
-                root = self.model.offsets.root(eta)
-                blocks = scores[:, : design.n_first], scores[:, design.n_first :]
-                error = error - design.spread(*root.times(*blocks))
+            error = error - self.model.offsets.of_predictors(eta, scores)
             values = [
                 self.rows.log_density(error, scale, self.tail, np.full((len(theta), 1), each))
                 for each in df

@@ -78,13 +78,15 @@ class Precision:
         """Return the variance of each predictor's offset given the rows, shape (n_draw, n)."""
         root, n_draw, n = self.root, len(self.diagonal), len(design.distinct)
         variance = np.zeros((n_draw, n))
-        rest = np.zeros((n_draw, design.n_rest, n))
+        # Rows of Z L; copying columns of L' would take many times as long.
+        rest = np.zeros((n_draw, n, design.n_rest))
         for levels in design.rest[:, design.distinct]:
-            rest += np.swapaxes(root.rest, -1, -2)[:, :, levels]
+            rest += root.rest.take(levels, axis=1)
         if design.first is not None:
             first = design.first[design.distinct]
             diagonal_part = (root.first / self.diagonal)[:, first]
             variance += diagonal_part**2
-            rest -= self.border[:, :, first] * diagonal_part[:, None, :]
-        variance += (solve_lower(self.corner, rest) ** 2).sum(axis=-2)
+            border = np.swapaxes(self.border, -1, -2).take(first, axis=1)
+            rest -= border * diagonal_part[..., None]
+        variance += (solve_lower(self.corner, np.swapaxes(rest, -1, -2)) ** 2).sum(axis=-2)
         return variance[:, design.combination]

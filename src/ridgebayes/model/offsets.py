@@ -53,9 +53,7 @@ class Root:
         transpose = np.swapaxes(self.rest, -1, -2)
         if corner.ndim == border.ndim:
             return transpose @ border, transpose @ (corner @ self.rest)
-        half = np.sqrt(corner)[..., None] * self.rest
-        # NumPy needs half the work for the product of a matrix with its own transpose.
-        return transpose @ border, np.swapaxes(half, -1, -2) @ half
+        return transpose @ border, transpose @ (corner[..., None] * self.rest)
 
 
 class Offsets:
@@ -145,6 +143,11 @@ class Offsets:
     def root(self, eta: FloatArray) -> Root:
         """Return L at error model parameters (..., n_noise)."""
         return Root(self.first_root(eta), self._rest_root(eta))
+
+    def of_predictors(self, eta: FloatArray, scores: FloatArray) -> FloatArray:
+        """Return each predictor's offset, shape (..., n), for `scores` (..., n_level)."""
+        first, rest = scores[..., : self.n_first], scores[..., self.n_first :]
+        return self.design.spread(*self.root(eta).times(first, rest))
 
     def first_root(self, eta: FloatArray) -> FloatArray:
         """Return the standard deviations of the first block, shape (..., n_first)."""

@@ -97,12 +97,10 @@ def _offsets(offsets: Offsets, eta: FloatArray, scores: FloatArray) -> FloatArra
     flat = eta.reshape(-1, eta.shape[-1])
     by_draw = scores.reshape(len(scores), len(flat), offsets.n_level)
     step = max(BATCH_SIZE // max(offsets.n_smooth**2, 1), 1)
-    parts = []
-    for i in range(0, len(flat), step):
-        part = by_draw[:, i : i + step]
-        first, rest = part[..., : offsets.n_first], part[..., offsets.n_first :]
-        root = offsets.root(flat[i : i + step])
-        parts.append(offsets.design.spread(*root.times(first, rest)))
+    parts = [
+        offsets.of_predictors(flat[i : i + step], by_draw[:, i : i + step])
+        for i in range(0, len(flat), step)
+    ]
     value = np.concatenate(parts, axis=1)
     return value.reshape(*scores.shape[:-1], value.shape[-1])
 
