@@ -104,6 +104,17 @@ def assert_draws(fit, expected, tolerance=0.05):
         assert abs(row.sd - sd) < tolerance * sd, (row.parameter, row.sd, sd)
 
 
+def as_summed(frame, log_c, log_sigma, *, sigma_sd=0.05, rounding=1e-5):
+    """Hold Modified's evidence and draws to a plain sum; return ln Z, its true value, moments."""
+    truth, m = summed_over_grid(frame, log_c, log_sigma, sigma_sd=sigma_sd)
+    priors = {"sigma": rb.HalfNormal(sigma_sd)}
+    found, table = weighed(model_of(frame, **priors)), rb.read_table(frame)
+    assert_is(found, truth, rounding)
+    options = {"priors": {"noise": priors}, "rng": 1, "settings": FEW, "noise": "iid"}
+    assert_draws(rb.calibrate(table, rb.Modified(), **options), [m[:2], m[2:]])
+    return found.value, truth, m
+
+
 def log_upper_tail(x, depth=400):
     """Return log P(normal > x) for x >= 5 by Laplace's continued fraction, in long doubles."""
     x = np.longdouble(x)
@@ -161,14 +172,8 @@ def perfect_rows():
 def perfect_rows_of_known_error():
     frame = made(rb.Modified(), [1.4], rel_se=0.01)
     log_c = math.log(1.4) + np.linspace(-0.06, 0.06, 1000)
-    truth, m = summed_over_grid(frame, log_c, np.linspace(-20, -1, 1000))
-    found = weighed(model_of(frame))
-    assert_is(found, truth)
-    assert_draws(
-        rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, settings=FEW, noise="iid"),
-        [m[:2], m[2:]],
-    )
-    return f"ln Z {found.value:.2f} for {truth:.2f}; sigma {m[2]:.5f} with its mass at 0"
+    value, truth, m = as_summed(frame, log_c, np.linspace(-20, -1, 1000))
+    return f"ln Z {value:.2f} for {truth:.2f}; sigma {m[2]:.5f} with its mass at 0"
 
 
 @hard_case(
@@ -279,14 +284,8 @@ def repeats_that_disagree():
     ]
     frame = pd.concat(parts)
     log_c = math.log(1.4) + np.linspace(-0.8, 0.8, 1000)
-    truth, m = summed_over_grid(frame, log_c, np.linspace(-3, 1, 1000))
-    found = weighed(model_of(frame))
-    assert_is(found, truth)
-    assert_draws(
-        rb.calibrate(rb.read_table(frame), rb.Modified(), rng=1, settings=FEW, noise="iid"),
-        [m[:2], m[2:]],
-    )
-    return f"ln Z {found.value:.2f} for {truth:.2f}; sigma = {m[2]:.3f} ± {m[3]:.3f}, prior sd 0.05"
+    value, truth, m = as_summed(frame, log_c, np.linspace(-3, 1, 1000))
+    return f"ln Z {value:.2f} for {truth:.2f}; sigma = {m[2]:.3f} ± {m[3]:.3f}, prior sd 0.05"
 
 
 @hard_case(
@@ -359,18 +358,9 @@ def far_brackets():
 def prior_twenty_sds_away():
     frame = made(rb.Modified(), [1.382 * math.exp(2)], error=0.03)
     log_c = np.linspace(1.5, 2.5, 1500)
-    truth, m = summed_over_grid(frame, log_c, np.linspace(-6, 0, 1000), sigma_sd=0.03)
-    sigma = rb.HalfNormal(0.03)
-    found = weighed(model_of(frame, sigma=sigma))
-    assert_is(found, truth, 1e-4)
-    priors = {"noise": {"sigma": sigma}}
-    fit = rb.calibrate(
-        rb.read_table(frame), rb.Modified(), priors=priors, rng=1, settings=FEW, noise="iid"
-    )
-    assert_draws(fit, [m[:2], m[2:]])
-    return (
-        f"ln Z {found.value:.2f} for {truth:.2f}; c = {m[0]:.3f} ± {m[1]:.3f}, prior 1.382 ± 0.138"
-    )
+    log_sigma = np.linspace(-6, 0, 1000)
+    value, truth, m = as_summed(frame, log_c, log_sigma, sigma_sd=0.03, rounding=1e-4)
+    return f"ln Z {value:.2f} for {truth:.2f}; c = {m[0]:.3f} ± {m[1]:.3f}, prior 1.382 ± 0.138"
 
 
 @hard_case(

@@ -1,5 +1,6 @@
-"""The peak of memory counts a job's processes below it."""
+"""The peak of memory counts a job's processes below it; freed memory serves the next batch."""
 
+import platform
 import subprocess
 import sys
 
@@ -23,3 +24,32 @@ def test_memory_of_a_child__counts():
         peak.look()
         child.communicate(b"\n")
     assert peak.in_bytes > alone + 90_000_000
+
+
+# Prints the number of pages that the system gives for 40 turns of four arrays of 1 MB.
+TAKES_TURNS = """
+import resource, sys
+import numpy as np
+from ridgebayes.runtime.memory import keep_freed_memory
+if "keep" in sys.argv:
+    keep_freed_memory()
+def pages():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for turn in range(60):
+    if turn == 20:
+        before = pages()
+    held = [np.ones(2**17) for _ in range(4)]
+    del held
+print(pages() - before)
+"""
+
+
+@pytest.mark.process
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries differ")
+def test_freed_memory__is_kept_for_the_next_arrays():
+    command = [sys.executable, "-c", TAKES_TURNS]
+    new, kept = (
+        int(subprocess.run([*command, *how], capture_output=True, check=True).stdout)
+        for how in ([], ["keep"])
+    )
+    assert kept < 100 < 10_000 < new
