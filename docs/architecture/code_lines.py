@@ -18,7 +18,7 @@ BUDGETS = {
     "modules of the package": 443,  # with `request`, cautions, the check of argument types
     "runtime": 775,  # scripts from standard input; freed memory that the next batch takes
     "distributions": 495,  # with those of SciPy, and a refusal of arrays, by the key of the prior
-    "drawing": 943,
+    "drawing": 947,
     "contact": 3_253,  # few orders solved together, events started from the last two: floors
     "table": 655,  # rows that are ok; the check for plain CSV that import uses
     "scene": 1_319,  # with loads as they are typed; estimates at the highest of many loads
@@ -26,14 +26,14 @@ BUDGETS = {
     "fea": 3_719,  # warnings of counts; runs print forces of nodes, tables hold loads
     "model": 1_578,  # the methods, coefficients and name of a form of the user agree; no bools
     "inference": 2_500,  # likelihoods at other degrees of freedom; steps drawn together
-    "predict": 1_076,  # loads over a/pitch of one count, DataArrays, counts far below a load
-    "evidence": 666,  # degrees of freedom are integrated out; fewer draws for pairs far behind
+    "predict": 1_078,  # loads over a/pitch of one count, DataArrays, strata of a new texture's K
+    "evidence": 669,  # degrees of freedom are integrated out; fewer draws for pairs far behind
     "comparison": 876,  # the page knows the weight of normal errors
-    "checks": 773,  # coefficients that rows cannot tell apart; load errors of brackets
+    "checks": 779,  # load errors of brackets; cost checks its texture and warns of units
     "friction": 865,  # draws the blocks of a scene itself; floors bound penetration
-    "texture_design": 1_116,  # with the refusal of loads above all models; tolerances with units
+    "texture_design": 1_120,  # refuses loads above all models; widths of the scene that vary
     "report": 1_473,  # cautions of readings; held-out brackets, the range of the priors of K
-    "commands": 2_188,  # widths without units; cautions of a design appear once
+    "commands": 2_204,  # cautions of a design appear once; figures of plans replace no file
 }
 _NO_CODE = {
     tokenize.COMMENT,

@@ -69,7 +69,7 @@ def cautions(
             f"{count(n_repeated, 'row')} of curves whose loads are those of another source, solver "
             "or series to all digits. Copies count twice: leave one of each out."
         )
-    sentences += _beyond_any_body(table)
+    sentences += beyond_any_body(table)
     data = Observations.from_table(table)
     factors = {factor for name in noises for factor in Noise.named(name).factors}
     if SERIES in factors and data.one_series_per_texture:
@@ -97,7 +97,7 @@ def cautions(
     }
 
 
-def _beyond_any_body(table: ContactTable) -> list[str]:
+def beyond_any_body(table: ContactTable) -> list[str]:
     """Return sentences on rows that are impossible for a soft cylinder."""
     rows = table.calibration.frame
     a, b, Q = rows["a_over_R"], rows["b_over_R"], rows["Q"]

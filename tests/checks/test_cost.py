@@ -18,10 +18,13 @@ def test_cost__keep_every_promise(paper):
 
 
 def test_cost__of_no_loads_say_why(paper):
-    costs = rb.cost(paper, rb.Modified(), texture=(0.03, -0.01), rng=3)
+    costs = rb.cost(paper.frame[:1].assign(p_over_E=1e-4), rb.Modified(), elements=True, rng=3)
     failed = costs[costs["status"] != "ok"]
-    assert failed["task"].tolist() == ["half-plane"] * 3
+    assert failed["task"].tolist() == ["finite elements"] * 3
+    assert failed["status"].str.contains("a transition under p/E = 0.0001").all()
     assert failed["cpu_s"].isna().all()
+    with pytest.raises(rb.InputError, match=r"a_over_R = -0.01: input should be greater than 0"):
+        rb.cost(paper, texture=(-0.01, 0.03))
 
 
 @pytest.mark.long

@@ -169,7 +169,21 @@ def test_plan__is_told_where_figures_cannot_be_written(command):
     said = command("scene.toml", "--figures", "letter/drawn")
     assert said.code == 1
     assert "expect Q = " in said.out
-    assert said.err == "ridgebayes: letter/drawn: Not a directory\n"
+    assert said.err.startswith("ridgebayes: letter/drawn: cannot be written: Not a directory; ")
+
+
+def test_plan__replaces_figures_if_forced_and_tells_only_its_own(command):
+    Path("drawn").mkdir()
+    for name in ("counts-a0.02_b0.03.png", "thesis.docx"):
+        Path("drawn", name).write_text("mine")
+    refused = command("scene.toml", "--figures", "drawn")
+    assert refused.code == 2
+    assert "drawn/counts-a0.02_b0.03.png: exists; use another name, or --force" in refused.err
+    assert Path("drawn/counts-a0.02_b0.03.png").read_text() == "mine"
+    said = command("scene.toml", "--figures", "drawn", "--force")
+    assert said.code == 0
+    assert "counts-a0.02_b0.03.png" in said.out
+    assert "thesis.docx" not in said.out
 
 
 def test_plan__writes_the_table(command):

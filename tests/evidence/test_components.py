@@ -19,6 +19,7 @@ BY_HAND = {
     "step-smooth": (400.0, None),
     "series": (1.0, 1.0),
     "step:student": (20.0, 4.0),
+    "texture:student": (None, None),
 }
 SE = 0.1
 
@@ -45,11 +46,11 @@ def ln_ratio(having, others):
 @pytest.mark.parametrize(
     ("component", "having"),
     [
-        ("texture", ["texture", "texture+step"]),
+        ("texture", ["texture", "texture+step", "texture:student"]),
         ("step", ["step", "texture+step", "step:student"]),
         ("smooth", ["step-smooth"]),
         ("series", ["series"]),
-        ("student", ["step:student"]),
+        ("student", ["step:student", "texture:student"]),
     ],
 )
 def test_components__are_ratios_of_mean_evidences(component, having):

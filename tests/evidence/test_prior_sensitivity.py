@@ -23,6 +23,9 @@ from ridgebayes.model.observations import Observations
 from tests.tables_in_the_wild import tables
 
 TEXTURES = ((0.012, 0.03), (0.032, 0.01), (0.022, 0.02))
+TEXTURE, COUNTS = np.repeat(np.arange(3), 4), np.tile([4, 6, 8, 10], 3)
+RIDGE, PITCH = np.array([(a, a + b) for a, b in TEXTURES])[TEXTURE].T
+MODIFIED = 2 * np.log((COUNTS / 2 - 1) * PITCH / 1.4)  # log loads
 FORMS = {form.name: form for form in (rb.Classic(), rb.Modified(), rb.Hybrid(), rb.PowerLaw())}
 
 
@@ -30,10 +33,8 @@ FORMS = {form.name: form for form in (rb.Classic(), rb.Modified(), rb.Hybrid(), 
 def data(observed):
     """Textures 20 % apart, so that a narrow prior of their offsets is far from the rows."""
     rng = np.random.default_rng(26)
-    texture, Q = np.repeat(np.arange(3), 4), np.tile([4, 6, 8, 10], 3)
-    a, b = np.array(TEXTURES)[texture].T
-    errors = 0.2 * np.array([1, -1, 0.3])[texture] + 0.02 * rng.standard_normal(12)
-    return observed(texture, Q, 2 * np.log((Q / 2 - 1) * (a + b) / 1.4) + errors, textures=TEXTURES)
+    errors = 0.2 * np.array([1, -1, 0.3])[TEXTURE] + 0.02 * rng.standard_normal(12)
+    return observed(TEXTURE, COUNTS, MODIFIED + errors, textures=TEXTURES)
 
 
 CASES = [  # weights of draws serve for the first one, and not for a narrower tau
@@ -117,12 +118,9 @@ def test_far_mode__is_found_by_every_seed(name, form, noise, factor):
 
 
 def test_nugget__changes_the_evidence_as_two_evidences_say(observed):
-    texture, Q = np.repeat(np.arange(3), 4), np.tile([4, 6, 8, 10], 3)
-    a, b = np.array(TEXTURES)[texture].T
-    errors = 0.05 * np.sin(np.log(Q / 2 - 1) + 3 * a / (a + b))
+    errors = 0.05 * np.sin(np.log(COUNTS / 2 - 1) + 3 * RIDGE / PITCH)
     errors += 2e-6 * np.random.default_rng(2).standard_normal(12)
-    load = 2 * np.log((Q / 2 - 1) * (a + b) / 1.4) + errors
-    rows = observed(texture, Q, load, textures=TEXTURES)
+    rows = observed(TEXTURE, COUNTS, MODIFIED + errors, textures=TEXTURES)
 
     def weighed(nugget):
         return weigh_pairs(rows, [rb.Modified()], [Noise("step-smooth", nugget=nugget)], seed=3)

@@ -33,14 +33,12 @@ import numpy as np
 from ridgebayes.runtime.memory import keep_freed_memory
 if "keep" in sys.argv:
     keep_freed_memory()
-def pages():
-    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-for turn in range(60):
-    if turn == 20:
-        before = pages()
+pages = []
+for turn in range(61):
     held = [np.ones(2**17) for _ in range(4)]
     del held
-print(pages() - before)
+    pages.append(resource.getrusage(resource.RUSAGE_SELF).ru_minflt)
+print(pages[60] - pages[20])
 """
 
 

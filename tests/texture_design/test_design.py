@@ -284,3 +284,4 @@ def test_design__widths_are_uncertain_by_the_scene_or_by_a_tolerance(fit):
         rb.design(fit, scene, "P(Q >= 8) >= 0.9", sizes=COARSE, tolerance="5 %")
     found = rb.design(fit, scene, "P(Q >= 8) >= 0.9", sizes=COARSE)
     assert "tolerance" in set(found.shares["source"])
+    assert "with widths that vary as in the scene, averaged over" in found.conditions

@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 
 from ridgebayes._types import FloatArray, Rng
+from ridgebayes.cautions import beyond_any_body
 from ridgebayes.contact import halfplane
-from ridgebayes.contact.scaling import Texture
-from ridgebayes.errors import ComputationError, InputError, expect
+from ridgebayes.contact.scaling import Texture, reduced_load
+from ridgebayes.errors import ComputationError, InputError, expect, warn_of
 from ridgebayes.inference.importance import Drawn, at_least, importance_sample
 from ridgebayes.inference.presets import PRESETS, REFERENCE
 from ridgebayes.inference.target import ModelTarget
@@ -24,6 +25,7 @@ from ridgebayes.model.observations import Observations
 from ridgebayes.request import TableLike
 from ridgebayes.runtime.pool import map_ordered
 from ridgebayes.runtime.randomness import seed_of
+from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate.solvers import LOAD_PRESETS
 from ridgebayes.table.table import read_table
 
@@ -83,9 +85,15 @@ def cost(
     rows, seed = read_table(table).calibration, seed_of(rng)
     expect(Integral, repeats=repeats)
     expect(tuple, None, texture=texture)
+    expect(bool, elements=elements)
     if repeats < 1:
         raise InputError(f"repeats: expected at least 1, got {repeats}")
-    texture = texture or rows.textures[len(rows.textures) // 2]
+    warn_of(beyond_any_body(rows))
+    if texture is None:
+        texture = rows.textures[len(rows.textures) // 2]
+    (shape,) = Scene.of([texture]).textures  # checks the widths
+    texture = shape.a_over_R, shape.b_over_R
+    loads = reduced_load(rows.frame["p_over_E"].to_numpy(float), rows.frame["nu"].to_numpy(float))
     model = Model(Observations.from_table(rows), as_form(form or Hybrid()), Noise())
     try:
         exact = importance_sample(ModelTarget(model, seed), REFERENCE.effort.doubled, seed + 1)
@@ -95,7 +103,7 @@ def cost(
     tasks = {
         "posterior": partial(_posterior, model, *reference, repeats, seed),
         "half-plane": partial(_half_plane, texture, repeats),
-        "finite elements": partial(_elements, texture, float(rows.frame["p_over_E"].max())),
+        "finite elements": partial(_elements, texture, float(loads.max())),
     }
     names = list(tasks)[: 3 if elements else 2]
     settings = [(name, preset, tasks[name]) for name in names for preset in PRESETS]
@@ -165,13 +173,11 @@ def _elements(texture: Texture, p_max: float, name: str) -> Iterator[_Row]:
     preset, finest = LOAD_PRESETS[name], LOAD_PRESETS[REFERENCE.name].edges
     edges = preset.edges
     p_over_E, cpu_s = _timed(lambda: loads(edges), 1)
-    error = np.nan
-    if edges != finest:
-        exact = loads(finest)
-        n = min(len(p_over_E), len(exact))  # a coarse mesh may reach one more below the same load
-        if n == 0:
-            raise ComputationError(f"no transition under p/E = {p_max:g}")
-        error = float(np.abs(p_over_E[:n] / exact[:n] - 1).max())
+    exact = p_over_E if edges == finest else loads(finest)
+    n = min(len(p_over_E), len(exact))  # a coarse mesh may reach one more below the same load
+    if n == 0:
+        raise ComputationError(f"expected a transition under p/E = {p_max:g} at nu = 0.5, got none")
+    error = np.nan if edges == finest else float(np.abs(p_over_E[:n] / exact[:n] - 1).max())
     yield "loads", f"finite elements, {edges} edges", name, preset.mesh_error, error, cpu_s, "ok"
 
 

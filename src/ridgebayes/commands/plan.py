@@ -1,14 +1,15 @@
 """The command `ridgebayes plan`: effects of a scene as a table and figures."""
 
 import math
+from pathlib import Path
 
 import pandas as pd
 
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.parsing import medians_taken, refuse_output
-from ridgebayes.commands.terminal import Answer, files_in, warn
+from ridgebayes.commands.terminal import Answer, warn
 from ridgebayes.errors import InputError, RidgebayesError
-from ridgebayes.runtime.atomic import write_text
+from ridgebayes.runtime.atomic import cannot_write, write_text
 from ridgebayes.runtime.templates import rendered
 from ridgebayes.runtime.text import duration, percent
 from ridgebayes.scene.effects import Plan, beyond_reach, plan_table
@@ -39,6 +40,11 @@ def command(asked: options.PlanOptions) -> Answer:
     scene = Scene.from_toml(asked.scene)
     warned = warn(*filter(None, [beyond_reach(scene)]))
     plans = plan(scene)
+    if asked.figures is not None:
+        # Imported here, since matplotlib is slow to import and other plans do not use it.
+        from ridgebayes.commands.plan_figures import draw_plans, refuse_files
+
+        refuse_files(plans, asked.figures, asked.force)
     if asked.out is not None:
         write_frame(plan_table(plans), asked.out)
     parts: list[str | pd.DataFrame] = [*medians_taken(scene.uncertain_names)]
@@ -46,16 +52,13 @@ def command(asked: options.PlanOptions) -> Answer:
     reasons = plan_table(plans)[["texture", "effect", "number", "reason"]]
     files, failed, problem = [asked.out] if asked.out else [], [], ""
     if asked.figures is not None:
-        # Imported here, since matplotlib is slow to import and other plans do not use it.
-        from ridgebayes.commands.plan_figures import draw_plan
-
         try:
             asked.figures.mkdir(parents=True, exist_ok=True)
-            failed = [why for planned in plans for why in draw_plan(scene, planned, asked.figures)]
-            files += files_in(asked.figures)
+            written, failed = draw_plans(scene, plans, asked.figures)
+            files += written
         except OSError as error:  # the answer still contains the plan
             named = isinstance(error, RidgebayesError)  # its message already names the file
-            problem = str(error) if named else f"{error.filename}: {error.strerror}"
+            problem = str(error if named else cannot_write(Path(error.filename), error))
     return Answer(
         parts, plan_table(plans), files, (reasons,), warnings=failed, early=warned, problem=problem
     )

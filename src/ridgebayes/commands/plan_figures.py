@@ -1,12 +1,14 @@
 """Figures of `ridgebayes plan` for each texture of a scene."""
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from ridgebayes._types import FloatArray
+from ridgebayes.commands.parsing import refuse_output
 from ridgebayes.contact import hertz
 from ridgebayes.contact.contact_solution import load_factor, solve_contact
 from ridgebayes.contact.cylinder.cylinder import Cylinder
@@ -14,6 +16,7 @@ from ridgebayes.contact.cylinder.newton import NotConvergedError
 from ridgebayes.contact.reaching import reaching_loads
 from ridgebayes.contact.rigid_profile import Profile
 from ridgebayes.contact.two_scale import half_plane_load, load_of
+from ridgebayes.drawing import KINDS
 from ridgebayes.drawing.scenes import plot_counts, plot_effects
 from ridgebayes.drawing.style import save
 from ridgebayes.errors import ComputationError, RidgebayesError
@@ -23,27 +26,46 @@ from ridgebayes.scene.effects import HIGHEST_LOAD, Plan, full_profile, plan_labe
 from ridgebayes.scene.scene import Scene
 from ridgebayes.simulate.solvers import LOAD_PRESETS
 
+_NAMES = ("effects", "counts", "deformed")
 
-def draw_plan(scene: Scene, planned: Plan, folder: Path) -> list[str]:
-    """Draw the pressed body at the highest load, Q against load, and the size of each effect.
+
+def refuse_files(plans: Sequence[Plan], folder: Path, force: bool) -> None:
+    """Raise InputError for a figure that cannot be written to an existing folder."""
+    labels = [plan_label(planned.texture) for planned in plans] if folder.is_dir() else []
+    for label, name, kind in itertools.product(labels, _NAMES, KINDS):
+        refuse_output(folder / f"{name}-{label}.{kind}", force)
+
+
+def draw_plans(scene: Scene, plans: Sequence[Plan], folder: Path) -> tuple[list[Path], list[str]]:
+    """Draw the figures of each texture of a scene.
 
     Returns
     -------
-    list of str
+    written : list of Path
+        Files written.
+    failed : list of str
         Reason for each missing figure.
     """
+    drawn = [_draw_plan(scene, planned, folder) for planned in plans]
+    written, failed = (list(itertools.chain(*lists)) for lists in zip(*drawn, strict=True))
+    return written, failed
+
+
+def _draw_plan(scene: Scene, planned: Plan, folder: Path) -> tuple[list[Path], list[str]]:
+    """Draw the pressed body at the highest load, Q against load, and the size of each effect."""
     texture, p_max = planned.texture, scene.highest_load(planned.texture)
     sharp = Profile(texture.a_over_R, texture.b_over_R)
     profile = planned.profile
     if profile is None:
         profile = sharp if planned.solver == "half-plane" else full_profile(texture)
-    failed = []
-    recipes: dict[str, Callable[[], Figure]] = {
-        "effects": lambda: plot_effects(plan_table([planned]), scene.relative),
-        "counts": lambda: _counts(profile, sharp, scene, planned),
-        "deformed": lambda: _deformed(profile, scene, planned, p_max),
-    }
-    for name, make in recipes.items():
+    written: list[Path] = []
+    failed: list[str] = []
+    recipes: tuple[Callable[[], Figure], ...] = (
+        lambda: plot_effects(plan_table([planned]), scene.relative),
+        lambda: _counts(profile, sharp, scene, planned),
+        lambda: _deformed(profile, scene, planned, p_max),
+    )
+    for name, make in zip(_NAMES, recipes, strict=True):
         label = f"{name}-{plan_label(texture)}"
         try:
             figure = make()
@@ -51,8 +73,8 @@ def draw_plan(scene: Scene, planned: Plan, folder: Path) -> list[str]:
         except (RidgebayesError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
             failed.append(f"{label}: no figure: {one_line_message(error)}")
         else:
-            save(figure, folder / label)
-    return failed
+            written += save(figure, folder / label)
+    return written, failed
 
 
 def _counts(profile: Profile, sharp: Profile, scene: Scene, planned: Plan) -> Figure:

@@ -98,5 +98,5 @@ def summed_evidence(evidence: pd.DataFrame) -> dict[str, tuple[float, float]]:
         value = float(logsumexp(part["log_evidence"]))
         share = np.exp(part["log_evidence"] - value)
         se = float(np.sqrt(((share * part["log_evidence_se"].fillna(0)) ** 2).sum()))
-        sums[str(form)] = value - math.log(used["noise"].nunique()), se
+        sums[str(form)] = value - math.log(evidence["noise"].nunique()), se
     return sums

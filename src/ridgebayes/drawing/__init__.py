@@ -23,6 +23,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 # Defined here because this module imports no matplotlib.
+KINDS = ("png", "svg")  # files of a figure
 MOST_TEXTURES = 12  # panels in a figure
 PROBS = (0.5, 0.8, 0.9, 0.95, 0.99)  # of bands whose coverage is measured, and contours of designs
 

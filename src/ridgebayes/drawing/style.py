@@ -21,6 +21,7 @@ from matplotlib.font_manager import findfont, get_font
 from matplotlib.style import context as style_context
 from PIL import Image
 
+from ridgebayes.drawing import KINDS
 from ridgebayes.runtime.atomic import write_bytes
 from ridgebayes.runtime.text import short_label, visible
 
@@ -251,10 +252,15 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
     return content
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG and SVG, each file atomically; `path` has no suffix."""
-    for kind in ("png", "svg"):
-        write_bytes(as_bytes(figure, kind), path.with_name(f"{path.name}.{kind}"))
+def save(figure: Figure, path: Path) -> list[Path]:
+    """Write a figure as PNG and SVG, each file atomically; return the files.
+
+    `path` has no suffix.
+    """
+    files = [path.with_name(f"{path.name}.{kind}") for kind in KINDS]
+    for file, kind in zip(files, KINDS, strict=True):
+        write_bytes(as_bytes(figure, kind), file)
+    return files
 
 
 def lay_out(figure: Figure) -> None:

@@ -40,11 +40,11 @@ def component_table(evidence: pd.DataFrame) -> pd.DataFrame:
         Columns component (``texture``, ``step``, ``smooth``, ``series``, ``student``), ln_bf,
         ln_bf_se, probability (posterior probability of all error models with the component, at the
         prior odds of the forms; ln_bf is at equal odds), reading. Components of all or of none of
-        the error models are omitted, so that a single error model gives no row.
+        the error models with an evidence are omitted, so that a single error model gives no row.
 
     Notes
     -----
-    *Validity.* A form without an evidence under an error model counts as evidence zero. Components
+    *Validity.* A pair of form and error model without an evidence counts as zero. Components
     compete: a smooth offset explains most of the errors that step offsets explain, so that the
     Bayes factor of one can be low because of the other.
 
@@ -61,12 +61,14 @@ def component_table(evidence: pd.DataFrame) -> pd.DataFrame:
     [['step', 'positive for it'], ['student', 'positive against it']]
     """
     used, rows = used_evidence(evidence), []
-    parts = {name: _factors_and_tail(name) for name in used["noise"].unique()}
+    parts = {name: _factors_and_tail(name) for name in evidence["noise"].unique()}
     for component, part in _COMPONENTS.items():
-        has = used["noise"].map(lambda name, part=part: part in parts[name])
+        having = [name for name, own in parts.items() if part in own]
+        has = used["noise"].isin(having)
         if not has.any() or has.all():
             continue
-        (included, se), (excluded, excluded_se) = (_log_mean(used[mask]) for mask in (has, ~has))
+        included, se = _log_mean(used[has], len(having))
+        excluded, excluded_se = _log_mean(used[~has], len(parts) - len(having))
         ln_bf, error = included - excluded, math.hypot(se, excluded_se)
         share, word = min(used.loc[has, "model_probability"].sum(), 1.0), strength(ln_bf, error)
         side = "" if word == "undecided" else " for it" if ln_bf > 0 else " against it"
@@ -109,9 +111,9 @@ def _factors_and_tail(noise: str) -> set[str]:
     return {*error_model.factors, error_model.tail}
 
 
-def _log_mean(used: pd.DataFrame) -> tuple[float, float]:
-    """Return the log of the error models' mean evidence, summed over forms, and its error."""
+def _log_mean(used: pd.DataFrame, n: int) -> tuple[float, float]:
+    """Return the log of the mean evidence of n error models, summed over forms, and its error."""
     total = float(logsumexp(used["log_evidence"]))
     share = np.exp(used["log_evidence"] - total)
     se = float(np.sqrt(((share * used["log_evidence_se"].fillna(0)) ** 2).sum()))
-    return total - math.log(used["noise"].nunique()), se
+    return total - math.log(n), se

@@ -132,7 +132,7 @@ def prior_sensitivity(weighed: WeighedPairs, *, executor: Executor | None = None
         for task, redrawn in zip(again, in_parallel(_redrawn, again, executor), strict=True):
             values |= {(task.pair.key, change): value for change, value in redrawn.items()}
         doubtful.difference_update(unreliable)
-    return _table(evidence, values)
+    return _table(evidence, values, len({noise for _, noise in weighed.pairs}))
 
 
 def _under(
@@ -142,15 +142,16 @@ def _under(
     return {key: values.get((key, change), default) for key, default in evidence.items()}
 
 
-def _table(evidence: Mapping[_Key, float], values: Mapping[_PairChange, float]) -> pd.DataFrame:
-    """Return log evidences of forms, averaged over error models with equal prior odds."""
-    log_n = math.log(len({noise for _, noise in evidence}))
+def _table(
+    evidence: Mapping[_Key, float], values: Mapping[_PairChange, float], n_noise: int
+) -> pd.DataFrame:
+    """Return log evidences of forms, averaged over n error models with equal prior odds."""
     rows = []
     for change in dict.fromkeys(change for _, change in values):
         under = _under(change, evidence, values)
         for form in dict.fromkeys(form for form, _ in evidence):
             summed = [value for key, value in under.items() if key[0] == form]
-            rows.append((*change, form, float(logsumexp(summed)) - log_n))
+            rows.append((*change, form, float(logsumexp(summed)) - math.log(n_noise)))
     return pd.DataFrame(rows, columns=SENSITIVITY_COLUMNS)
 
 

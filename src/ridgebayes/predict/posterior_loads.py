@@ -129,7 +129,7 @@ class PosteriorLoads:
             else:
                 prior = slope_prior(texture, self.fit.model.prior_of_slopes)
                 rng = stream(self.fit.seed, "new texture", bound.parameter_names[0])
-                theta = prior.rvs(rng, len(theta))[:, None]
+                theta = prior.value_at(special.ndtri(_strata(rng, len(theta))))[:, None]
             form = bound
         load = form.load(Q, *texture, theta[self._which])
         return np.nan_to_num(load, nan=np.inf, posinf=np.inf)
@@ -192,11 +192,16 @@ def _student_scales(df: FloatArray, seed: int) -> FloatArray:
 
     The scales are stratified quantiles of their distribution, in random order.
     """
-    rng, n = stream(seed, "scales of Student errors"), len(df)
-    u = (rng.permutation(n) + rng.random(n)) / n
+    u = _strata(stream(seed, "scales of Student errors"), len(df))
     with np.errstate(divide="ignore"):
         scale: FloatArray = np.sqrt(0.5 * df / special.gammaincinv(0.5 * df, u))
     return np.minimum(scale, _MAX_STUDENT_SCALE)
+
+
+def _strata(rng: np.random.Generator, n: int) -> FloatArray:
+    """Draw a probability in each of n intervals of equal size, in random order, shape (n,)."""
+    value: FloatArray = (rng.permutation(n) + rng.random(n)) / n
+    return value
 
 
 def widest_count(a: ArrayLike, b: ArrayLike) -> FloatArray:

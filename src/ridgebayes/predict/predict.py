@@ -98,11 +98,12 @@ class Predictive(ABC):
         Groove depth, corner radius, ``ogden`` and friction of a scene are not used: the prediction
         holds for ridges and bodies like those of the fitted rows. Under Student errors counts above
         the count of full contact have probability 0.
-        *Accuracy.* The Monte Carlo error of a probability is below 0.005 (10,240 draws for
-        independent rows; 2,560 if rows share offsets). If such rows are brackets, counts or have
-        Student errors, it is below 0.013: about 1,600 draws count. Under Student errors each draw
-        has a normal error with a randomly drawn scale. Averages over posteriors share these draws
-        in proportion to the weights, with at least a sixteenth of them for each posterior.
+        *Accuracy.* The Monte Carlo error of a probability is below 0.005 for independent rows
+        (10,240 draws), and below 0.01 if rows share offsets (2,560). If such rows are brackets,
+        counts or have Student errors, it is below 0.013: about 1,600 draws count. Under Student
+        errors each draw has a normal error with a randomly drawn scale. Averages over posteriors
+        share these draws in proportion to the weights, with at least a sixteenth of them for each
+        posterior.
         *Cost.* About 0.3 s for 100,000 loads of one texture. Averages over draws are interpolated
         for more than 512 loads, with an error of at most a tenth of the Monte Carlo error.
 

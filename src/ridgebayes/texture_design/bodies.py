@@ -103,6 +103,11 @@ class Tolerance:
         return width + (self.size if self.is_length else self.size * width) * score
 
 
+def uncertain_widths(scene: Scene) -> list[str]:
+    """Return the names of a scene's widths that are distributions."""
+    return [name for name in scene.uncertain_names if name.endswith("_width")]
+
+
 @dataclass(frozen=True, eq=False)
 class Bodies:
     """Draws of the uncertain inputs, each of shape (n,).
@@ -143,8 +148,7 @@ class Bodies:
         InputError
             As `draw_scene`, or if both a tolerance and distributions of widths are given.
         """
-        widths = [name for name in scene.uncertain_names if name.endswith("_width")]
-        if tolerance.size and widths:
+        if tolerance.size and (widths := uncertain_widths(scene)):
             names = f"tolerance, and {', '.join(widths)} of the scene"
             raise InputError(f"{names}: expected only one of the two, got both")
         drawn = draw_scene(scene, n, seed, draws)

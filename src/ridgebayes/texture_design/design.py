@@ -19,7 +19,7 @@ from ridgebayes.runtime.randomness import seed_of
 from ridgebayes.runtime.reading import refusing
 from ridgebayes.scene.scene import Scene, as_scene
 from ridgebayes.scene.units import Body
-from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units
+from ridgebayes.texture_design.bodies import Bodies, Tolerance, median_units, uncertain_widths
 from ridgebayes.texture_design.choice import OBJECTIVES, chosen, mark_extrapolation, plain, tied
 from ridgebayes.texture_design.goal_values import N_DRAW, GoalValues, ratio_loads
 from ridgebayes.texture_design.goals import Goal, Load, parse_goals, read_loads
@@ -158,6 +158,7 @@ def design(
     about |= {
         "loads": goal_loads,
         "tolerance": vars(tol),
+        "uncertain_widths": uncertain_widths(scene),
         "averaged": [[fit.form.name, fit.noise.name, weight] for fit, weight in averaged],
         "seed": seed,
         "ridgebayes_version": __version__,

@@ -116,6 +116,8 @@ class Design(Tabular):
         loads = [load["p_over_E"] for load in self.options["loads"]]
         several = f" to {max(loads):.3g} ({len(loads)} loads)" if len(loads) > 1 else ""
         tolerance, kind = self.options["tolerance"], "made exactly"
+        if self.options.get("uncertain_widths"):
+            kind = "that vary as in the scene"
         if size := tolerance["size"]:
             number = f"{size:.2g} R" if tolerance["is_length"] else f"{100 * size:.3g} %"
             worst = tolerance["is_worst"]

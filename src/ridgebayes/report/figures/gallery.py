@@ -15,6 +15,7 @@ from ridgebayes._types import FloatArray
 from ridgebayes.checks.predictive_checks import QUANTITIES, PredictiveChecks
 from ridgebayes.checks.report_data import ReportData
 from ridgebayes.comparison.bands import AVERAGE
+from ridgebayes.drawing import KINDS
 from ridgebayes.errors import InputError
 from ridgebayes.model.observations import Observations
 from ridgebayes.results import Fit
@@ -25,7 +26,6 @@ from ridgebayes.runtime.progress import tell_count
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
-KINDS = ("png", "svg")
 _QUICK_FIGURES = ("evidence", "bands-first", "bands", "held-out")
 MOST_PARAMETERS = 6  # a corner plot of more parameters is unreadable
 
