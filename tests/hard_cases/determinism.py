@@ -53,21 +53,15 @@ rb.write_report(done, "out/report.md")
 """
 
 
-PLAIN = {"PYTHONHASHSEED": "1", "TZ": "UTC", "LC_ALL": "C"}
-OTHER = {
-    "PYTHONHASHSEED": "4242",
-    "TZ": "Pacific/Chatham",
-    "LC_ALL": "C.UTF-8",
-    "LANG": "de_DE",
-    "OMP_NUM_THREADS": "2",
-    "OPENBLAS_NUM_THREADS": "2",
-}
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+PLAIN = {"PYTHONHASHSEED": "1", "TZ": "UTC", "LC_ALL": "C"} | dict.fromkeys(THREADS, "1")
+OTHER = {"PYTHONHASHSEED": "4242", "TZ": "Pacific/Chatham", "LC_ALL": "C.UTF-8", "LANG": "de_DE"}
+OTHER |= dict.fromkeys(THREADS, "2")
 
 
 def elsewhere(environment: dict[str, str]) -> dict[str, str]:
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    given = {**os.environ, "PYTHONPATH": path, **threads, **environment}
+    given = {**os.environ, "PYTHONPATH": path, **environment}
     with tempfile.TemporaryDirectory() as scratch:
         command = [sys.executable, "-c", PIPELINE]
         done = subprocess.run(

@@ -50,7 +50,8 @@ def command(asked: options.PlanOptions) -> Answer:
     parts: list[str | pd.DataFrame] = [*medians_taken(scene.uncertain_names)]
     parts += [part for planned in plans for part in scene_text(scene, planned)]
     reasons = plan_table(plans)[["texture", "effect", "number", "reason"]]
-    files, failed, problem = [asked.out] if asked.out else [], [], ""
+    files, problem = [asked.out] if asked.out else [], ""
+    failed: list[str] = []
     if asked.figures is not None:
         try:
             asked.figures.mkdir(parents=True, exist_ok=True)
