@@ -33,7 +33,7 @@ BUDGETS = {
     "friction": 865,  # draws the blocks of a scene itself; floors bound penetration
     "texture_design": 1_120,  # refuses loads above all models; widths of the scene that vary
     "report": 1_473,  # cautions of readings; held-out brackets, the range of the priors of K
-    "commands": 2_205,  # cautions of a design appear once; figures of plans replace no file
+    "commands": 2_210,  # cautions of a design appear once; figures of plans replace no file
 }
 _NO_CODE = {
     tokenize.COMMENT,

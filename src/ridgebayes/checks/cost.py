@@ -75,6 +75,16 @@ def cost(
         half-plane loads, and the finest mesh, whose own error is NaN. `status` is ``ok`` or the
         reason of a failure.
 
+    Raises
+    ------
+    InputError
+        If no row can be fitted, or an argument breaks a rule.
+
+    Warns
+    -----
+    CautionWarning
+        For widths and loads that no soft cylinder can have, such as those in another unit.
+
     Examples
     --------
     >>> import ridgebayes as rb

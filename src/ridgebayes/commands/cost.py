@@ -1,9 +1,13 @@
 """`ridgebayes cost`: error and run time of each accuracy for a table on this machine."""
 
+from warnings import catch_warnings
+
+from ridgebayes.cautions import beyond_any_body
 from ridgebayes.checks.cost import cost
 from ridgebayes.commands import table_options as options
 from ridgebayes.commands.run_folder import new_folder, write_csv
-from ridgebayes.commands.terminal import Answer, files_in
+from ridgebayes.commands.terminal import Answer, files_in, warn
+from ridgebayes.errors import CautionWarning
 from ridgebayes.runtime.pool import executor_for
 from ridgebayes.runtime.progress import Progress
 from ridgebayes.scene.scene import Scene
@@ -22,7 +26,9 @@ def command(asked: options.Cost) -> Answer:
         texture = first.a_over_R, first.b_over_R
     else:
         table, texture = paper_sweep() if asked.source is None else read_table(asked.source), None
+    warned = warn(*beyond_any_body(table))
     with (
+        catch_warnings(action="ignore", category=CautionWarning),  # the answer has them
         new_folder(asked.out, force=asked.force, about=COST_CSV) as partial,
         Progress(1) as progress,
         executor_for(asked.workers, asked.scheduler) as executor,
@@ -40,4 +46,4 @@ def command(asked: options.Cost) -> Answer:
     failed = costs[costs["status"] != "ok"]
     problem = "\n".join(failed["task"] + ", " + failed["preset"] + ": " + failed["status"])
     shown = costs.drop(columns="status")
-    return Answer((shown,), costs, files_in(asked.out), problem=problem)
+    return Answer((shown,), costs, files_in(asked.out), early=warned, problem=problem)
