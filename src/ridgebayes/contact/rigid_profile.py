@@ -225,7 +225,7 @@ class Kinks:
         """
         size = np.maximum(np.abs(s), 1.0)
         z = 1 / (size + np.sqrt(size**2 - 1))
-        sums: FloatArray = polyval(np.copysign(z, s), self.few.T, tensor=False)
+        sums = np.asarray(polyval(np.copysign(z, s), self.few.T, tensor=False), np.float64)
         is_near = z ** float(_N_FAR) > np.finfo(np.float64).eps
         point, i = np.nonzero(is_near & self.angle.any(axis=0))
         s, z, angle = s[point, i], z[point, i], self.angle[:, i]
