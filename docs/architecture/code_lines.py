@@ -32,7 +32,7 @@ BUDGETS = {
     "checks": 779,  # load errors of brackets; cost checks its texture and warns of units
     "friction": 865,  # draws the blocks of a scene itself; floors bound penetration
     "texture_design": 1_120,  # refuses loads above all models; widths of the scene that vary
-    "report": 1_473,  # cautions of readings; held-out brackets, the range of the priors of K
+    "report": 1_474,  # cautions of readings; held-out brackets, kinds of figure files named once
     "commands": 2_210,  # cautions of a design appear once; figures of plans replace no file
 }
 _NO_CODE = {

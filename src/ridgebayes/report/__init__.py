@@ -19,6 +19,7 @@ from pathlib import Path
 
 from ridgebayes.checks.report_data import report_data
 from ridgebayes.comparison.comparison import Comparison
+from ridgebayes.drawing import KINDS
 from ridgebayes.errors import InputError, expect
 from ridgebayes.report.blocks import Picture
 from ridgebayes.report.exports import links
@@ -147,7 +148,7 @@ def _rendered(
     def files(picture: Picture) -> dict[str, str]:
         """Return the paths of a figure's files if they are saved beside the page."""
         folder = "reference-fe/figures" if picture.of_reference else "figures"
-        paths = {kind: f"{folder}/{picture.name}.{kind}" for kind in ("png", "svg")}
+        paths = {kind: f"{folder}/{picture.name}.{kind}" for kind in KINDS}
         return paths if in_folder else {}
 
     filled: dict[str, object] = {
